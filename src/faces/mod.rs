@@ -1,0 +1,225 @@
+//! Facial triangles, standards and signatures. Pure.
+//!
+//! [`describe`] makes a model's [`Signature`]: its salient regions, for the paper's literal triangle matching,
+//! and its facial triangles ([`detection`]), whose corners have roles by curvature class.
+
+pub mod alignment;
+pub mod candidates;
+pub mod detection;
+pub mod features;
+pub mod judgement;
+pub mod signature;
+pub mod standard;
+pub mod triangle;
+
+pub use alignment::sum_of_distances;
+pub use candidates::{Candidate, Cost};
+pub use judgement::{MatchMethod, Verdict, judge};
+pub use signature::{Signature, SignatureError, SignatureSummary};
+pub use standard::Standard;
+pub use triangle::{Shape, Triangle};
+
+use crate::geometry::{Bounds, Mesh, Surface, Unit, Vector3};
+use crate::progress::{Canceled, Progress, Stage};
+use crate::saliency::{self, CurvedSurface, RegionOptions, Side};
+
+/// Why a surface has no signature.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum DescribeError {
+    /// The caller asked for a stop.
+    #[error(transparent)]
+    Canceled(#[from] Canceled),
+    /// Too little surface to describe.
+    #[error("{0}")]
+    Degenerate(String),
+}
+
+/// With fewer points than this nothing can be said about a shape.
+const LEAST_POINTS: usize = 50;
+/// A signature keeps this many facial triangles, the cheapest.
+const MOST_FACIAL_TRIANGLES: usize = 16;
+/// A bare cloud is thinned to cells of this share of the diagonal before normals are estimated: the finest
+/// level's spacing.
+const CLOUD_CELL_OF_DIAGONAL: f64 = 0.0045;
+
+/// Computes the signature of a mesh or of a cloud. Runs inside the caller's rayon pool.
+pub fn describe(surface: &Surface, unit: Unit, progress: &Progress) -> Result<Signature, DescribeError> {
+    progress.report(Stage::Describing, 0.0);
+    let bounds = checked_bounds(surface)?;
+    let (mesh, normals, side) = oriented(surface, bounds.diagonal());
+    progress.check()?;
+    progress.report(Stage::Describing, 0.1);
+    let curved = curved(&mesh, &normals, side);
+    let xi = curved.xi();
+    let map = saliency::saliency(&curved, xi);
+    let regions = saliency::salient_regions(&curved, &map, xi, &RegionOptions::default());
+    progress.check()?;
+    progress.report(Stage::Describing, 0.4);
+    let oriented = detection::Oriented { mesh: &mesh, normals: &normals, side };
+    let mut candidates = detection::detect(&oriented, unit, &standard::face(), progress)?;
+    candidates.truncate(MOST_FACIAL_TRIANGLES);
+    progress.report(Stage::Describing, 1.0);
+    Ok(Signature::new(bounds, rms_radius(&curved), unit, &regions, &candidates))
+}
+
+/// A mesh without faces stands for a bare cloud.
+type OrientedSurface = (Mesh, Vec<Vector3>, Side);
+
+/// The box around the surface, if there is enough surface to describe.
+fn checked_bounds(surface: &Surface) -> Result<Bounds, DescribeError> {
+    let count = surface.cloud.len();
+    match surface.cloud.bounds() {
+        Some(bounds) if count >= LEAST_POINTS && bounds.diagonal().is_finite() && bounds.diagonal() > 0.0 => Ok(bounds),
+        _ => Err(DescribeError::Degenerate(format!(
+            "the surface has {count} points, or all in one place; send a model with at least {LEAST_POINTS} points \
+             that differ"
+        ))),
+    }
+}
+
+/// The surface with unit normals and what is known of their side; clouds without normals are thinned first.
+fn oriented(surface: &Surface, diagonal: f64) -> OrientedSurface {
+    if let Some(mesh) = surface.mesh() {
+        let (normals, side) = (mesh.vertex_normals(), saliency::orientation::side_of_mesh(&mesh));
+        return (mesh, normals, side);
+    }
+    let (vertices, normals, side) = saliency::orientation::oriented_cloud(surface, CLOUD_CELL_OF_DIAGONAL * diagonal);
+    (Mesh { vertices, faces: Vec::new() }, normals, side)
+}
+
+fn curved(mesh: &Mesh, normals: &[Vector3], side: Side) -> CurvedSurface {
+    if mesh.faces.is_empty() {
+        CurvedSurface::from_cloud(&mesh.vertices, normals)
+    } else {
+        CurvedSurface::from_mesh(mesh, side.first_sign())
+    }
+}
+
+/// The root mean square distance of the surface from its centroid.
+fn rms_radius(surface: &CurvedSurface) -> f64 {
+    let weighted = || surface.points.iter().zip(&surface.areas);
+    let area: f64 = surface.areas.iter().sum::<f64>().max(f64::MIN_POSITIVE);
+    let center = weighted().map(|(p, a)| p.coords * *a).sum::<Vector3>() / area;
+    (weighted().map(|(p, a)| a * (p.coords - center).norm_squared()).sum::<f64>() / area).sqrt()
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+    use crate::geometry::{Cloud, Motion, Point3};
+
+    /// The height of a face-like relief over (x, y), mm: a brow-to-chin vault with a nose and two eye pits, at the
+    /// places of the standard but 8 % broader.
+    fn height(x: f64, y: f64) -> f64 {
+        let bump = |cx: f64, cy: f64, sx: f64, sy: f64| (-((x - cx) / sx).powi(2) - ((y - cy) / sy).powi(2)).exp();
+        let vault = 104.0 - x * x / 130.0 - (y - 10.0) * (y - 10.0) / 400.0;
+        let nose = 22.0 * bump(0.0, -3.0, 18.0, 16.0) + 10.0 * bump(0.0, 16.0, 9.0, 22.0);
+        vault + nose - 10.0 * (bump(-21.7, 33.0, 10.0, 9.0) + bump(21.7, 33.0, 10.0, 9.0))
+    }
+
+    /// That relief as an open mesh of 2 mm squares, wound outward.
+    pub(crate) fn mask() -> Surface {
+        let side = 56;
+        let coordinate = |k: usize| 2.0 * k as f64 - 55.0;
+        let points = (0..side * side)
+            .map(|k| (coordinate(k % side), coordinate(k / side)))
+            .map(|(x, y)| Point3::new(x, y, height(x, y)))
+            .collect();
+        let faces = (0..side - 1)
+            .flat_map(|row| (0..side - 1).map(move |column| (row * side + column) as u32))
+            .flat_map(|a| [[a, a + 1, a + 57], [a, a + 57, a + 56]])
+            .collect();
+        Surface { cloud: Cloud::from_points(points), faces, ..Surface::default() }
+    }
+
+    fn judged(surface: &Surface, unit: Unit) -> Verdict {
+        let signature = describe(surface, unit, &Progress::silent()).expect("a sound surface");
+        judge(&signature, &standard::face(), MatchMethod::Descriptors)
+    }
+
+    fn is_at_its_places(verdict: &Verdict, motion: &Motion) -> bool {
+        let places = [[-21.7, 33.0], [21.7, 33.0], [0.0, -3.0]].map(|[x, y]| motion * Point3::new(x, y, height(x, y)));
+        verdict.triangle.is_some_and(|corners| corners.iter().zip(&places).all(|(c, p)| (c - p).norm() < 6.0))
+    }
+
+    #[test]
+    fn a_mask_is_a_face_whatever_its_unit_winding_and_pose() {
+        let surface = mask();
+        let known = judged(&surface, Unit::Mm);
+        assert!(known.score > 0.5, "{known:?}");
+        assert!(is_at_its_places(&known, &Motion::identity()));
+
+        let motion = Motion::new(
+            crate::geometry::Vector3::new(400.0, -20.0, 7.0),
+            crate::geometry::Vector3::new(2.0, 1.0, -0.4),
+        );
+        let mut moved =
+            Surface { cloud: surface.cloud.moved(&motion), faces: surface.faces.clone(), ..Surface::default() };
+        for face in &mut moved.faces {
+            face.swap(0, 1);
+        }
+        let unknown = judged(&moved, Unit::Unknown);
+        assert!(unknown.score > 0.5, "{unknown:?}");
+        assert!(is_at_its_places(&unknown, &motion), "{unknown:?}");
+    }
+
+    #[test]
+    fn a_bare_cloud_of_it_is_a_face_too() {
+        let bare = Surface { cloud: mask().cloud, ..Surface::default() };
+        let verdict = judged(&bare, Unit::Mm);
+        assert!(verdict.score > 0.5 && is_at_its_places(&verdict, &Motion::identity()), "{verdict:?}");
+    }
+
+    #[test]
+    fn a_ball_is_no_face() {
+        let mesh = saliency::curvature::tests::sphere(90.0, 5);
+        let ball = Surface { cloud: Cloud::from_points(mesh.vertices), faces: mesh.faces, ..Surface::default() };
+        for unit in [Unit::Mm, Unit::Unknown] {
+            let verdict = judged(&ball, unit);
+            assert!(verdict.score < 0.1, "{verdict:?}");
+        }
+    }
+
+    #[test]
+    fn a_face_of_the_wrong_size_in_a_known_unit_is_none() {
+        assert!(judged(&mask(), Unit::Cm).score < 0.5, "a face half a metre wide");
+    }
+
+    #[test]
+    fn signatures_do_not_depend_on_the_number_of_threads() {
+        let make = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
+            pool.install(|| describe(&mask(), Unit::Unknown, &Progress::silent()).expect("a sound surface").to_bytes())
+        };
+        assert_eq!(make(1), make(3));
+    }
+
+    #[test]
+    fn too_little_surface_is_refused_with_a_remedy() {
+        let few = Surface { cloud: Cloud::from_points(vec![Point3::origin(); 3]), ..Surface::default() };
+        let one_place = Surface { cloud: Cloud::from_points(vec![Point3::origin(); 300]), ..Surface::default() };
+        for surface in [few, one_place, Surface::default()] {
+            let error = describe(&surface, Unit::Mm, &Progress::silent()).expect_err("nothing to describe");
+            assert!(error.to_string().contains("send a model with at least 50 points"), "{error}");
+        }
+    }
+
+    #[test]
+    fn a_flat_plate_has_a_signature_without_triangles() {
+        let points = (0..400).map(|k| Point3::new(f64::from(k % 20), f64::from(k / 20), 0.0)).collect();
+        let plate = Surface { cloud: Cloud::from_points(points), ..Surface::default() };
+        let signature = describe(&plate, Unit::Unknown, &Progress::silent()).expect("a sound surface");
+        assert_eq!(signature.summary().triangles, 0);
+    }
+
+    #[test]
+    fn a_stop_is_obeyed() {
+        struct Nobody;
+        impl crate::progress::ProgressSink for Nobody {
+            fn report(&self, _: Stage, _: f64) {}
+        }
+        let raised = std::sync::Arc::new(std::sync::atomic::AtomicBool::new(true));
+        let progress = Progress::new(std::sync::Arc::new(Nobody), raised);
+        assert_eq!(describe(&mask(), Unit::Mm, &progress), Err(DescribeError::Canceled(Canceled)));
+    }
+}

@@ -1,0 +1,309 @@
+//! What is stored of a model for retrieval, and its bytes.
+
+use super::candidates::Candidate;
+use crate::geometry::{Bounds, Point3, Unit, Vector3};
+use crate::saliency::Region;
+
+/// What is stored of a model for retrieval: its salient regions and its facial triangles.
+///
+/// Positions are kept as f32 relative to the middle of the bounding box, which is kept in f64: a model far from
+/// its origin loses no digits.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Signature {
+    origin: [f64; 3],
+    diagonal: f32,
+    radius: f32,
+    unit_mm: f32,
+    regions: Vec<StoredRegion>,
+    triangles: Vec<StoredTriangle>,
+}
+
+/// centre, normal, strength, mean curvature
+type StoredRegion = [f32; 8];
+/// three corners, three normals, three strengths, the level's expected inner-eye distance
+type StoredTriangle = [f32; 22];
+
+/// What the API shows of a signature.
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct SignatureSummary {
+    /// Version of the operator.
+    pub version: u32,
+    /// Number of salient regions.
+    pub regions: usize,
+    /// Number of facial triangles kept.
+    pub triangles: usize,
+}
+
+/// Why stored bytes are no signature of this version.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum SignatureError {
+    /// Made by another version of the operator.
+    #[error("signature version {found}, this program reads {}: make it anew from the model", Signature::VERSION)]
+    Version {
+        /// The version found.
+        found: u32,
+    },
+    /// Cut short or inconsistent.
+    #[error("damaged signature: {0}; make it anew from the model")]
+    Damaged(String),
+}
+
+const MAGIC: [u8; 4] = *b"VSIG";
+/// No signature has more regions or triangles than this; larger counts are damage.
+const MOST_ENTRIES: usize = 4096;
+
+impl Signature {
+    /// The version of the operator that makes signatures; stored beside each.
+    pub const VERSION: u32 = 1;
+
+    /// The signature of a model with this box and radius (see [`Signature::radius`]), these regions and facial triangles.
+    pub(super) fn new(
+        bounds: Bounds,
+        radius: f64,
+        unit: Unit,
+        regions: &[Region],
+        candidates: &[Candidate],
+    ) -> Signature {
+        let origin = bounds.center();
+        let relative = |p: &Point3| (p - origin).cast::<f32>();
+        let regions = regions
+            .iter()
+            .map(|r| {
+                let (c, n) = (relative(&r.center), r.normal.cast::<f32>());
+                [c.x, c.y, c.z, n.x, n.y, n.z, r.strength as f32, r.mean_curvature as f32]
+            })
+            .collect();
+        let triangles = candidates
+            .iter()
+            .map(|candidate| {
+                let mut stored = [0.0; 22];
+                for k in 0..3 {
+                    stored[3 * k..3 * k + 3].copy_from_slice(relative(&candidate.corners[k]).as_slice());
+                    stored[9 + 3 * k..12 + 3 * k].copy_from_slice(candidate.normals[k].cast::<f32>().as_slice());
+                    stored[18 + k] = candidate.strengths[k] as f32;
+                }
+                stored[21] = candidate.expected as f32;
+                stored
+            })
+            .collect();
+        Signature {
+            origin: origin.into(),
+            diagonal: bounds.diagonal() as f32,
+            radius: radius as f32,
+            unit_mm: unit.in_mm().unwrap_or(0.0) as f32,
+            regions,
+            triangles,
+        }
+    }
+
+    fn position(&self, stored: &[f32]) -> Point3 {
+        Point3::from(self.origin) + vector(stored)
+    }
+
+    /// The salient regions, strongest first.
+    pub fn regions(&self) -> impl Iterator<Item = Region> + '_ {
+        self.regions.iter().map(|r| Region {
+            center: self.position(&r[..3]),
+            normal: vector(&r[3..6]),
+            strength: f64::from(r[6]),
+            mean_curvature: f64::from(r[7]),
+        })
+    }
+
+    /// The facial triangles.
+    pub fn candidates(&self) -> impl Iterator<Item = Candidate> + '_ {
+        self.triangles.iter().map(|t| Candidate {
+            corners: [0, 3, 6].map(|k| self.position(&t[k..k + 3])),
+            normals: [9, 12, 15].map(|k| vector(&t[k..k + 3])),
+            strengths: [18, 19, 20].map(|k| f64::from(t[k])),
+            expected: f64::from(t[21]),
+        })
+    }
+
+    /// The diagonal of the model's bounding box, in its unit.
+    pub fn diagonal(&self) -> f64 {
+        f64::from(self.diagonal)
+    }
+
+    /// The root mean square distance of the surface from its centroid, in the model's unit: a measure of size that
+    /// no turn changes.
+    pub fn radius(&self) -> f64 {
+        f64::from(self.radius)
+    }
+
+    /// What the API shows of it.
+    pub fn summary(&self) -> SignatureSummary {
+        SignatureSummary { version: Self::VERSION, regions: self.regions.len(), triangles: self.triangles.len() }
+    }
+
+    /// One BLOB, little-endian: magic, version, origin (f64 x 3), diagonal, radius, unit in mm or 0, then counted regions
+    /// and counted triangles (f32).
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let mut bytes = Vec::with_capacity(48 + self.regions.len() * 32 + self.triangles.len() * 88);
+        bytes.extend(MAGIC);
+        bytes.extend(Self::VERSION.to_le_bytes());
+        bytes.extend(self.origin.iter().flat_map(|x| x.to_le_bytes()));
+        bytes.extend(self.diagonal.to_le_bytes());
+        bytes.extend(self.radius.to_le_bytes());
+        bytes.extend(self.unit_mm.to_le_bytes());
+        write_list(&mut bytes, &self.regions);
+        write_list(&mut bytes, &self.triangles);
+        bytes
+    }
+
+    /// The inverse of `to_bytes`; refuses other versions and damaged bytes.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, SignatureError> {
+        let mut reader = Reader { bytes };
+        if reader.take::<4>("magic")? != MAGIC {
+            return Err(SignatureError::Damaged("it does not begin with the magic bytes".into()));
+        }
+        let found = u32::from_le_bytes(reader.take("version")?);
+        if found != Self::VERSION {
+            return Err(SignatureError::Version { found });
+        }
+        let mut origin = [0.0; 3];
+        for x in &mut origin {
+            *x = f64::from_le_bytes(reader.take("origin")?);
+        }
+        let diagonal = reader.float("diagonal")?;
+        let radius = reader.float("radius")?;
+        let unit_mm = reader.float("unit")?;
+        let regions = reader.list("regions")?;
+        let triangles = reader.list("triangles")?;
+        if !reader.bytes.is_empty() {
+            return Err(SignatureError::Damaged(format!("{} bytes too many", reader.bytes.len())));
+        }
+        if origin.iter().any(|x| !x.is_finite()) {
+            return Err(SignatureError::Damaged("the origin is not finite".into()));
+        }
+        Ok(Signature { origin, diagonal, radius, unit_mm, regions, triangles })
+    }
+}
+
+fn vector(stored: &[f32]) -> Vector3 {
+    Vector3::new(f64::from(stored[0]), f64::from(stored[1]), f64::from(stored[2]))
+}
+
+fn write_list<const N: usize>(bytes: &mut Vec<u8>, list: &[[f32; N]]) {
+    bytes.extend((list.len() as u32).to_le_bytes());
+    bytes.extend(list.iter().flatten().flat_map(|x| x.to_le_bytes()));
+}
+
+/// Takes values off the front, with an error that names what was missing.
+struct Reader<'a> {
+    bytes: &'a [u8],
+}
+
+impl Reader<'_> {
+    fn take<const N: usize>(&mut self, what: &str) -> Result<[u8; N], SignatureError> {
+        let (head, rest) = self
+            .bytes
+            .split_first_chunk::<N>()
+            .ok_or_else(|| SignatureError::Damaged(format!("it ends within its {what}")))?;
+        self.bytes = rest;
+        Ok(*head)
+    }
+
+    fn float(&mut self, what: &str) -> Result<f32, SignatureError> {
+        let value = f32::from_le_bytes(self.take(what)?);
+        if value.is_finite() { Ok(value) } else { Err(SignatureError::Damaged(format!("{what}: not a finite number"))) }
+    }
+
+    fn list<const N: usize>(&mut self, what: &str) -> Result<Vec<[f32; N]>, SignatureError> {
+        let count = u32::from_le_bytes(self.take(what)?) as usize;
+        if count > MOST_ENTRIES {
+            return Err(SignatureError::Damaged(format!("{count} {what}")));
+        }
+        let mut list = Vec::with_capacity(count);
+        for _ in 0..count {
+            let mut entry = [0.0; N];
+            for value in &mut entry {
+                *value = self.float(what)?;
+            }
+            list.push(entry);
+        }
+        Ok(list)
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// A signature with `count` regions on a curve through `seed` and one facial triangle.
+    pub(crate) fn example(seed: f64, count: usize) -> Signature {
+        let at = |k: usize, phase: f64| (seed + 1.7 * k as f64 + phase).sin() * 10.0;
+        let regions: Vec<Region> = (0..count)
+            .map(|k| Region {
+                center: Point3::new(at(k, 0.0), at(k, 1.0), 0.2 * at(k, 2.5)),
+                normal: Vector3::z(),
+                strength: 1.0 - 0.05 * k as f64,
+                mean_curvature: if k % 3 == 0 { -1.0 } else { 1.0 },
+            })
+            .collect();
+        let candidate = Candidate {
+            corners: [Point3::new(-2.0, 3.3, 9.2), Point3::new(2.0, 3.3, 9.2), Point3::new(seed.cos(), -0.3, 12.9)],
+            normals: [Vector3::z(); 3],
+            strengths: [2.5, 2.6, 4.0],
+            expected: 4.0,
+        };
+        let bounds = Bounds { min: Point3::new(-10.0, -10.0, -10.0), max: Point3::new(10.0, 10.0, 10.0) };
+        Signature::new(bounds, 8.0, Unit::Cm, &regions, &[candidate])
+    }
+
+    #[test]
+    fn bytes_round_trip() {
+        let signature = example(0.3, 10);
+        let bytes = signature.to_bytes();
+        assert_eq!(Signature::from_bytes(&bytes), Ok(signature));
+        assert_eq!(bytes.len(), 44 + 4 + 10 * 32 + 4 + 88);
+    }
+
+    #[test]
+    fn far_from_the_origin_nothing_is_lost() {
+        let far = Point3::new(4.5e6, -7.1e6, 1.0e6);
+        let region = Region { center: far, normal: Vector3::x(), strength: 1.0, mean_curvature: 0.1 };
+        let bounds = Bounds { min: far, max: far + Vector3::new(0.1, 0.1, 0.1) };
+        let signature = Signature::new(bounds, 0.05, Unit::M, &[region], &[]);
+        let back = signature.regions().next().expect("one region");
+        assert!((back.center - far).norm() < 1e-8);
+    }
+
+    #[test]
+    fn other_versions_are_told_from_damage() {
+        let mut bytes = example(0.3, 3).to_bytes();
+        bytes[4] = 9;
+        assert_eq!(Signature::from_bytes(&bytes), Err(SignatureError::Version { found: 9 }));
+        bytes[0] = b'x';
+        assert!(matches!(Signature::from_bytes(&bytes), Err(SignatureError::Damaged(_))));
+    }
+
+    #[test]
+    fn every_truncation_and_every_surplus_is_noticed() {
+        let bytes = example(0.3, 3).to_bytes();
+        for end in 0..bytes.len() {
+            assert!(Signature::from_bytes(&bytes[..end]).is_err(), "{end}");
+        }
+        let longer: Vec<u8> = bytes.iter().copied().chain([0]).collect();
+        assert!(Signature::from_bytes(&longer).is_err());
+    }
+
+    #[test]
+    fn numbers_that_are_none_are_refused() {
+        let mut bytes = example(0.3, 3).to_bytes();
+        bytes[48..52].copy_from_slice(&f32::NAN.to_le_bytes());
+        assert!(matches!(Signature::from_bytes(&bytes), Err(SignatureError::Damaged(_))));
+    }
+
+    proptest! {
+        #[test]
+        fn no_bytes_make_it_panic(bytes in prop::collection::vec(any::<u8>(), 0..400), valid_head in any::<bool>()) {
+            let mut bytes = bytes;
+            if valid_head {
+                bytes.splice(0..0, MAGIC.into_iter().chain(Signature::VERSION.to_le_bytes()));
+            }
+            let _ = Signature::from_bytes(&bytes);
+        }
+    }
+}

@@ -1,0 +1,170 @@
+//! JSON poses: `{"scan name": 4x4}` or `{"poses": {...}}`, each matrix row-major, nested or flat; `null` for a scan
+//! without a pose.
+
+use serde::de::{Deserialize, Deserializer, MapAccess, SeqAccess, Visitor};
+
+use super::{Fault, PoseFile, REMEDY, pose_from_rows};
+use crate::geometry::{Motion, se3};
+
+/// Reads a JSON pose file, keeping the order of its keys.
+pub(super) fn read(text: &str) -> Result<PoseFile, Fault> {
+    let root: Node = serde_json::from_str(text).map_err(|error| Fault {
+        place: format!("line {}, column {}", error.line(), error.column()),
+        problem: "it is no sound JSON".into(),
+        remedy: REMEDY,
+    })?;
+    let Node::Map(entries) = root else {
+        return Err(Fault::file("it is no JSON object"));
+    };
+    let wrapped = entries.iter().find_map(|(key, node)| match node {
+        Node::Map(inner) if key == "poses" => Some(inner),
+        _ => None,
+    });
+    let mut file = PoseFile::default();
+    for (name, node) in wrapped.unwrap_or(&entries) {
+        match node {
+            Node::Null => file.unplaced.push(name.clone()),
+            _ => {
+                let rows = rows(node).ok_or_else(|| Fault::scan(name, "it is neither null nor 4 rows of 4 numbers"))?;
+                file.poses.push((name.clone(), pose_from_rows(name, &rows)?));
+            }
+        }
+    }
+    Ok(file)
+}
+
+/// A 4x4 matrix, whether as four lists of four or as one list of sixteen.
+fn rows(node: &Node) -> Option<[[f64; 4]; 4]> {
+    let Node::List(items) = node else { return None };
+    let flat: Vec<&Node> = match items.len() {
+        4 => items.iter().flat_map(|row| if let Node::List(row) = row { row.as_slice() } else { &[] }).collect(),
+        _ => items.iter().collect(),
+    };
+    let row_lengths_fit = items.iter().all(|row| !matches!(row, Node::List(row) if row.len() != 4));
+    if flat.len() != 16 || !row_lengths_fit {
+        return None;
+    }
+    let mut rows = [[0.0; 4]; 4];
+    for (slot, node) in rows.as_flattened_mut().iter_mut().zip(flat) {
+        let Node::Number(value) = node else { return None };
+        *slot = *value;
+    }
+    Some(rows)
+}
+
+/// JSON that keeps the order of its keys (and keys that come twice).
+enum Node {
+    Null,
+    Number(f64),
+    List(Vec<Node>),
+    Map(Vec<(String, Node)>),
+    /// A string or a truth value: no part of a pose.
+    Other,
+}
+
+impl<'de> Deserialize<'de> for Node {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_any(NodeVisitor)
+    }
+}
+
+struct NodeVisitor;
+
+impl<'de> Visitor<'de> for NodeVisitor {
+    type Value = Node;
+
+    fn expecting(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        f.write_str("JSON")
+    }
+
+    fn visit_unit<E>(self) -> Result<Node, E> {
+        Ok(Node::Null)
+    }
+
+    fn visit_f64<E>(self, value: f64) -> Result<Node, E> {
+        Ok(Node::Number(value))
+    }
+
+    fn visit_i64<E>(self, value: i64) -> Result<Node, E> {
+        Ok(Node::Number(value as f64))
+    }
+
+    fn visit_u64<E>(self, value: u64) -> Result<Node, E> {
+        Ok(Node::Number(value as f64))
+    }
+
+    fn visit_bool<E>(self, _value: bool) -> Result<Node, E> {
+        Ok(Node::Other)
+    }
+
+    fn visit_str<E>(self, _value: &str) -> Result<Node, E> {
+        Ok(Node::Other)
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Node, A::Error> {
+        let mut items = Vec::new();
+        while let Some(item) = list.next_element()? {
+            items.push(item);
+        }
+        Ok(Node::List(items))
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Node, A::Error> {
+        let mut entries = Vec::new();
+        while let Some(entry) = map.next_entry()? {
+            entries.push(entry);
+        }
+        Ok(Node::Map(entries))
+    }
+}
+
+/// Writes `{"scan name": 4x4 row-major}`, one scan a line, `null` for an unplaced one. Numbers are the shortest
+/// that read back the same, so the same poses give the same bytes.
+pub fn write(poses: &[(String, Option<Motion>)]) -> String {
+    let entry = |(name, pose): &(String, Option<Motion>)| {
+        let rows = serde_json::json!(pose.as_ref().map(se3::to_rows));
+        format!("  {}: {rows}", serde_json::Value::from(name.as_str()))
+    };
+    let entries: Vec<String> = poses.iter().map(entry).collect();
+    format!("{{\n{}\n}}\n", entries.join(",\n"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn problem(text: &str) -> String {
+        read(text).err().map(|fault| format!("{}: {}", fault.place, fault.problem)).unwrap_or_default()
+    }
+
+    #[test]
+    fn nested_flat_wrapped_and_null_are_read_in_file_order() {
+        let text = "{\"unit\": \"m\", \"done\": true, \"poses\": {\"z\": [1,0,0,7, 0,1,0,0, 0,0,1,0, 0,0,0,1], \"m\": null, \
+                    \"a\": [[1,0,0,0.5],[0,1,0,0],[0,0,1,0],[0,0,0,1]]}}";
+        let file = read(text).unwrap_or_else(|fault| panic!("{}", fault.problem));
+        assert_eq!(
+            file.poses,
+            [("z".into(), Motion::translation(7.0, 0.0, 0.0)), ("a".into(), Motion::translation(0.5, 0.0, 0.0))]
+        );
+        assert_eq!(file.unplaced, ["m"]);
+    }
+
+    #[test]
+    fn what_is_no_matrix_names_the_scan() {
+        let expected = "the pose of \"a\": it is neither null nor 4 rows of 4 numbers";
+        for value in ["3", "\"x\"", "true", "[]", "[1,2,3]", "{}", "[[1,2,3],[1,2,3,4,5],[1,2,3,4],[1,2,3,4]]"] {
+            assert_eq!(problem(&format!("{{\"a\": {value}}}")), expected, "{value}");
+        }
+        let number = "[[1,0,0,\"0\"],[0,1,0,0],[0,0,1,0],[0,0,0,1]]";
+        assert_eq!(problem(&format!("{{\"a\": {number}}}")), expected);
+        assert_eq!(problem("[1]"), "the whole file: it is no JSON object");
+        assert_eq!(problem("{\"a\":\n"), "line 2, column 0: it is no sound JSON");
+    }
+
+    #[test]
+    fn writing_is_one_line_a_scan() {
+        let poses = [("a\"b".into(), Some(Motion::translation(0.1, 0.0, -2.0))), ("c".into(), None)];
+        let rows = "[[1.0,0.0,0.0,0.1],[0.0,1.0,0.0,0.0],[0.0,0.0,1.0,-2.0],[0.0,0.0,0.0,1.0]]";
+        assert_eq!(write(&poses), format!("{{\n  \"a\\\"b\": {rows},\n  \"c\": null\n}}\n"));
+    }
+}

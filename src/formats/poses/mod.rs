@@ -1,0 +1,164 @@
+//! Pose files: which scan stands where. Stanford `.conf`, JSON and text blocks are told apart by their content.
+
+mod conf;
+mod json;
+mod text;
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::{FormatError, checked_coordinate, quote};
+use crate::geometry::{Motion, se3};
+
+pub use conf::write as write_conf;
+pub use json::write as write_json;
+
+/// The poses of a file, in the order of the file.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct PoseFile {
+    /// Scan name and `pose_world`, which maps the scan into the world frame.
+    pub poses: Vec<(String, Motion)>,
+    /// Scans that are named with `null` for a pose.
+    pub unplaced: Vec<String>,
+}
+
+impl PoseFile {
+    /// The poses by scan name.
+    pub fn to_map(&self) -> BTreeMap<String, Motion> {
+        self.poses.iter().cloned().collect()
+    }
+}
+
+/// Reads a pose file: JSON if it begins with a brace, `.conf` if it has `bmesh` lines, else text blocks.
+///
+/// `name` serves messages only.
+///
+/// # Errors
+/// [`FormatError::Malformed`] names the line or the scan: numbers that are missing or not finite, a matrix that is
+/// no rigid motion, a scan named twice, a file without poses.
+pub fn read(name: &str, bytes: &[u8]) -> Result<PoseFile, FormatError> {
+    parse(bytes).map_err(|fault| {
+        FormatError::malformed(format!("{}: {}", quote(name.as_bytes()), fault.place), fault.problem, fault.remedy)
+    })
+}
+
+/// How a pose file may look, for messages.
+const REMEDY: &str =
+    "send JSON {\"scan name\": 4x4 row-major}, Stanford .conf, or a name line and 4 rows for each scan";
+
+/// What is wrong and where, before the file's name is put in front.
+struct Fault {
+    place: String,
+    problem: String,
+    remedy: &'static str,
+}
+
+impl Fault {
+    fn line(index: usize, problem: impl Into<String>) -> Self {
+        Fault { place: format!("line {}", index + 1), problem: problem.into(), remedy: REMEDY }
+    }
+
+    fn scan(scan: &str, problem: impl Into<String>) -> Self {
+        let remedy = "give a rotation and a translation, row-major, with 0 0 0 1 as the last row";
+        Fault { place: format!("the pose of {}", quote(scan.as_bytes())), problem: problem.into(), remedy }
+    }
+
+    fn file(problem: impl Into<String>) -> Self {
+        Fault { place: "the whole file".into(), problem: problem.into(), remedy: REMEDY }
+    }
+}
+
+fn parse(bytes: &[u8]) -> Result<PoseFile, Fault> {
+    let text = std::str::from_utf8(bytes).map_err(|_| Fault::file("it is no text"))?;
+    let text = text.trim_start_matches('\u{feff}');
+    let file = if text.trim_start().starts_with(['{', '[']) {
+        json::read(text)?
+    } else if text.lines().any(|line| line.split_whitespace().next() == Some("bmesh")) {
+        conf::read(text)?
+    } else {
+        text::read(text)?
+    };
+    let mut seen = BTreeSet::new();
+    let names = file.poses.iter().map(|(name, _)| name).chain(&file.unplaced);
+    if let Some(twice) = names.into_iter().find(|name| !seen.insert(name.as_str())) {
+        return Err(Fault::scan(twice, "the scan is named twice"));
+    }
+    if seen.is_empty() {
+        return Err(Fault::file("there is no pose in it"));
+    }
+    Ok(file)
+}
+
+/// A pose from a 4x4 row-major matrix.
+fn pose_from_rows(scan: &str, rows: &[[f64; 4]; 4]) -> Result<Motion, Fault> {
+    let motion = se3::from_rows(rows).map_err(|error| Fault::scan(scan, error.to_string()))?;
+    for coordinate in motion.translation.vector.iter() {
+        checked_coordinate(*coordinate).map_err(|problem| Fault::scan(scan, format!("the translation {problem}")))?;
+    }
+    Ok(motion)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Vector3;
+
+    fn message(text: &str) -> String {
+        read("poses.txt", text.as_bytes()).expect_err(text).to_string()
+    }
+
+    #[test]
+    fn the_three_kinds_are_told_apart() {
+        let kinds = [
+            "camera 0 0 0 0 0 0 1\nbmesh a.ply 1 2 3 0 0 0 1\n",
+            "# by hand\na.ply\n1 0 0 1\n0 1 0 2\n0 0 1 3\n0 0 0 1\n",
+            "\u{feff}\n{\"a.ply\": [[1,0,0,1],[0,1,0,2],[0,0,1,3],[0,0,0,1]]}",
+        ];
+        for text in kinds {
+            let poses = read("poses", text.as_bytes()).expect(text);
+            assert_eq!(poses.to_map()["a.ply"], Motion::translation(1.0, 2.0, 3.0));
+        }
+    }
+
+    #[test]
+    fn a_file_without_poses_or_with_a_name_twice_is_refused() {
+        assert!(message("").starts_with("\"poses.txt\": the whole file: there is no pose in it; send JSON"));
+        assert!(message("{}").contains("there is no pose in it"));
+        assert!(message("# nothing\n").contains("there is no pose in it"));
+        let twice = message("bmesh a.ply 0 0 0 0 0 0 1\nbmesh a.ply 0 0 0 0 0 0 1\n");
+        assert!(twice.starts_with("\"poses.txt\": the pose of \"a.ply\": the scan is named twice"), "{twice}");
+        assert!(read("x", b"\xff\xfe").expect_err("no text").to_string().contains("it is no text"));
+    }
+
+    #[test]
+    fn matrices_that_are_no_motion_name_the_scan() {
+        let scaled = message("{\"a.ply\": null, \"b.ply\": [2,0,0,0, 0,2,0,0, 0,0,2,0, 0,0,0,1]}");
+        assert!(scaled.starts_with("\"poses.txt\": the pose of \"b.ply\": the 3x3 block is no rotation"), "{scaled}");
+        let far = message("a.ply\n1 0 0 1e300\n0 1 0 0\n0 0 1 0\n0 0 0 1\n");
+        assert!(far.contains("the pose of \"a.ply\": the translation is too large"), "{far}");
+        let not_finite = message("a.ply\n1 0 0 nan\n0 1 0 0\n0 0 1 0\n0 0 0 1\n");
+        assert!(
+            not_finite.contains("the pose of \"a.ply\": the matrix has a number that is not finite"),
+            "{not_finite}"
+        );
+        let last = message("a.ply\n1 0 0 0\n0 1 0 0\n0 0 1 0\n1 0 0 1\n");
+        assert!(last.contains("the last row must be 0 0 0 1"), "{last}");
+    }
+
+    #[test]
+    fn what_is_written_is_read_back() {
+        let poses: Vec<(String, Option<Motion>)> = vec![
+            ("scan 1.ply".into(), Some(Motion::new(Vector3::new(0.1, -1e-9, 1e6), Vector3::new(0.3, 2.0, -0.7)))),
+            ("lost \"one\".ply".into(), None),
+            ("scan_0.ply".into(), Some(Motion::identity())),
+        ];
+        let json = read("poses.json", write_json(&poses).as_bytes()).expect("own JSON");
+        assert_eq!(json.unplaced, ["lost \"one\".ply"]);
+        let conf = read("poses.conf", write_conf(&poses).as_bytes()).expect("own .conf");
+        for file in [json, conf] {
+            assert_eq!(file.poses.len(), 2);
+            assert_eq!((file.poses[0].0.as_str(), file.poses[1].0.as_str()), ("scan 1.ply", "scan_0.ply"));
+            let error = file.poses[0].1.to_homogeneous() - poses[0].1.expect("posed").to_homogeneous();
+            assert!(error.norm() < 1e-14, "{error}");
+        }
+    }
+}

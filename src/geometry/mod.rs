@@ -1,0 +1,19 @@
+//! Points, meshes, rigid motions and neighbours: what every other algorithm stands on. Pure.
+
+pub mod cloud;
+pub mod mesh;
+pub mod neighbours;
+pub mod normals;
+pub mod se3;
+pub mod surface;
+pub mod thinning;
+
+pub use cloud::{Bounds, Cloud};
+pub use mesh::Mesh;
+pub use se3::Motion;
+pub use surface::{RangeGrid, Surface, Unit};
+
+/// A position in f64, in the unit of the file it came from.
+pub type Point3 = nalgebra::Point3<f64>;
+/// A direction or displacement in f64.
+pub type Vector3 = nalgebra::Vector3<f64>;

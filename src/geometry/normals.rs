@@ -1,0 +1,82 @@
+//! Surface normals of point clouds: the direction of least spread among each point's neighbours.
+
+use rayon::prelude::*;
+
+use super::neighbours::{IndexedPoints, LocalPoint, Neighbour};
+
+/// A plane fitted to the neighbours of a point.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LocalPlane {
+    /// Unit normal, its sign arbitrary.
+    pub normal: [f32; 3],
+    /// Root mean square distance of the neighbours from the plane, in the points' unit.
+    pub rms: f32,
+}
+
+/// Points that a plane is fitted to: enough to average noise, few enough to stay on one side of an edge.
+pub const NEIGHBOURS: usize = 12;
+
+/// A plane at each of `queries`, fitted to its `k` nearest points of `indexed` (itself included).
+/// With fewer than three neighbours, or all in one place, the normal is zero.
+pub fn local_planes(indexed: &IndexedPoints, queries: &[LocalPoint], k: usize) -> Vec<LocalPlane> {
+    queries
+        .par_iter()
+        .with_min_len(256)
+        .map_init(Vec::new, |found, query| {
+            indexed.tree.k_nearest(query, k, f32::INFINITY, found);
+            fit_plane(&indexed.points, found)
+        })
+        .collect()
+}
+
+fn fit_plane(points: &[LocalPoint], neighbours: &[Neighbour]) -> LocalPlane {
+    let flat = LocalPlane { normal: [0.0; 3], rms: 0.0 };
+    if neighbours.len() < 3 {
+        return flat;
+    }
+    let at = |n: &Neighbour| nalgebra::Vector3::from(points[n.index as usize]).cast::<f64>();
+    let count = neighbours.len() as f64;
+    let mean = neighbours.iter().map(at).sum::<nalgebra::Vector3<f64>>() / count;
+    let mut scatter = nalgebra::Matrix3::zeros();
+    for neighbour in neighbours {
+        let d = at(neighbour) - mean;
+        scatter += d * d.transpose();
+    }
+    let (normal, spread) = least_spread(&(scatter / count));
+    if !(spread.is_finite() && normal.norm_squared() > 0.5) {
+        return flat;
+    }
+    LocalPlane { normal: normal.cast::<f32>().into(), rms: spread.max(0.0).sqrt() as f32 }
+}
+
+/// The unit direction of least spread of a symmetric 3x3 scatter matrix, and the spread along it.
+pub fn least_spread(scatter: &nalgebra::Matrix3<f64>) -> (nalgebra::Vector3<f64>, f64) {
+    let eigen = scatter.symmetric_eigen();
+    let least = eigen.eigenvalues.imin();
+    (eigen.eigenvectors.column(least).into_owned(), eigen.eigenvalues[least])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_tilted_plane_has_its_own_normal() {
+        let normal = nalgebra::Vector3::new(1.0f32, 2.0, 3.0).normalize();
+        let (u, v) = (
+            normal.cross(&nalgebra::Vector3::x()).normalize(),
+            normal.cross(&nalgebra::Vector3::x()).cross(&normal).normalize(),
+        );
+        let points: Vec<LocalPoint> = (0..400).map(|i| (u * (i % 20) as f32 + v * (i / 20) as f32).into()).collect();
+        for plane in local_planes(&IndexedPoints::new(points.clone()), &points, NEIGHBOURS) {
+            assert!(nalgebra::Vector3::from(plane.normal).dot(&normal).abs() > 1.0 - 1e-5);
+            assert!(plane.rms < 1e-4);
+        }
+    }
+
+    #[test]
+    fn two_points_have_no_normal() {
+        let points = vec![[0.0; 3], [1.0, 0.0, 0.0]];
+        assert_eq!(local_planes(&IndexedPoints::new(points.clone()), &points, NEIGHBOURS)[0].normal, [0.0; 3]);
+    }
+}

@@ -1,0 +1,107 @@
+//! Fewer points, evenly spread: one for each occupied cell of a voxel grid.
+
+use super::neighbours::LocalPoint;
+
+/// One representative of each occupied voxel.
+#[derive(Debug, Clone, Default)]
+pub struct Thinned {
+    /// The mean of the voxel's points.
+    pub centroids: Vec<LocalPoint>,
+    /// For each voxel, the index of its point nearest to that mean.
+    pub representatives: Vec<u32>,
+    /// The number of points in each voxel.
+    pub counts: Vec<u32>,
+}
+
+/// Cells along an axis that a packed key can tell apart.
+const AXIS_CELLS: f32 = (1u32 << 21) as f32;
+
+/// Groups `points` by voxels of edge `edge` (same unit) and returns them in a spatial order that depends only on
+/// the points. An `edge` so small that keys would run over is enlarged.
+pub fn thin(points: &[LocalPoint], edge: f32) -> Thinned {
+    let mut min = [f32::INFINITY; 3];
+    let mut max = [f32::NEG_INFINITY; 3];
+    for point in points {
+        for axis in 0..3 {
+            min[axis] = min[axis].min(point[axis]);
+            max[axis] = max[axis].max(point[axis]);
+        }
+    }
+    let extent = (0..3).map(|axis| max[axis] - min[axis]).fold(0.0, f32::max);
+    let inverse = 1.0 / edge.max(extent / (AXIS_CELLS - 2.0)).max(f32::MIN_POSITIVE);
+    let mut keyed: Vec<(u64, u32)> = points
+        .iter()
+        .enumerate()
+        .map(|(index, point)| {
+            let cell = |axis: usize| ((point[axis] - min[axis]) * inverse) as u64;
+            (morton(cell(0), cell(1), cell(2)), index as u32)
+        })
+        .collect();
+    keyed.sort_unstable();
+
+    let mut thinned = Thinned::default();
+    for voxel in keyed.chunk_by(|a, b| a.0 == b.0) {
+        let mut sum = [0.0f64; 3];
+        for &(_, index) in voxel {
+            for axis in 0..3 {
+                sum[axis] += f64::from(points[index as usize][axis]);
+            }
+        }
+        let centroid = sum.map(|s| (s / voxel.len() as f64) as f32);
+        let nearest = voxel
+            .iter()
+            .map(|&(_, index)| (super::neighbours::distance2(&points[index as usize], &centroid), index))
+            .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        thinned.centroids.push(centroid);
+        thinned.representatives.extend(nearest.map(|(_, index)| index));
+        thinned.counts.push(voxel.len() as u32);
+    }
+    thinned
+}
+
+/// The place of a cell on the Z-order curve: cells that follow each other lie side by side, which keeps searches in
+/// the cache.
+fn morton(x: u64, y: u64, z: u64) -> u64 {
+    fn spread(mut v: u64) -> u64 {
+        v &= 0x1f_ffff;
+        v = (v | v << 32) & 0x001f_0000_0000_ffff;
+        v = (v | v << 16) & 0x001f_0000_ff00_00ff;
+        v = (v | v << 8) & 0x100f_00f0_0f00_f00f;
+        v = (v | v << 4) & 0x10c3_0c30_c30c_30c3;
+        (v | v << 2) & 0x1249_2492_4924_9249
+    }
+    spread(x) | spread(y) << 1 | spread(z) << 2
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_point_is_counted_once() {
+        let points: Vec<LocalPoint> =
+            (0..1000).map(|i| [(i % 10) as f32, (i / 10 % 10) as f32, (i / 100) as f32]).collect();
+        let thinned = thin(&points, 2.0);
+        assert_eq!(thinned.centroids.len(), 125);
+        assert!(thinned.counts.iter().all(|&count| count == 8));
+        assert_eq!(thinned.centroids[0], [0.5, 0.5, 0.5]);
+        assert_eq!(thinned.representatives[0], 0);
+    }
+
+    #[test]
+    fn the_order_of_the_points_does_not_matter() {
+        let points: Vec<LocalPoint> = (0..500).map(|i| [(i * 37 % 101) as f32, (i * 53 % 97) as f32, 0.0]).collect();
+        let mut reversed = points.clone();
+        reversed.reverse();
+        let (a, b) = (thin(&points, 7.0), thin(&reversed, 7.0));
+        assert_eq!(a.counts, b.counts);
+        assert_eq!(a.centroids.len(), b.centroids.len());
+    }
+
+    #[test]
+    fn a_tiny_edge_keeps_all_points() {
+        let points = vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1000.0, 0.0, 0.0]];
+        assert_eq!(thin(&points, 1e-30).centroids.len(), 3);
+        assert!(thin(&[], 1.0).centroids.is_empty());
+    }
+}

@@ -1,0 +1,2 @@
+//! The visage binary.
+fn main() {}

@@ -1,0 +1,269 @@
+//! Scans to model to signature, stage by stage: the whole path, free of files, clocks and HTTP.
+
+use std::collections::BTreeMap;
+
+use rayon::prelude::*;
+
+use crate::faces::{self, DescribeError, Signature};
+use crate::geometry::{Motion, Surface, Unit, Vector3};
+use crate::progress::{Canceled, Progress, Stage};
+use crate::reconstruction::merge::{ModelCloud, PosedView, merge};
+pub use crate::registration::method::Method;
+use crate::registration::multiview::{self, Multiview, MultiviewOptions};
+use crate::registration::quality;
+use crate::registration::report::RegistrationReport;
+use crate::registration::sensor::Sensor;
+use crate::registration::view::View;
+
+/// One scan with the name by which poses and reports speak of it.
+#[derive(Debug, Clone)]
+pub struct NamedScan {
+    /// The file name.
+    pub name: String,
+    /// Its points, in the sensor's frame.
+    pub surface: Surface,
+}
+
+/// What the caller may choose. Unknown fields are refused.
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Options {
+    /// The registration method.
+    pub method: Method,
+    /// Worker threads (capped by the server's own).
+    pub threads: Option<usize>,
+    /// The least overlap xi_0 of a pair that is registered.
+    pub min_overlap: f64,
+    /// Range accuracy R_e in the unit of the scans; estimated when absent.
+    pub range_accuracy: Option<f64>,
+    /// The most rounds of overlap, ICP and averaging.
+    pub max_rounds: usize,
+    /// Where the scanner stood in each scan's frame, if the files don't say.
+    pub sensor: Option<[f64; 3]>,
+    /// Whether the merged cloud is made.
+    pub cloud: bool,
+    /// Whether the signature is made.
+    pub signature: bool,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Options {
+            method: Method::default(),
+            threads: None,
+            min_overlap: 0.5,
+            range_accuracy: None,
+            max_rounds: 20,
+            sensor: None,
+            cloud: true,
+            signature: true,
+        }
+    }
+}
+
+/// What a run leaves behind.
+#[derive(Debug)]
+pub struct Outcome {
+    /// Scan name and `pose_world`, in view order; `None` = unplaced.
+    pub poses: Vec<(String, Option<Motion>)>,
+    /// The `result` part of the report (deterministic: the same scans give the same bytes).
+    pub report: serde_json::Value,
+    /// The merged cloud, if it was asked for.
+    pub cloud: Option<ModelCloud>,
+    /// The signature, if it was asked for.
+    pub signature: Option<Signature>,
+}
+
+/// Why a run ended without a model. Messages name the scan and the remedy.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum PipelineError {
+    /// The caller asked for a stop.
+    #[error(transparent)]
+    Canceled(#[from] Canceled),
+    /// The input can't be registered.
+    #[error("{message}")]
+    Unusable {
+        /// A stable machine-readable code, such as `too_few_scans`, `no_initial_poses`, `degenerate_scan`.
+        code: &'static str,
+        /// The scan concerned, if it is one.
+        scan: Option<String>,
+        /// What is wrong.
+        message: String,
+        /// What to do about it.
+        hint: String,
+    },
+}
+
+/// The least scans of a set.
+pub const MIN_SCANS: usize = 2;
+
+/// Registers the scans from the given poses and describes the model. Runs inside the caller's rayon pool.
+///
+/// `initial_poses` maps scan names to `pose_world`; every scan must have one. `unit` is that of the scans.
+pub fn run(
+    scans: Vec<NamedScan>,
+    initial_poses: &BTreeMap<String, Motion>,
+    unit: Unit,
+    options: &Options,
+    progress: &Progress,
+) -> Result<Outcome, PipelineError> {
+    check_input(&scans, initial_poses, options)?;
+    let names: Vec<String> = scans.iter().map(|scan| scan.name.clone()).collect();
+    let views = prepare(&scans, progress)?;
+    let initial: Vec<Motion> =
+        scans.iter().zip(&views).map(|(scan, view)| view.local_pose(&initial_poses[&scan.name])).collect();
+
+    let multiview_options = MultiviewOptions {
+        min_overlap: options.min_overlap,
+        range_accuracy: options.range_accuracy,
+        max_rounds: options.max_rounds,
+    };
+    let result = options.method.register(&views, &initial, &multiview_options, progress)?;
+
+    progress.report(Stage::Judging, 0.0);
+    let spacing = multiview::common_spacing(&views);
+    let samples: Vec<_> = views.iter().map(|view| view.sampled(4.0 * spacing)).collect();
+    let verdict = quality::judge(&views, &samples, &result, spacing, &names);
+    let report = RegistrationReport::new(options.method.name(), unit.name(), &names, &views, &result, verdict);
+
+    let merged = merge_views(&scans, &views, &result, options, progress)?;
+    let signature = match &merged {
+        Some((cloud, _)) if options.signature => describe(cloud, unit, progress)?,
+        _ => None,
+    };
+    let poses = names
+        .iter()
+        .zip(views.iter().zip(result.local_poses.iter().zip(&result.placed)))
+        .map(|(name, (view, (pose, placed)))| (name.clone(), placed.then(|| view.scan_pose(pose))))
+        .collect();
+    let mut report = serde_json::to_value(&report).map_err(|error| PipelineError::Unusable {
+        code: "report",
+        scan: None,
+        message: format!("the report can't be written: {error}"),
+        hint: "report this as a bug".into(),
+    })?;
+    if let (Some((_, outward)), Some(views)) = (&merged, report["views"].as_array_mut()) {
+        for (view, outward) in views.iter_mut().zip(outward) {
+            view["normals_outward"] = (*outward).into();
+        }
+    }
+    let cloud = merged.map(|(cloud, _)| cloud).filter(|_| options.cloud);
+    Ok(Outcome { poses, report, cloud, signature })
+}
+
+fn check_input(
+    scans: &[NamedScan],
+    initial_poses: &BTreeMap<String, Motion>,
+    options: &Options,
+) -> Result<(), PipelineError> {
+    if scans.len() < MIN_SCANS {
+        return Err(PipelineError::Unusable {
+            code: "too_few_scans",
+            scan: None,
+            message: format!("{} scan(s) given, at least {MIN_SCANS} are needed", scans.len()),
+            hint: "add the other scans of the object".into(),
+        });
+    }
+    if scans.len() > usize::from(u16::MAX) {
+        return Err(PipelineError::Unusable {
+            code: "too_many_scans",
+            scan: None,
+            message: format!("{} scans given, at most {} are possible", scans.len(), u16::MAX),
+            hint: "split the set".into(),
+        });
+    }
+    if !(options.min_overlap > 0.0 && options.min_overlap < 1.0) {
+        return Err(bad_option("min_overlap", "a share between 0 and 1, such as 0.5"));
+    }
+    if options.range_accuracy.is_some_and(|r| !(r.is_finite() && r >= 0.0)) {
+        return Err(bad_option("range_accuracy", "a length of 0 or more in the unit of the scans"));
+    }
+    if !(1..=1000).contains(&options.max_rounds) {
+        return Err(bad_option("max_rounds", "a number from 1 to 1000"));
+    }
+    if initial_poses.is_empty() {
+        return Err(PipelineError::Unusable {
+            code: "no_initial_poses",
+            scan: None,
+            message: "no initial poses given".into(),
+            hint: "give a pose file (.conf, JSON or text blocks); registration without poses is not offered yet".into(),
+        });
+    }
+    match scans.iter().find(|scan| !initial_poses.contains_key(&scan.name)) {
+        None => Ok(()),
+        Some(scan) => Err(PipelineError::Unusable {
+            code: "missing_pose",
+            scan: Some(scan.name.clone()),
+            message: format!("{} has no initial pose", scan.name),
+            hint: "add it to the pose file, or leave the scan out".into(),
+        }),
+    }
+}
+
+fn bad_option(name: &str, remedy: &str) -> PipelineError {
+    PipelineError::Unusable {
+        code: "bad_option",
+        scan: None,
+        message: format!("option {name} is out of range"),
+        hint: format!("give {remedy}"),
+    }
+}
+
+fn prepare(scans: &[NamedScan], progress: &Progress) -> Result<Vec<View>, PipelineError> {
+    progress.report(Stage::Preparing, 0.0);
+    scans
+        .par_iter()
+        .map(|scan| {
+            progress.check()?;
+            View::new(&scan.surface.cloud).map_err(|problem| PipelineError::Unusable {
+                code: "degenerate_scan",
+                scan: Some(scan.name.clone()),
+                message: format!("{} can't be registered: {problem}", scan.name),
+                hint: "export the scan again or leave it out".into(),
+            })
+        })
+        .collect()
+}
+
+/// The merged cloud and for each view whether its normals are known to be outward; `None` if nobody needs it.
+fn merge_views(
+    scans: &[NamedScan],
+    views: &[View],
+    result: &Multiview,
+    options: &Options,
+    progress: &Progress,
+) -> Result<Option<(ModelCloud, Vec<bool>)>, PipelineError> {
+    if !(options.cloud || options.signature) {
+        return Ok(None);
+    }
+    let posed: Vec<PosedView> = scans
+        .iter()
+        .zip(views)
+        .enumerate()
+        .map(|(index, (scan, view))| PosedView {
+            view,
+            scan: &scan.surface.cloud,
+            local_pose: result.local_poses[index],
+            placed: result.placed[index],
+            sensor: sensor_of(scan, view, options),
+        })
+        .collect();
+    Ok(Some(merge(&posed, progress)?))
+}
+
+/// Where the scanner stood, from the file, else from the options.
+fn sensor_of(scan: &NamedScan, view: &View, options: &Options) -> Option<Sensor> {
+    let position = scan.surface.sensor.map(|p| p.coords).or(options.sensor.map(Vector3::from))?;
+    Some(Sensor::At(position - view.center))
+}
+
+/// The signature, or `None` if the surface is too poor to have one.
+fn describe(model: &ModelCloud, unit: Unit, progress: &Progress) -> Result<Option<Signature>, PipelineError> {
+    progress.report(Stage::Describing, 0.0);
+    let surface = Surface { cloud: model.cloud.clone(), ..Surface::default() };
+    match faces::describe(&surface, unit, progress) {
+        Ok(signature) => Ok(Some(signature)),
+        Err(DescribeError::Canceled(canceled)) => Err(canceled.into()),
+        Err(DescribeError::Degenerate(_)) => Ok(None),
+    }
+}

@@ -1,0 +1,143 @@
+//! All that the algorithms know of jobs: a sink they report to and a flag that tells them to stop.
+//!
+//! The algorithms have no clock: whoever owns the sink notes when a stage began.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// A step of a job, in the order in which a job passes through them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Stage {
+    /// Reading the scans and checking them.
+    Loading,
+    /// Trees, spacing, normals and thinned levels of each scan.
+    Preparing,
+    /// Finding the poses.
+    Registering,
+    /// Scoring the result: residuals, free space, verdict.
+    Judging,
+    /// Merging the views into one cloud.
+    Merging,
+    /// Saliency, facial triangles and the signature.
+    Describing,
+    /// Writing the files of the model.
+    Storing,
+}
+
+impl Stage {
+    /// Every stage, in order.
+    pub const ALL: [Stage; 7] = [
+        Stage::Loading,
+        Stage::Preparing,
+        Stage::Registering,
+        Stage::Judging,
+        Stage::Merging,
+        Stage::Describing,
+        Stage::Storing,
+    ];
+
+    /// The name used in the API, in logs and in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Stage::Loading => "loading",
+            Stage::Preparing => "preparing",
+            Stage::Registering => "registering",
+            Stage::Judging => "judging",
+            Stage::Merging => "merging",
+            Stage::Describing => "describing",
+            Stage::Storing => "storing",
+        }
+    }
+
+    /// The share of a whole job (0 to 1) that is done when this stage begins. A rough split by cost:
+    /// it only has to make a progress bar move evenly.
+    pub fn base(self) -> f64 {
+        match self {
+            Stage::Loading => 0.0,
+            Stage::Preparing => 0.05,
+            Stage::Registering => 0.15,
+            Stage::Judging => 0.75,
+            Stage::Merging => 0.80,
+            Stage::Describing => 0.88,
+            Stage::Storing => 0.96,
+        }
+    }
+
+    /// The share of a whole job that is done when this stage ends.
+    pub fn end(self) -> f64 {
+        Stage::ALL.iter().find(|next| **next > self).map_or(1.0, |next| next.base())
+    }
+}
+
+/// Receives what the algorithms report. Called from worker threads, so it must be quick and must not block.
+pub trait ProgressSink: Send + Sync {
+    /// `stage` is under way and `fraction` (0 to 1) of that stage is done.
+    fn report(&self, stage: Stage, fraction: f64);
+}
+
+/// The caller asked for a stop; the work was given up where it stood.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("canceled on request")]
+pub struct Canceled;
+
+/// Handed into every long-running algorithm: where to report, and when to stop. Cheap to clone.
+#[derive(Clone)]
+pub struct Progress {
+    sink: Option<Arc<dyn ProgressSink>>,
+    cancel: Arc<AtomicBool>,
+}
+
+impl Progress {
+    /// Reports to `sink`; stops soon after `cancel` becomes true.
+    pub fn new(sink: Arc<dyn ProgressSink>, cancel: Arc<AtomicBool>) -> Self {
+        Progress { sink: Some(sink), cancel }
+    }
+
+    /// Reports to nobody and is never canceled.
+    pub fn silent() -> Self {
+        Progress { sink: None, cancel: Arc::new(AtomicBool::new(false)) }
+    }
+
+    /// Tells the sink that `fraction` (0 to 1) of `stage` is done.
+    pub fn report(&self, stage: Stage, fraction: f64) {
+        if let Some(sink) = &self.sink {
+            sink.report(stage, fraction.clamp(0.0, 1.0));
+        }
+    }
+
+    /// `Err(Canceled)` once the caller has asked for a stop. Long loops call this every few milliseconds.
+    pub fn check(&self) -> Result<(), Canceled> {
+        if self.cancel.load(Ordering::Relaxed) { Err(Canceled) } else { Ok(()) }
+    }
+}
+
+impl std::fmt::Debug for Progress {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Progress").field("canceled", &self.check().is_err()).finish_non_exhaustive()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn stages_cover_a_job_without_gaps() {
+        assert_eq!(Stage::ALL[0].base(), 0.0);
+        for pair in Stage::ALL.windows(2) {
+            assert!(pair[0].base() < pair[1].base());
+            assert_eq!(pair[0].end(), pair[1].base());
+        }
+        assert_eq!(Stage::Storing.end(), 1.0);
+    }
+
+    #[test]
+    fn a_raised_flag_is_seen() {
+        let cancel = Arc::new(AtomicBool::new(false));
+        let progress = Progress { sink: None, cancel: cancel.clone() };
+        assert_eq!(progress.check(), Ok(()));
+        cancel.store(true, Ordering::Relaxed);
+        assert_eq!(progress.check(), Err(Canceled));
+    }
+}

@@ -1,0 +1,3 @@
+//! One cloud from the posed views. Pure.
+
+pub mod merge;

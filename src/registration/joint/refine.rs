@@ -1,0 +1,160 @@
+//! Gauss-Newton over all poses, with correspondences renewed in every step.
+
+use rayon::prelude::*;
+
+use super::normal_equations::{PairBlock, PairSums, columns, solve};
+use super::surfels::Surfels;
+use crate::geometry::se3::{self, Twist};
+use crate::geometry::{Motion, Vector3};
+use crate::progress::{Canceled, Progress};
+
+/// How the refinement searches and stops. Lengths in the scans' unit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RefineOptions {
+    /// Surfels farther apart than this are no counterparts, in the first step.
+    pub first_distance: f64,
+    /// The distance it ends with.
+    pub last_distance: f64,
+    /// Steps at most.
+    pub max_steps: usize,
+    /// Steps that move no surfel farther than this end it.
+    pub settled: f64,
+}
+
+/// What the refinement did.
+#[derive(Debug, Clone)]
+pub struct Refined {
+    /// Local frame to world.
+    pub local_poses: Vec<Motion>,
+    /// Gauss-Newton steps made.
+    pub steps: usize,
+    /// Weighted root mean square of the residuals in the last step, a length.
+    pub rms: f64,
+}
+
+/// Each step's search distance in the one before.
+const SHRINK: f64 = 0.6;
+/// The robust kernel's scale in root mean square residuals.
+const KERNEL: f64 = 3.0;
+/// Searches look this much farther than correspondences may be apart, so that the next steps know whom to ask again.
+const MARGIN: f64 = 1.5;
+
+/// Refines `local_poses` over `pairs` (i < j); `anchors` keep their pose.
+pub fn refine(
+    surfels: &[Surfels],
+    local_poses: &[Motion],
+    pairs: &[(usize, usize)],
+    anchors: &[usize],
+    options: &RefineOptions,
+    progress: &Progress,
+) -> Result<Refined, Canceled> {
+    let directed: Vec<(usize, usize)> = pairs.iter().flat_map(|&(i, j)| [(i, j), (j, i)]).collect();
+    let mut searches: Vec<Search> = directed.iter().map(|&(a, _)| Search::new(surfels[a].len())).collect();
+    let columns = columns(local_poses.len(), anchors);
+    let mut refined = Refined { local_poses: local_poses.to_vec(), steps: 0, rms: f64::INFINITY };
+    let mut distance = options.first_distance;
+    let mut scale = distance;
+    while refined.steps < options.max_steps {
+        progress.check()?;
+        let middle = Motion::from(nalgebra::Translation3::from(mean_position(&refined.local_poses)));
+        let centered: Vec<Motion> = refined.local_poses.iter().map(|pose| middle.inverse() * pose).collect();
+        let blocks: Vec<PairBlock> = directed
+            .par_iter()
+            .zip(&mut searches)
+            .with_max_len(1)
+            .map(|(&(a, b), search)| {
+                progress.check()?;
+                let motion_b_a = centered[b].inv_mul(&centered[a]);
+                let sums = assemble(&surfels[a], &surfels[b], &motion_b_a, distance, scale, search);
+                Ok(sums.into_world(&centered[b]))
+            })
+            .collect::<Result<_, Canceled>>()?;
+        let Some(twists) = solve(&directed, &blocks, &columns) else { break };
+        let mut largest = 0.0f64;
+        for (view, twist) in twists.iter().enumerate() {
+            refined.local_poses[view] = middle * se3::exp(twist) * centered[view];
+            largest = largest.max(displacement(twist, &centered[view], surfels[view].radius));
+        }
+        refined.steps += 1;
+        let weight: f64 = blocks.iter().map(|b| b.weight).sum();
+        refined.rms = (blocks.iter().map(|b| b.cost).sum::<f64>() / weight.max(f64::MIN_POSITIVE)).sqrt();
+        scale = scale.min(KERNEL * refined.rms);
+        let last = distance <= options.last_distance;
+        distance = (SHRINK * distance).max(options.last_distance);
+        if last && largest < options.settled {
+            break;
+        }
+    }
+    Ok(refined)
+}
+
+fn mean_position(poses: &[Motion]) -> Vector3 {
+    poses.iter().map(|pose| pose.translation.vector).sum::<Vector3>() / poses.len().max(1) as f64
+}
+
+/// How far a twist moves a view's points, at most.
+fn displacement(twist: &Twist, pose: &Motion, radius: f64) -> f64 {
+    let reach = pose.translation.vector.norm() + radius;
+    twist.fixed_rows::<3>(0).norm() + twist.fixed_rows::<3>(3).norm() * reach
+}
+
+/// What a directed pair remembers from step to step.
+struct Search {
+    /// For each surfel of view a its last nearest surfel in view b.
+    last: Vec<u32>,
+    /// The surfels that had a neighbour when all were last asked.
+    active: Vec<u32>,
+    /// The relative motion at which all were last asked.
+    asked_at: Option<Motion>,
+}
+
+impl Search {
+    fn new(len: usize) -> Self {
+        Search { last: vec![u32::MAX; len], active: Vec::new(), asked_at: None }
+    }
+
+    /// All surfels are asked again once the views have moved so far that one without a neighbour may have got one.
+    fn must_ask_all(&self, motion_b_a: &Motion, radius: f64, distance: f64) -> bool {
+        let slack = 0.5 * (MARGIN - 1.0) * distance;
+        self.asked_at.is_none_or(|asked| super::super::trimmed_icp::largest_step(&asked, motion_b_a, radius) > slack)
+    }
+}
+
+/// The cosine below which two normals don't belong to one surface.
+const LEAST_COSINE: f32 = 0.5;
+
+/// Correspondences of view a's surfels in view b, summed in b's local frame.
+fn assemble(a: &Surfels, b: &Surfels, motion_b_a: &Motion, distance: f64, scale: f64, search: &mut Search) -> PairSums {
+    let ask_all = search.must_ask_all(motion_b_a, a.radius, distance);
+    if ask_all {
+        search.asked_at = Some(*motion_b_a);
+        search.active.clear();
+        search.active.extend_from_slice(&a.inner);
+    }
+    let motion = motion_b_a.cast::<f32>();
+    let (rotation, shift) = (motion.rotation.to_rotation_matrix(), motion.translation.vector);
+    let search_distance2 = (MARGIN * distance).powi(2) as f32;
+    let distance2 = (distance * distance) as f32;
+    let scale2 = (scale * scale) as f32;
+    let last = &mut search.last;
+    let mut sums = PairSums::default();
+    search.active.retain(|&index| {
+        let index = index as usize;
+        let moved = rotation * nalgebra::Vector3::from(a.indexed.points[index]) + shift;
+        let nearest = b.indexed.nearest_from(&moved.into(), last[index], search_distance2);
+        last[index] = nearest.map_or(u32::MAX, |n| n.index);
+        let Some(nearest) = nearest else { return !ask_all };
+        let target = nearest.index as usize;
+        let normal_a = rotation * nalgebra::Vector3::from(a.normals[index]);
+        let normal_b = nalgebra::Vector3::from(b.normals[target]);
+        let cosine = normal_a.dot(&normal_b);
+        if nearest.distance2 < distance2 && b.is_inner[target] && cosine.abs() > LEAST_COSINE {
+            let normal = (normal_b + normal_a * cosine.signum()).normalize();
+            let residual = normal.dot(&(moved - nalgebra::Vector3::from(b.indexed.points[target])));
+            let robust = scale2 / (scale2 + residual * residual);
+            sums.add(&normal.cast(), &moved.cast(), residual.into(), f64::from(robust * robust));
+        }
+        true
+    });
+    sums
+}

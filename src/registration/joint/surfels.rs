@@ -1,0 +1,70 @@
+//! Thinned views with normals: what the joint refinement matches.
+
+use rayon::prelude::*;
+
+use super::super::view::View;
+use crate::geometry::neighbours::{IndexedPoints, LocalPoint, Neighbour};
+use crate::geometry::normals::least_spread;
+use crate::geometry::thinning::thin;
+
+/// The means of a view's voxels with the normals of the surface there, in the view's local frame.
+#[derive(Debug, Clone)]
+pub struct Surfels {
+    /// Positions with their tree.
+    pub indexed: IndexedPoints,
+    /// Unit normals, their signs arbitrary.
+    pub normals: Vec<[f32; 3]>,
+    /// Whether the surface goes on all around. What lies beyond a rim was not seen, and the nearest point that was
+    /// seen is no counterpart.
+    pub is_inner: Vec<bool>,
+    /// The indices of the inner surfels.
+    pub inner: Vec<u32>,
+    /// The largest distance of a surfel from the view's centroid.
+    pub radius: f64,
+}
+
+/// Points a normal is fitted to.
+const NEIGHBOURS: usize = 20;
+/// A surfel lies on a rim if the mean of its neighbours is farther off than this share of their mean distance.
+const RIM_OFFSET: f64 = 0.4;
+
+impl Surfels {
+    /// One surfel for each voxel of edge `edge`.
+    pub fn new(view: &View, edge: f64) -> Self {
+        let centroids = thin(view.points(), edge as f32).centroids;
+        let fitted: Vec<([f32; 3], bool)> = centroids
+            .par_iter()
+            .with_min_len(256)
+            .map_init(Vec::new, |found, centroid| {
+                view.indexed.tree.k_nearest(centroid, NEIGHBOURS, f32::INFINITY, found);
+                fit(&view.indexed.points, centroid, found)
+            })
+            .collect();
+        let (normals, is_inner): (Vec<_>, Vec<bool>) = fitted.into_iter().unzip();
+        let inner = (0..is_inner.len() as u32).filter(|index| is_inner[*index as usize]).collect();
+        let radius = centroids.iter().map(|c| nalgebra::Vector3::from(*c).norm()).fold(0.0f32, f32::max).into();
+        Surfels { indexed: IndexedPoints::new(centroids), normals, is_inner, inner, radius }
+    }
+
+    /// The number of surfels.
+    pub fn len(&self) -> usize {
+        self.normals.len()
+    }
+}
+
+fn fit(points: &[LocalPoint], center: &LocalPoint, neighbours: &[Neighbour]) -> ([f32; 3], bool) {
+    let count = neighbours.len().max(1) as f64;
+    let center = nalgebra::Vector3::from(*center);
+    let mut sum = nalgebra::Vector3::<f64>::zeros();
+    let mut squares = nalgebra::Matrix3::<f64>::zeros();
+    let mut distance = 0.0;
+    for neighbour in neighbours {
+        let d = (nalgebra::Vector3::from(points[neighbour.index as usize]) - center).cast::<f64>();
+        sum += d;
+        squares += d * d.transpose();
+        distance += d.norm();
+    }
+    let mean = sum / count;
+    let (normal, _) = least_spread(&(squares / count - mean * mean.transpose()));
+    (normal.cast::<f32>().into(), mean.norm() < RIM_OFFSET * distance / count)
+}

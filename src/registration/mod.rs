@@ -1,0 +1,18 @@
+//! From scans and initial poses to accurate poses and a verdict. Pure.
+//!
+//! [`method`] chooses between [`joint`] and the paper's family; [`multiview`] is Algorithm 1 of the paper; the other
+//! modules are their parts.
+
+pub mod joint;
+pub mod method;
+pub mod motion_averaging;
+pub mod multiview;
+pub mod overlap;
+pub mod quality;
+pub mod report;
+pub mod rigid_fit;
+pub mod sensor;
+pub mod threshold;
+pub mod trimmed_icp;
+pub mod view;
+pub mod view_graph;

@@ -1,0 +1,158 @@
+//! The verdict on a registration: what it would look like if it were wrong, and whether it does.
+//!
+//! The chief sign is *sharpness*: of the points that have another view's surface somewhere near (within
+//! [`NEAR`] spacings), the share that has it at touching distance ([`TOUCHING`] spacings). Surfaces that are the same
+//! lie on each other; surfaces brought together wrongly cross, and most points near the crossing don't touch.
+
+use rayon::prelude::*;
+
+use super::multiview::{Multiview, PairOutcome};
+use super::view::View;
+use crate::geometry::neighbours::LocalPoint;
+
+/// "Near" in spacings.
+pub const NEAR: f64 = 8.0;
+/// "Touching" in spacings.
+pub const TOUCHING: f64 = 2.0;
+
+/// How a registration ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Quality {
+    /// Nothing speaks against it.
+    Good,
+    /// Something does; look before using it.
+    Doubtful,
+    /// It is wrong, or too little of it is right.
+    Failed,
+}
+
+/// A verdict and what it rests on.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct Verdict {
+    /// The verdict.
+    pub quality: Quality,
+    /// Why it is not better, in words; empty for `good`.
+    pub reasons: Vec<String>,
+    /// Sharpness of each view, 0 to 1; absent for a view with nothing near it.
+    pub sharpness: Vec<Option<f64>>,
+}
+
+/// Thresholds, set between what right and wrong registrations show (docs/ALGORITHM.md, "Verdict").
+mod limits {
+    /// Sharpness of a view below which it is doubtful, and below which it is wrong.
+    pub const SHARP: f64 = 0.85;
+    pub const BLUNT: f64 = 0.6;
+    /// Disagreement of a pair with the averaged poses, in spacings.
+    pub const DISAGREEMENT: f64 = 2.0;
+    /// Robust averaging may overrule a few such pairs; more than this share is a doubt.
+    pub const OVERRULED: f64 = 0.25;
+    /// Trimmed RMS of a pair, in spacings.
+    pub const RESIDUAL: f64 = 1.5;
+}
+
+/// Judges a registration. `samples[i]` are points of view i spread evenly over its surface, in its local frame.
+pub fn judge(
+    views: &[View],
+    samples: &[Vec<LocalPoint>],
+    result: &Multiview,
+    spacing: f64,
+    names: &[String],
+) -> Verdict {
+    let sharpness = sharpness(views, samples, result, spacing);
+    let mut verdict = Verdict { quality: Quality::Good, reasons: Vec::new(), sharpness };
+    judge_placement(result, names, &mut verdict);
+    judge_sharpness(names, &mut verdict);
+    judge_pairs(result, spacing, names, &mut verdict);
+    verdict
+}
+
+impl Verdict {
+    fn lower(&mut self, quality: Quality, reason: String) {
+        self.quality = self.quality.max(quality);
+        self.reasons.push(reason);
+    }
+}
+
+fn judge_placement(result: &Multiview, names: &[String], verdict: &mut Verdict) {
+    let unplaced: Vec<&str> =
+        names.iter().zip(&result.placed).filter(|(_, placed)| !**placed).map(|(name, _)| name.as_str()).collect();
+    if unplaced.is_empty() {
+        return;
+    }
+    let placed = names.len() - unplaced.len();
+    let quality = if placed < 2 { Quality::Failed } else { Quality::Doubtful };
+    verdict.lower(quality, format!("not joined to the first view: {}", unplaced.join(", ")));
+}
+
+fn judge_sharpness(names: &[String], verdict: &mut Verdict) {
+    let mut wrong = 0;
+    for (view, name) in names.iter().enumerate() {
+        let Some(sharpness) = verdict.sharpness[view] else { continue };
+        if sharpness < limits::SHARP {
+            wrong += usize::from(sharpness < limits::BLUNT);
+            verdict.lower(
+                Quality::Doubtful,
+                format!("{name} crosses its neighbours: of the points near them only {:.0} % touch", sharpness * 100.0),
+            );
+        }
+    }
+    if 2 * wrong > names.len() {
+        verdict.lower(Quality::Failed, format!("{wrong} of {} views don't fit their neighbours", names.len()));
+    }
+}
+
+fn judge_pairs(result: &Multiview, spacing: f64, names: &[String], verdict: &mut Verdict) {
+    let apart = |pair: &PairOutcome| pair.disagreement / spacing > limits::DISAGREEMENT;
+    let overruled: Vec<&PairOutcome> = result.pairs.iter().filter(|pair| apart(pair)).collect();
+    if overruled.len() as f64 > limits::OVERRULED * result.pairs.len() as f64 {
+        let named: Vec<String> = overruled
+            .iter()
+            .map(|pair| format!("{} - {} ({:.1})", names[pair.i], names[pair.j], pair.disagreement / spacing))
+            .collect();
+        verdict.lower(
+            Quality::Doubtful,
+            format!("pairs that disagree with the averaged poses (by spacings): {}", named.join(", ")),
+        );
+    }
+    for pair in &result.pairs {
+        let residual = pair.icp.mean_distance2.sqrt() / spacing;
+        if residual > limits::RESIDUAL && !apart(pair) {
+            let (a, b) = (&names[pair.i], &names[pair.j]);
+            verdict.lower(Quality::Doubtful, format!("{a} and {b} lie {residual:.1} spacings apart"));
+        }
+    }
+}
+
+/// Sample points of a view at which sharpness is measured, at most: a share to about 3 %.
+const MAX_SAMPLES: usize = 400;
+
+/// Sharpness of each view against all placed views that overlap it, together.
+pub fn sharpness(views: &[View], samples: &[Vec<LocalPoint>], result: &Multiview, spacing: f64) -> Vec<Option<f64>> {
+    let near2 = (NEAR * spacing).powi(2) as f32;
+    let touching2 = (TOUCHING * spacing).powi(2) as f32;
+    (0..views.len())
+        .into_par_iter()
+        .map(|i| {
+            if !result.placed[i] {
+                return None;
+            }
+            let mut others: Vec<usize> = (0..views.len()).filter(|&j| j != i && result.placed[j]).collect();
+            others.retain(|&j| result.overlaps.directed(i, j) > 0.0);
+            // the view that is most likely to have the nearest point is asked first and bounds the others
+            others.sort_by(|&a, &b| result.overlaps.directed(i, b).total_cmp(&result.overlaps.directed(i, a)));
+            let motions: Vec<nalgebra::Isometry3<f32>> =
+                others.iter().map(|&j| result.local_poses[j].inv_mul(&result.local_poses[i]).cast()).collect();
+            let (mut near, mut touching) = (0usize, 0usize);
+            for sample in samples[i].iter().step_by(samples[i].len().div_ceil(MAX_SAMPLES).max(1)) {
+                let nearest2 = others.iter().zip(&motions).fold(near2, |bound, (j, motion)| {
+                    let moved: LocalPoint = (motion * nalgebra::Point3::from(*sample)).coords.into();
+                    views[*j].indexed.tree.nearest(&moved, bound).map_or(bound, |n| n.distance2)
+                });
+                near += usize::from(nearest2 < near2);
+                touching += usize::from(nearest2 < touching2);
+            }
+            (near > 0).then(|| touching as f64 / near as f64)
+        })
+        .collect()
+}

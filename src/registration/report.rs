@@ -1,0 +1,172 @@
+//! What a registration says of itself: the `result` part of a model's report.
+//!
+//! Lengths carry the scans' unit; those that end in `_spacings` are divided by the common spacing.
+
+use serde::Serialize;
+
+use super::multiview::{self, Multiview};
+use super::quality::Verdict;
+use super::trimmed_icp::IcpEnd;
+use super::view::View;
+
+/// The registration's part of a report.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct RegistrationReport {
+    /// The method that was run.
+    pub method: &'static str,
+    /// The unit of all lengths that don't say otherwise.
+    pub unit: &'static str,
+    /// The median spacing of the scans, to which tolerances are tied.
+    pub spacing: f64,
+    /// The verdict and its reasons.
+    pub verdict: Verdict,
+    /// The views in order.
+    pub views: Vec<ViewReport>,
+    /// The pairs of the last round.
+    pub pairs: Vec<PairReport>,
+    /// `overlaps[i][j]`: the share of view i's points that have a counterpart in view j.
+    pub overlaps: Vec<Vec<f64>>,
+    /// The levels from coarse to fine.
+    pub levels: Vec<multiview::Level>,
+    /// All rounds of overlap, ICP and averaging.
+    pub rounds: Vec<RoundReport>,
+}
+
+/// One view.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ViewReport {
+    /// The scan's name.
+    pub name: String,
+    /// Points in it.
+    pub points: usize,
+    /// Its spacing L_r.
+    pub spacing: f64,
+    /// Its estimated range accuracy R_e.
+    pub range_accuracy: f64,
+    /// Whether it hangs together with the first view.
+    pub placed: bool,
+    /// Root mean square distance of the kept correspondences of all its pairs.
+    pub residual: Option<f64>,
+    /// The same in spacings.
+    pub residual_spacings: Option<f64>,
+}
+
+/// One registered pair.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct PairReport {
+    /// The target view's index.
+    pub i: usize,
+    /// The moved view's index.
+    pub j: usize,
+    /// Share of i's points with a counterpart in j.
+    pub overlap_i_j: f64,
+    /// Share of j's points with a counterpart in i.
+    pub overlap_j_i: f64,
+    /// Correspondences kept.
+    pub correspondences: usize,
+    /// Root mean square distance of those.
+    pub trimmed_rms: f64,
+    /// ICP fits in the last round.
+    pub iterations: usize,
+    /// How ICP ended.
+    pub end: IcpEnd,
+    /// The adaptive threshold, a squared length.
+    pub e_thr: f64,
+    /// How far the pair disagrees with the averaged poses.
+    pub disagreement: f64,
+    /// Robust weight in averaging, in (0, 1].
+    pub trust: f64,
+}
+
+/// One round.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct RoundReport {
+    /// Index into `levels`.
+    pub level: usize,
+    /// Overlap tolerance.
+    pub tolerance: f64,
+    /// Pairs registered.
+    pub pairs: usize,
+    /// The overlap that a pair had to exceed.
+    pub min_overlap: f64,
+    /// ICP fits over all pairs.
+    pub icp_iterations: usize,
+    /// Linear solves of motion averaging.
+    pub averaging_rounds: usize,
+    /// e^k: largest change of a view's rotation, radians.
+    pub rotation_change: f64,
+}
+
+impl RegistrationReport {
+    /// Gathers the report of a finished registration.
+    pub fn new(
+        method: &'static str,
+        unit: &'static str,
+        names: &[String],
+        views: &[View],
+        result: &Multiview,
+        verdict: Verdict,
+    ) -> Self {
+        let spacing = multiview::common_spacing(views);
+        RegistrationReport {
+            method,
+            unit,
+            spacing,
+            verdict,
+            views: (0..views.len()).map(|view| view_report(view, names, views, result, spacing)).collect(),
+            pairs: pair_reports(result),
+            overlaps: result.overlaps.rows().to_vec(),
+            levels: multiview::LEVELS.to_vec(),
+            rounds: round_reports(result),
+        }
+    }
+}
+
+fn view_report(index: usize, names: &[String], views: &[View], result: &Multiview, spacing: f64) -> ViewReport {
+    let (mut sum, mut count) = (0.0, 0.0);
+    for pair in result.pairs.iter().filter(|pair| (pair.i == index || pair.j == index) && pair.icp.correspondences > 0)
+    {
+        sum += pair.icp.mean_distance2 * pair.icp.correspondences as f64;
+        count += pair.icp.correspondences as f64;
+    }
+    let residual = (count > 0.0).then(|| (sum / count).sqrt());
+    ViewReport {
+        name: names[index].clone(),
+        points: views[index].points().len(),
+        spacing: views[index].spacing,
+        range_accuracy: views[index].range_accuracy,
+        placed: result.placed[index],
+        residual,
+        residual_spacings: residual.map(|r| r / spacing),
+    }
+}
+
+fn pair_reports(result: &Multiview) -> Vec<PairReport> {
+    let report = |pair: &multiview::PairOutcome| PairReport {
+        i: pair.i,
+        j: pair.j,
+        overlap_i_j: result.overlaps.directed(pair.i, pair.j),
+        overlap_j_i: result.overlaps.directed(pair.j, pair.i),
+        correspondences: pair.icp.correspondences,
+        trimmed_rms: pair.icp.mean_distance2.sqrt(),
+        iterations: pair.icp.iterations,
+        end: pair.icp.end,
+        e_thr: pair.threshold,
+        disagreement: pair.disagreement,
+        trust: pair.trust,
+    };
+    result.pairs.iter().map(report).collect()
+}
+
+fn round_reports(result: &Multiview) -> Vec<RoundReport> {
+    let report = |round: &multiview::Round| RoundReport {
+        level: round.level,
+        tolerance: round.tolerance,
+        pairs: round.pairs,
+        min_overlap: round.min_overlap,
+        icp_iterations: round.icp_iterations,
+        averaging_rounds: round.averaging_rounds,
+        rotation_change: round.rotation_change,
+    };
+    result.rounds.iter().map(report).collect()
+}

@@ -1,0 +1,170 @@
+//! A scan made ready for registration: recentred, indexed, measured.
+
+use rayon::prelude::*;
+
+use crate::geometry::neighbours::{IndexedPoints, KdTree, LocalPoint};
+use crate::geometry::normals::{self, local_planes};
+use crate::geometry::thinning::thin;
+use crate::geometry::{Cloud, Motion, Point3, Vector3};
+
+/// A view in its local frame: the scan's own frame shifted so that the scan's centroid is the origin.
+#[derive(Debug, Clone)]
+pub struct View {
+    /// Positions in the local frame, in the scan's order and unit, with their tree.
+    pub indexed: IndexedPoints,
+    /// The scan's centroid in the scan's frame: `p_scan = p_local + center`.
+    pub center: Vector3,
+    /// Spacing L_r: median distance of a point from its nearest distinct neighbour.
+    pub spacing: f64,
+    /// Range accuracy estimate: median residual of local planes, a length.
+    pub range_accuracy: f64,
+    /// Root mean square distance of the points from the centroid.
+    pub radius: f64,
+}
+
+/// Why a scan can't be registered.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum UnusableScan {
+    /// Too few points to find correspondences with.
+    #[error("it has {0} points, at least {MIN_POINTS} are needed")]
+    TooFewPoints(usize),
+    /// All points in one place or on one line.
+    #[error("its points lie in one place or on one line, so no pose can be found for it")]
+    NoExtent,
+}
+
+/// The least points of a scan.
+pub const MIN_POINTS: usize = 50;
+/// Points at which spacing and noise are measured.
+const SAMPLES: usize = 600;
+/// Neighbours looked at to find one that is not a duplicate.
+const DISTINCT_AMONG: usize = 8;
+
+impl View {
+    /// Prepares a scan; points must be finite.
+    pub fn new(cloud: &Cloud) -> Result<Self, UnusableScan> {
+        if cloud.len() < MIN_POINTS {
+            return Err(UnusableScan::TooFewPoints(cloud.len()));
+        }
+        let center = cloud.centroid().coords;
+        let points: Vec<LocalPoint> = cloud.points.iter().map(|p| (p.coords - center).cast::<f32>().into()).collect();
+        let (radius, second_spread) = spreads(&points);
+        if second_spread <= radius * 1e-6 {
+            return Err(UnusableScan::NoExtent);
+        }
+        let indexed = IndexedPoints::new(points);
+        let samples = evenly_sampled(&indexed.points, SAMPLES);
+        let spacing = median_spacing(&indexed.tree, &samples).ok_or(UnusableScan::NoExtent)?;
+        let mut residuals: Vec<f32> =
+            local_planes(&indexed, &samples, normals::NEIGHBOURS).iter().map(|plane| plane.rms).collect();
+        let range_accuracy = f64::from(median(&mut residuals).unwrap_or(0.0));
+        Ok(View { indexed, center, spacing, range_accuracy, radius })
+    }
+
+    /// Positions in the local frame, in the scan's order and unit.
+    pub fn points(&self) -> &[LocalPoint] {
+        &self.indexed.points
+    }
+
+    /// Points spread evenly over the surface: those nearest to the means of voxels of edge `edge`.
+    pub fn sampled(&self, edge: f64) -> Vec<LocalPoint> {
+        thin(self.points(), edge as f32).representatives.iter().map(|index| self.points()[*index as usize]).collect()
+    }
+
+    /// The pose of the local frame that belongs to a pose of the scan.
+    pub fn local_pose(&self, pose_world: &Motion) -> Motion {
+        pose_world * nalgebra::Translation3::from(self.center)
+    }
+
+    /// The pose of the scan that belongs to a pose of the local frame.
+    pub fn scan_pose(&self, local_pose_world: &Motion) -> Motion {
+        local_pose_world * nalgebra::Translation3::from(-self.center)
+    }
+
+    /// The position of a point in the scan's own frame.
+    pub fn in_scan_frame(&self, index: usize) -> Point3 {
+        Point3::from(nalgebra::Vector3::from(self.points()[index]).cast::<f64>() + self.center)
+    }
+}
+
+/// `count` points spread evenly over the sequence.
+fn evenly_sampled(points: &[LocalPoint], count: usize) -> Vec<LocalPoint> {
+    let count = count.min(points.len());
+    (0..count).map(|k| points[k * points.len() / count]).collect()
+}
+
+/// Median distance from the nearest neighbour that is not a duplicate.
+fn median_spacing(tree: &KdTree, samples: &[LocalPoint]) -> Option<f64> {
+    let mut distances: Vec<f32> = samples
+        .par_iter()
+        .with_min_len(256)
+        .map_init(Vec::new, |found, sample| {
+            tree.k_nearest(sample, DISTINCT_AMONG, f32::INFINITY, found);
+            found.iter().map(|n| n.distance2).find(|d| *d > 0.0)
+        })
+        .flatten()
+        .collect();
+    median(&mut distances).map(|d2| f64::from(d2).sqrt())
+}
+
+/// The lower median; `None` of nothing.
+pub(crate) fn median(values: &mut [f32]) -> Option<f32> {
+    if values.is_empty() {
+        return None;
+    }
+    let middle = (values.len() - 1) / 2;
+    Some(*values.select_nth_unstable_by(middle, f32::total_cmp).1)
+}
+
+/// The root mean square distance from the origin, and the spread along the second principal axis.
+fn spreads(points: &[LocalPoint]) -> (f64, f64) {
+    let mut scatter = nalgebra::Matrix3::<f64>::zeros();
+    for point in points {
+        let d = nalgebra::Vector3::from(*point).cast::<f64>();
+        scatter += d * d.transpose();
+    }
+    scatter /= points.len() as f64;
+    let mut eigenvalues: Vec<f64> = scatter.symmetric_eigenvalues().iter().copied().collect();
+    eigenvalues.sort_by(f64::total_cmp);
+    (scatter.trace().sqrt(), eigenvalues[1].max(0.0).sqrt())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sheet(step: f64) -> Cloud {
+        Cloud::from_points(
+            (0..400).map(|i| Point3::new(1e4 + (i % 20) as f64 * step, (i / 20) as f64 * step, 7.0)).collect(),
+        )
+    }
+
+    #[test]
+    fn spacing_of_a_grid_is_its_step_and_duplicates_do_not_count() {
+        let mut cloud = sheet(0.25);
+        cloud.points.extend(cloud.points.clone());
+        let view = View::new(&cloud).expect("a sheet can be used");
+        assert!((view.spacing - 0.25).abs() < 1e-6);
+        assert!(view.range_accuracy < 1e-6);
+    }
+
+    #[test]
+    fn local_and_scan_poses_are_inverse() {
+        let view = View::new(&sheet(1.0)).expect("a sheet can be used");
+        let pose = Motion::new(Vector3::new(1.0, 2.0, 3.0), Vector3::new(0.1, 0.2, 0.3));
+        let back = view.scan_pose(&view.local_pose(&pose));
+        assert!((back.to_homogeneous() - pose.to_homogeneous()).norm() < 1e-9);
+        let local = view.local_pose(&pose) * Point3::from(nalgebra::Vector3::from(view.points()[5]).cast::<f64>());
+        assert!((local - pose * sheet(1.0).points[5]).norm() < 1e-3);
+    }
+
+    #[test]
+    fn lines_single_places_and_handfuls_are_refused() {
+        let line = Cloud::from_points((0..100).map(|i| Point3::new(i as f64, 2.0 * i as f64, 0.0)).collect());
+        assert_eq!(View::new(&line).err(), Some(UnusableScan::NoExtent));
+        let place = Cloud::from_points(vec![Point3::new(1.0, 2.0, 3.0); 100]);
+        assert_eq!(View::new(&place).err(), Some(UnusableScan::NoExtent));
+        let few = Cloud::from_points(vec![Point3::origin(); 3]);
+        assert_eq!(View::new(&few).err(), Some(UnusableScan::TooFewPoints(3)));
+    }
+}

@@ -1,0 +1,127 @@
+//! Which pairs of views are registered with each other, and whether they hold all views together.
+
+use super::overlap::OverlapMatrix;
+
+/// The pairs chosen in one round.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ViewGraph {
+    /// Pairs `(i, j)` with `i < j`, in lexicographic order.
+    pub pairs: Vec<(usize, usize)>,
+    /// The overlap a pair had to exceed in the end: xi_0, or lower if the graph would have been in pieces.
+    pub min_overlap: f64,
+    /// For each view the index of its connected piece; piece 0 holds view 0.
+    pub pieces: Vec<usize>,
+}
+
+/// Below this overlap a pair is not believed, even if the graph stays in pieces without it.
+pub const LEAST_OVERLAP: f64 = 0.1;
+
+impl ViewGraph {
+    /// All pairs whose mutual overlap exceeds `min_overlap`. If they leave the views in pieces, the best pairs
+    /// between pieces are added, down to [`LEAST_OVERLAP`] and only as many as join them.
+    pub fn choose(overlaps: &OverlapMatrix, min_overlap: f64) -> Self {
+        let n = overlaps.rows().len();
+        let mut candidates: Vec<(usize, usize)> = (0..n).flat_map(|i| (i + 1..n).map(move |j| (i, j))).collect();
+        candidates.retain(|&(i, j)| overlaps.mutual(i, j) > min_overlap.min(LEAST_OVERLAP));
+        candidates.sort_by(|&a, &b| overlaps.mutual(b.0, b.1).total_cmp(&overlaps.mutual(a.0, a.1)).then(a.cmp(&b)));
+
+        let mut groups = Groups::new(n);
+        let mut graph = ViewGraph { pairs: Vec::new(), min_overlap, pieces: Vec::new() };
+        for (i, j) in candidates {
+            let overlap = overlaps.mutual(i, j);
+            let joins = groups.join(i, j);
+            if overlap > min_overlap {
+                graph.pairs.push((i, j));
+            } else if joins {
+                graph.pairs.push((i, j));
+                graph.min_overlap = graph.min_overlap.min(overlap);
+            }
+        }
+        graph.pairs.sort_unstable();
+        graph.pieces = groups.numbered();
+        graph
+    }
+
+    /// The number of connected pieces.
+    pub fn piece_count(&self) -> usize {
+        self.pieces.iter().max().map_or(0, |last| last + 1)
+    }
+}
+
+/// Disjoint sets of views.
+#[derive(Debug, Clone)]
+pub struct Groups {
+    parents: Vec<usize>,
+}
+
+impl Groups {
+    /// Each of `n` views alone.
+    pub fn new(n: usize) -> Self {
+        Groups { parents: (0..n).collect() }
+    }
+
+    /// The representative of a view's set.
+    pub fn find(&mut self, mut view: usize) -> usize {
+        while self.parents[view] != view {
+            self.parents[view] = self.parents[self.parents[view]];
+            view = self.parents[view];
+        }
+        view
+    }
+
+    /// Unites the sets of two views; true if they were apart.
+    pub fn join(&mut self, a: usize, b: usize) -> bool {
+        let (a, b) = (self.find(a), self.find(b));
+        self.parents[a.max(b)] = a.min(b);
+        a != b
+    }
+
+    /// For each view the number of its set, counted in the order of first appearance.
+    pub fn numbered(&mut self) -> Vec<usize> {
+        let mut roots = Vec::new();
+        (0..self.parents.len())
+            .map(|view| {
+                let root = self.find(view);
+                roots.iter().position(|r| *r == root).unwrap_or_else(|| {
+                    roots.push(root);
+                    roots.len() - 1
+                })
+            })
+            .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn matrix(n: usize, entries: &[(usize, usize, f64)]) -> OverlapMatrix {
+        let mut rows: Vec<Vec<f64>> = OverlapMatrix::identity(n).rows().to_vec();
+        for &(i, j, share) in entries {
+            rows[i][j] = share;
+            rows[j][i] = share;
+        }
+        OverlapMatrix::from_rows(rows)
+    }
+
+    #[test]
+    fn pairs_above_the_threshold_are_chosen() {
+        let graph = ViewGraph::choose(&matrix(3, &[(0, 1, 0.8), (1, 2, 0.6), (0, 2, 0.3)]), 0.5);
+        assert_eq!(graph.pairs, [(0, 1), (1, 2)]);
+        assert_eq!((graph.min_overlap, graph.piece_count()), (0.5, 1));
+    }
+
+    #[test]
+    fn the_threshold_is_lowered_only_as_far_as_needed() {
+        let graph = ViewGraph::choose(&matrix(4, &[(0, 1, 0.8), (1, 2, 0.4), (0, 2, 0.3), (2, 3, 0.7)]), 0.5);
+        assert_eq!(graph.pairs, [(0, 1), (1, 2), (2, 3)]);
+        assert_eq!(graph.min_overlap, 0.4);
+    }
+
+    #[test]
+    fn views_that_share_nothing_stay_apart() {
+        let graph = ViewGraph::choose(&matrix(3, &[(0, 2, 0.8), (1, 2, 0.05)]), 0.5);
+        assert_eq!(graph.pieces, [0, 1, 0]);
+        assert_eq!(graph.pairs, [(0, 2)]);
+    }
+}

@@ -1,0 +1,112 @@
+//! The in-memory gallery index and its queries. Pure.
+//!
+//! - [`gallery`]: which models there are, their ranking against each standard, the three kinds of query
+//! - `triangle_query`: a bare triangle in every way it may be met
+//! - `probe`: how much a stored model looks like a probe
+//! - [`triangles`]: a model's triangles as points of Kendall's sphere
+//! - [`triangle_index`]: those points of all models in one immutable tree, searched exactly
+//! - [`measures`]: how well a ranking tells two classes apart
+
+pub mod gallery;
+pub mod measures;
+mod probe;
+pub mod triangle_index;
+mod triangle_query;
+pub mod triangles;
+
+pub use crate::faces::MatchMethod;
+pub use gallery::Gallery;
+
+use crate::faces::{self, Signature, Standard, Verdict, judgement, standard};
+use crate::geometry::Point3;
+
+/// A model's identifier (the bytes of its UUID as a number: ordered by time).
+pub type ModelId = u128;
+
+/// One ranked answer.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Match {
+    /// The stored model (0 for a probe that is judged without being stored).
+    pub model_id: ModelId,
+    /// In [0, 1], high is good.
+    pub score: f64,
+    /// Least-squares matching error, mm on the standard; for a query by probe or triangle: of the best pair of
+    /// triangles, the query's scaled to the size of the standard face triangle.
+    pub matching_error_mm: f64,
+    /// The paper's total vertex distance, on the same scale.
+    pub sum_of_distances_mm: f64,
+    /// Whether `score` passes the threshold.
+    pub is_match: bool,
+    /// The corners in the model's frame: right eye, left eye, nose (for faces).
+    pub triangle: Option<[[f64; 3]; 3]>,
+}
+
+impl Match {
+    fn of(model_id: ModelId, verdict: &Verdict, threshold: f64) -> Match {
+        Match {
+            model_id,
+            score: verdict.score,
+            matching_error_mm: verdict.matching_error_mm,
+            sum_of_distances_mm: verdict.sum_of_distances_mm,
+            is_match: verdict.score >= threshold,
+            triangle: verdict.triangle.map(|corners| corners.map(|p: Point3| p.into())),
+        }
+    }
+}
+
+/// One probe judged against a standard without being stored; `None` if there is no such standard.
+pub fn judge(probe: &Signature, standard: &str, method: MatchMethod) -> Option<Match> {
+    let standard = standard::by_name(standard)?;
+    Some(Match::of(0, &faces::judge(probe, &standard, method), judgement::MATCH_SCORE))
+}
+
+/// The standards that are built in, as the API lists them.
+pub fn standards() -> Vec<serde_json::Value> {
+    vec![standard_json(&standard::face())]
+}
+
+fn standard_json(standard: &Standard) -> serde_json::Value {
+    let corners = |t: &faces::Triangle| t.corners.map(<[f64; 3]>::from);
+    serde_json::json!({
+        "name": standard.name,
+        "built_in": true,
+        "unit": "mm",
+        "frame": "x: subject's left, y: up, z: out of the face",
+        "corners": ["eye_r_inner", "eye_l_inner", "nose_tip"],
+        "facial_triangle": corners(&standard.annotated),
+        "detected_triangle": corners(&standard.detected),
+        "size_mm": standard.annotated.size(),
+        "shape": standard.annotated_shape().coordinates(),
+        "score_threshold": judgement::MATCH_SCORE,
+        "thres_ft_mm": judgement::THRES_FT_MM,
+        "methods": ["descriptors", "literal"],
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::faces::signature::tests::example;
+
+    #[test]
+    fn only_known_standards_are_judged() {
+        assert_eq!(judge(&example(0.1, 5), "teapot", MatchMethod::Literal), None);
+        let verdict = judge(&example(0.1, 5), "face", MatchMethod::Descriptors).expect("the face is built in");
+        assert_eq!(verdict.is_match, verdict.score >= 0.5);
+        assert!(verdict.triangle.is_some());
+    }
+
+    #[test]
+    fn without_regions_there_is_no_triangle_and_no_match() {
+        let verdict = judge(&example(0.1, 2), "face", MatchMethod::Literal).expect("the face is built in");
+        assert_eq!((verdict.score, verdict.is_match, verdict.triangle), (0.0, false, None));
+        assert!(verdict.matching_error_mm.is_finite());
+    }
+
+    #[test]
+    fn the_face_is_listed_with_its_figures() {
+        let listed = standards();
+        assert_eq!(listed[0]["name"], "face");
+        assert!((listed[0]["size_mm"].as_f64().expect("a number") - 47.05).abs() < 0.01);
+    }
+}

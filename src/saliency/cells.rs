@@ -1,0 +1,170 @@
+//! Points sorted into cubic cells: all neighbours within a radius, quickly and always in the same order.
+
+use crate::geometry::{Bounds, Point3};
+
+/// A dense grid of cells over the bounding box; the points of a cell lie side by side.
+///
+/// Made for many queries with one radius over points spread on a surface, where it beats a tree: a query
+/// walks nine contiguous runs. The number of cells never exceeds a small multiple of the number of points.
+#[derive(Debug, Clone)]
+pub struct CellGrid {
+    origin: Point3,
+    per_length: f64,
+    dims: [usize; 3],
+    /// For each cell, where its run begins in `order`; one more entry at the end.
+    starts: Vec<u32>,
+    /// Indices of points, cell by cell, ascending within a cell.
+    order: Vec<u32>,
+    /// The positions in the order of `order`.
+    sorted: Vec<Point3>,
+}
+
+impl CellGrid {
+    /// Sorts `points` into cells with an edge of `cell` (larger if the box would need too many of them).
+    pub fn new(points: &[Point3], cell: f64) -> CellGrid {
+        let bounds = Bounds::of(points).unwrap_or(Bounds { min: Point3::origin(), max: Point3::origin() });
+        let extent = bounds.max - bounds.min;
+        let most_cells = 8.0 * points.len() as f64 + 4096.0;
+        let mut cell = if cell.is_finite() && cell > 0.0 { cell } else { 1.0 };
+        let count_of = |cell: f64| extent.iter().map(|e| (e / cell).floor() + 1.0).product::<f64>();
+        while count_of(cell) > most_cells {
+            cell *= 1.26;
+        }
+        let dims = [0, 1, 2].map(|axis| (extent[axis] / cell).floor() as usize + 1);
+        let mut grid = CellGrid {
+            origin: bounds.min,
+            per_length: 1.0 / cell,
+            dims,
+            starts: vec![0; dims.iter().product::<usize>() + 1],
+            order: vec![0; points.len()],
+            sorted: Vec::with_capacity(points.len()),
+        };
+        grid.fill(points);
+        grid
+    }
+
+    /// Counting sort: stable, so indices ascend within a cell.
+    fn fill(&mut self, points: &[Point3]) {
+        let cells: Vec<usize> = points.iter().map(|p| self.cell_index(self.cell_of(p))).collect();
+        for &cell in &cells {
+            self.starts[cell + 1] += 1;
+        }
+        for cell in 1..self.starts.len() {
+            self.starts[cell] += self.starts[cell - 1];
+        }
+        let mut next = self.starts.clone();
+        for (point, &cell) in cells.iter().enumerate() {
+            self.order[next[cell] as usize] = point as u32;
+            next[cell] += 1;
+        }
+        self.sorted.extend(self.order.iter().map(|&i| points[i as usize]));
+    }
+
+    fn axis_cell(&self, axis: usize, coordinate: f64) -> usize {
+        let cell = ((coordinate - self.origin[axis]) * self.per_length).floor();
+        (cell.max(0.0) as usize).min(self.dims[axis] - 1)
+    }
+
+    fn cell_of(&self, point: &Point3) -> [usize; 3] {
+        [0, 1, 2].map(|axis| self.axis_cell(axis, point[axis]))
+    }
+
+    fn cell_index(&self, [x, y, z]: [usize; 3]) -> usize {
+        (z * self.dims[1] + y) * self.dims[0] + x
+    }
+
+    /// Calls `visit(index, squared distance)` for every point nearer to `center` than `radius`.
+    pub fn for_each_within(&self, center: &Point3, radius: f64, mut visit: impl FnMut(usize, f64)) {
+        let low = [0, 1, 2].map(|axis| self.axis_cell(axis, center[axis] - radius));
+        let high = [0, 1, 2].map(|axis| self.axis_cell(axis, center[axis] + radius));
+        let radius2 = radius * radius;
+        for z in low[2]..=high[2] {
+            for y in low[1]..=high[1] {
+                let first = self.starts[self.cell_index([low[0], y, z])] as usize;
+                let end = self.starts[self.cell_index([high[0], y, z]) + 1] as usize;
+                for (point, &index) in self.sorted[first..end].iter().zip(&self.order[first..end]) {
+                    let distance2 = (point - center).norm_squared();
+                    if distance2 < radius2 {
+                        visit(index as usize, distance2);
+                    }
+                }
+            }
+        }
+    }
+
+    /// The indices of all points, those of one cell side by side: a visiting order that is kind to the cache.
+    pub fn order(&self) -> &[u32] {
+        &self.order
+    }
+}
+
+/// The smallest radius of the series `least, 1.3 least, ...` within which half of the points have at least `wanted`
+/// neighbours (themselves counted): what a local fit needs on a cloud of unknown density. At most the whole box.
+pub fn neighbour_radius(points: &[Point3], least: f64, wanted: usize) -> f64 {
+    /// A few hundred points tell the median well enough.
+    const PROBES: usize = 300;
+    let most = Bounds::of(points).map_or(0.0, |b| b.diagonal());
+    let step = points.len().div_ceil(PROBES).max(1);
+    let mut radius = least;
+    while radius < most {
+        let grid = CellGrid::new(points, radius);
+        let mut counts: Vec<usize> = points
+            .iter()
+            .step_by(step)
+            .map(|point| {
+                let mut count = 0;
+                grid.for_each_within(point, radius, |_, _| count += 1);
+                count
+            })
+            .collect();
+        counts.sort_unstable();
+        if counts[counts.len() / 2] >= wanted {
+            break;
+        }
+        radius *= 1.3;
+    }
+    radius
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn finds_what_brute_force_finds(
+            coordinates in prop::collection::vec(prop::array::uniform3(-5.0..5.0f64), 0..120),
+            center in prop::array::uniform3(-7.0..7.0f64), radius in 0.1..4.0f64, cell in 0.01..3.0f64,
+        ) {
+            let points: Vec<Point3> = coordinates.into_iter().map(Point3::from).collect();
+            let center = Point3::from(center);
+            let mut found = Vec::new();
+            CellGrid::new(&points, cell).for_each_within(&center, radius, |i, _| found.push(i));
+            found.sort_unstable();
+            let expected: Vec<usize> =
+                (0..points.len()).filter(|&i| (points[i] - center).norm_squared() < radius * radius).collect();
+            prop_assert_eq!(found, expected);
+        }
+    }
+
+    #[test]
+    fn the_radius_grows_until_there_are_neighbours() {
+        let points: Vec<Point3> = (0..400).map(|k| Point3::new(f64::from(k % 20), f64::from(k / 20), 0.0)).collect();
+        let radius = neighbour_radius(&points, 0.1, 13);
+        assert!(radius > 2.0 && radius < 2.7, "13 points of a unit grid lie within 2: {radius}");
+        assert_eq!(neighbour_radius(&points, 5.0, 13), 5.0);
+        assert_eq!(neighbour_radius(&[], 1.0, 13), 1.0);
+    }
+
+    #[test]
+    fn one_far_point_does_not_make_a_huge_grid() {
+        let mut points = vec![Point3::origin(); 10];
+        points.push(Point3::new(1e9, 1e9, 1e9));
+        let grid = CellGrid::new(&points, 0.1);
+        assert!(grid.starts.len() < 5000, "{} cells for 11 points", grid.starts.len());
+        let mut found = 0;
+        grid.for_each_within(&Point3::origin(), 0.5, |_, _| found += 1);
+        assert_eq!(found, 10);
+    }
+}

@@ -1,0 +1,93 @@
+//! From a surface to its salient regions: mean curvature, weighted curvature [P11], multi-scale saliency
+//! [P12], threshold and clustering. Pure.
+//!
+//! Meshes get their mean curvature from the cotangent Laplace-Beltrami operator ([`curvature`]), bare clouds
+//! from local quadric fits ([`quadric`]). All of it works on [`CurvedSurface`]: positions, outward normals,
+//! areas and mean curvature, convex positive.
+
+pub mod cells;
+pub mod curvature;
+pub mod multiscale;
+pub mod orientation;
+pub mod quadric;
+pub mod regions;
+pub mod samples;
+
+pub use cells::CellGrid;
+pub use multiscale::{saliency, weighted_curvature};
+pub use orientation::Side;
+pub use quadric::Principal;
+pub use regions::{Region, RegionOptions, salient_regions};
+pub use samples::Samples;
+
+use crate::geometry::{Bounds, Mesh, Point3, Vector3};
+
+/// The paper's unit of scale: xi as a share of the bounding box's diagonal.
+pub const XI_OF_DIAGONAL: f64 = 0.003;
+
+/// More points than this are gathered into cells before the multi-scale sums, whose cost grows with the
+/// square of the density. A head of this many points has a spacing of 1.6 xi: finer than the smallest sigma.
+const MAX_POINTS: usize = 40_000;
+
+/// The finest cell, in xi, that points are gathered into.
+const CELL_IN_XI: f64 = 1.5;
+
+/// Points of a surface with what saliency needs to know of each; all lists have one length.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct CurvedSurface {
+    /// Positions, in the unit of the file.
+    pub points: Vec<Point3>,
+    /// Unit normals, outward if the sign is known (zero where no face with an area meets).
+    pub normals: Vec<Vector3>,
+    /// The area that each point stands for; 0 leaves its curvature out of every sum.
+    pub areas: Vec<f64>,
+    /// Mean curvature l(v), one over length; convex positive.
+    pub mean_curvatures: Vec<f64>,
+}
+
+impl CurvedSurface {
+    /// A mesh's vertices. `side` is the factor that turns the mesh's winding outward: 1 or -1.
+    ///
+    /// Curvatures beyond 1/xi are cut there: a radius below xi is noise to every scale of [P12], and one
+    /// needle-shaped face must not own the maximum that the maps are scaled by.
+    pub fn from_mesh(mesh: &Mesh, side: f64) -> CurvedSurface {
+        let mut surface = curvature::of_mesh(mesh, side);
+        surface.cut_curvature();
+        if surface.points.len() > MAX_POINTS { surface.gathered() } else { surface }
+    }
+
+    /// A bare cloud with unit normals: thinned to cells, its curvature from weighted quadric fits.
+    pub fn from_cloud(points: &[Point3], normals: &[Vector3]) -> CurvedSurface {
+        let xi = XI_OF_DIAGONAL * Bounds::of(points).map_or(0.0, |b| b.diagonal());
+        let samples = Samples::from_cloud(points, normals, CELL_IN_XI * xi);
+        let mean_curvatures = quadric::mean_curvatures(&samples);
+        let Samples { points, normals, areas, .. } = samples;
+        let mut surface = CurvedSurface { points, normals, areas, mean_curvatures };
+        surface.cut_curvature();
+        surface
+    }
+
+    /// The paper's xi: 0.3 % of the diagonal of the bounding box.
+    pub fn xi(&self) -> f64 {
+        XI_OF_DIAGONAL * Bounds::of(&self.points).map_or(0.0, |b| b.diagonal())
+    }
+
+    fn cut_curvature(&mut self) {
+        let limit = 1.0 / self.xi().max(f64::MIN_POSITIVE);
+        for l in &mut self.mean_curvatures {
+            *l = l.clamp(-limit, limit);
+        }
+    }
+
+    /// The same surface with one point a cell: means weighted by area.
+    fn gathered(&self) -> CurvedSurface {
+        let cells = samples::gather(&self.points, &self.normals, &self.areas, CELL_IN_XI * self.xi());
+        let mut sums = vec![0.0; cells.samples.points.len()];
+        for (point, &cell) in cells.cell_of.iter().enumerate() {
+            sums[cell as usize] += self.areas[point] * self.mean_curvatures[point];
+        }
+        let Samples { points, normals, areas, .. } = cells.samples;
+        let mean_curvatures = sums.iter().zip(&areas).map(|(s, a)| if *a > 0.0 { s / a } else { 0.0 }).collect();
+        CurvedSurface { points, normals, areas, mean_curvatures }
+    }
+}

@@ -1,0 +1,217 @@
+//! A surface as evenly spread oriented points, one a cell: what the density of the file's vertices was
+//! no longer matters.
+
+use std::collections::HashMap;
+use std::hash::{BuildHasherDefault, Hasher};
+
+use crate::geometry::{Bounds, Mesh, Point3, Vector3};
+
+/// One point for each cell of edge `spacing` that the surface passes through.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Samples {
+    /// Area-weighted mean positions.
+    pub points: Vec<Point3>,
+    /// Unit normals.
+    pub normals: Vec<Vector3>,
+    /// The area of the surface inside the cell (for clouds: of one cell's face).
+    pub areas: Vec<f64>,
+    /// The edge of a cell.
+    pub spacing: f64,
+}
+
+/// Samples, and for each input point the sample that it went into.
+#[derive(Debug, Clone)]
+pub(super) struct Gathered {
+    pub samples: Samples,
+    pub cell_of: Vec<u32>,
+}
+
+/// Pieces of a face are no longer than this, in cells: about six of them meet in a cell.
+const PIECE_IN_CELLS: f64 = 0.7;
+
+impl Samples {
+    /// Samples of a mesh by area: large faces are cut into pieces, so faces and vertices of any size do.
+    /// `vertex_normals` are interpolated over each face. Cells where the surface passes twice with opposite
+    /// normals (a thin wall) give two samples.
+    pub fn from_mesh(mesh: &Mesh, vertex_normals: &[Vector3], spacing: f64) -> Samples {
+        let mut cells = Cells::new(spacing, mesh.bounds());
+        let mut stack = Vec::new();
+        for (index, face) in mesh.faces.iter().enumerate() {
+            let area = 0.5 * mesh.area_normal(index).norm();
+            if area > 0.0 {
+                let corners = face.map(|v| (mesh.vertices[v as usize], vertex_normals[v as usize]));
+                stack.push((corners, area));
+                cells.add_pieces(&mut stack, PIECE_IN_CELLS * spacing);
+            }
+        }
+        cells.finish()
+    }
+
+    /// Samples of a cloud with unit normals. Every sample stands for the same area, since the density of a
+    /// cloud tells of the scanner and not of the surface.
+    pub fn from_cloud(points: &[Point3], normals: &[Vector3], spacing: f64) -> Samples {
+        let mut cells = Cells::new(spacing, Bounds::of(points));
+        for (point, normal) in points.iter().zip(normals) {
+            cells.add(point, normal, 1.0);
+        }
+        let mut samples = cells.finish();
+        samples.areas.fill(spacing * spacing);
+        samples
+    }
+}
+
+/// Gathers points into cells of edge `spacing`, weighted by their areas (a point without area counts a little,
+/// so that it has a place).
+pub(super) fn gather(points: &[Point3], normals: &[Vector3], areas: &[f64], spacing: f64) -> Gathered {
+    let mut cells = Cells::new(spacing, Bounds::of(points));
+    let cell_of =
+        points.iter().zip(normals).zip(areas).map(|((p, n), a)| cells.add(p, n, a.max(f64::MIN_POSITIVE))).collect();
+    Gathered { samples: cells.finish(), cell_of }
+}
+
+/// A face's corners with their normals.
+type Piece = [(Point3, Vector3); 3];
+
+struct Cells {
+    spacing: f64,
+    origin: Point3,
+    slots: HashMap<(u64, bool), u32, BuildHasherDefault<KeyHasher>>,
+    first_normals: Vec<Vector3>,
+    sums: Vec<(Vector3, Vector3, f64)>,
+}
+
+impl Cells {
+    fn new(spacing: f64, bounds: Option<Bounds>) -> Cells {
+        Cells {
+            spacing: spacing.max(f64::MIN_POSITIVE),
+            origin: bounds.map_or(Point3::origin(), |b| b.min),
+            slots: HashMap::default(),
+            first_normals: Vec::new(),
+            sums: Vec::new(),
+        }
+    }
+
+    /// Adds to the cell's first sample if the normals agree, else to its second.
+    fn add(&mut self, point: &Point3, normal: &Vector3, area: f64) -> u32 {
+        let offset = point - self.origin;
+        let [x, y, z] = [0, 1, 2].map(|axis| (offset[axis] / self.spacing) as u64 & 0x1f_ffff);
+        let key = x | y << 21 | z << 42;
+        let mut slot = self.slot(key, false, normal);
+        if self.first_normals[slot as usize].dot(normal) < 0.0 {
+            slot = self.slot(key, true, normal);
+        }
+        let sums = &mut self.sums[slot as usize];
+        sums.0 += offset * area;
+        sums.1 += normal * area;
+        sums.2 += area;
+        slot
+    }
+
+    fn slot(&mut self, key: u64, second: bool, normal: &Vector3) -> u32 {
+        let next = self.sums.len() as u32;
+        let slot = *self.slots.entry((key, second)).or_insert(next);
+        if slot == next {
+            self.sums.push((Vector3::zeros(), Vector3::zeros(), 0.0));
+            self.first_normals.push(*normal);
+        }
+        slot
+    }
+
+    /// Halves the longest edge until every piece is short; the pieces share the area evenly.
+    fn add_pieces(&mut self, stack: &mut Vec<(Piece, f64)>, longest: f64) {
+        while let Some((piece, area)) = stack.pop() {
+            let edges2 = [0, 1, 2].map(|k| (piece[(k + 1) % 3].0 - piece[k].0).norm_squared());
+            let k = (0..3).fold(0, |best, k| if edges2[k] > edges2[best] { k } else { best });
+            if edges2[k] > longest * longest {
+                let (a, b, c) = (piece[k], piece[(k + 1) % 3], piece[(k + 2) % 3]);
+                let middle = (nalgebra::center(&a.0, &b.0), (a.1 + b.1) * 0.5);
+                stack.push(([a, middle, c], 0.5 * area));
+                stack.push(([middle, b, c], 0.5 * area));
+            } else {
+                let point = Point3::from((piece[0].0.coords + piece[1].0.coords + piece[2].0.coords) / 3.0);
+                self.add(&point, &(piece[0].1 + piece[1].1 + piece[2].1), area);
+            }
+        }
+    }
+
+    fn finish(self) -> Samples {
+        let mut samples = Samples { spacing: self.spacing, ..Samples::default() };
+        for (position, normal, area) in self.sums {
+            samples.points.push(self.origin + position / area);
+            samples.normals.push(normal.try_normalize(f64::MIN_POSITIVE).unwrap_or_else(Vector3::zeros));
+            samples.areas.push(area);
+        }
+        samples
+    }
+}
+
+/// Hashes a cell's key by one multiplication: the default hasher would cost more than the rest. The map is
+/// only ever looked up, never iterated, so the order of its entries shows nowhere.
+#[derive(Debug, Default)]
+struct KeyHasher(u64);
+
+impl Hasher for KeyHasher {
+    fn finish(&self) -> u64 {
+        self.0
+    }
+
+    fn write(&mut self, bytes: &[u8]) {
+        for &byte in bytes {
+            self.write_u64(u64::from(byte));
+        }
+    }
+
+    fn write_u8(&mut self, value: u8) {
+        self.write_u64(u64::from(value));
+    }
+
+    fn write_u64(&mut self, value: u64) {
+        let mixed = (self.0 ^ value).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        self.0 = mixed ^ (mixed >> 32);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::curvature::tests::sphere;
+    use super::*;
+
+    #[test]
+    fn samples_keep_the_area_and_lie_on_the_surface() {
+        let mesh = sphere(1.0, 5);
+        let samples = Samples::from_mesh(&mesh, &mesh.vertex_normals(), 0.1);
+        let area: f64 = samples.areas.iter().sum();
+        assert!((area / (4.0 * std::f64::consts::PI) - 1.0).abs() < 0.01, "{area}");
+        for (point, normal) in samples.points.iter().zip(&samples.normals) {
+            assert!((point.coords.norm() - 1.0).abs() < 0.01);
+            assert!(point.coords.normalize().dot(normal) > 0.99);
+        }
+    }
+
+    #[test]
+    fn coarse_faces_are_filled() {
+        let plate = Mesh {
+            vertices: vec![Point3::origin(), Point3::new(1.0, 0.0, 0.0), Point3::new(0.0, 1.0, 0.0)],
+            faces: vec![[0, 1, 2]],
+        };
+        let samples = Samples::from_mesh(&plate, &plate.vertex_normals(), 0.05);
+        assert!((200..=240).contains(&samples.points.len()), "{}", samples.points.len());
+        assert!((samples.areas.iter().sum::<f64>() - 0.5).abs() < 1e-12);
+    }
+
+    #[test]
+    fn both_sides_of_a_thin_wall_are_kept_apart() {
+        let points = vec![Point3::new(0.5, 0.5, 0.0), Point3::new(0.5, 0.5, 0.01)];
+        let normals = vec![-Vector3::z(), Vector3::z()];
+        let samples = Samples::from_cloud(&points, &normals, 1.0);
+        assert_eq!(samples.normals, normals);
+    }
+
+    #[test]
+    fn gathering_tells_where_each_point_went() {
+        let points: Vec<Point3> = [0.1, 0.2, 1.4, 0.3].iter().map(|&x| Point3::new(x, 0.0, 0.0)).collect();
+        let gathered = gather(&points, &[Vector3::z(); 4], &[1.0; 4], 1.0);
+        assert_eq!(gathered.cell_of, [0, 0, 1, 0]);
+        assert!((gathered.samples.points[0].x - 0.2).abs() < 1e-12);
+    }
+}
