@@ -10,20 +10,35 @@
 //! - [`saliency`]: curvature, multi-scale saliency, salient regions
 //! - [`faces`]: facial triangles, standards, signatures
 //! - [`retrieval`]: the in-memory gallery index and its queries
+//! - [`synthetic`]: objects and scans made by code, for the demo and the tests
 //! - [`pipeline`]: scans to model to signature, stage by stage
 //! - [`progress`]: the progress sink and the cancel flag
 //!
 //! Around them:
 //! - [`formats`]: bytes to geometry and back
+//! - [`store`]: the only module that knows SQL
+//! - [`blobs`]: the only module that knows where files are kept
+//! - [`jobs`]: the durable queue and its runner
+//! - [`http`]: router, resources, problem+json
+//! - [`cli`]: the commands of the binary
+//! - [`config`], [`telemetry`]: settings, logs
 
 #![warn(missing_docs)]
 
+pub mod blobs;
+pub mod cli;
+pub mod config;
 pub mod faces;
 pub mod formats;
 pub mod geometry;
+pub mod http;
+pub mod jobs;
 pub mod pipeline;
 pub mod progress;
 pub mod reconstruction;
 pub mod registration;
 pub mod retrieval;
 pub mod saliency;
+pub mod store;
+pub mod synthetic;
+pub mod telemetry;

@@ -1,2 +1,5 @@
 //! The visage binary.
-fn main() {}
+
+fn main() -> std::process::ExitCode {
+    visage::cli::main()
+}

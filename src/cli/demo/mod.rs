@@ -1,0 +1,147 @@
+//! `visage demo`: the whole path on scans made by code, through the real service, with a known truth.
+
+mod client;
+mod exhibits;
+mod verdict;
+
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use anyhow::{Context, ensure};
+use clap::Args;
+use indicatif::{ProgressBar, ProgressStyle};
+
+use self::client::{Client, Job};
+use self::exhibits::Exhibit;
+use self::verdict::{Finding, PoseFinding};
+use crate::config::ServerConfig;
+use crate::http::Server;
+use crate::telemetry::{self, LogFormat};
+
+/// How the demo runs.
+#[derive(Debug, Args)]
+pub struct DemoArgs {
+    /// Leave the server running at the end, to look at the results
+    #[arg(long)]
+    keep: bool,
+    /// Where the demo's server listens; port 0 takes a free one
+    #[arg(long, default_value = "127.0.0.1:0")]
+    addr: SocketAddr,
+    /// Also write the clouds, poses and reports to this folder
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+}
+
+/// Runs the demo; an error if a pose or an answer is wrong.
+pub fn run(args: DemoArgs) -> anyhow::Result<()> {
+    telemetry::init(LogFormat::default(), "warn")?;
+    let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().context("starting the runtime")?;
+    let shown = runtime.block_on(show(&args));
+    runtime.shutdown_timeout(Duration::from_secs(1));
+    shown
+}
+
+async fn show(args: &DemoArgs) -> anyhow::Result<()> {
+    println!("Making three objects by code and scanning each from 8 sides ...");
+    let exhibits = tokio::task::spawn_blocking(exhibits::make).await?;
+    for exhibit in &exhibits {
+        println!("  {}", exhibit.introduction());
+    }
+    let folder = tempfile::tempdir().context("making a temporary folder")?;
+    let server = Server::start(ServerConfig::new(args.addr, folder.path())).await?;
+    println!("\nThe service listens on {} and keeps its data in {}.", server.url(), folder.path().display());
+    let client = Client::new(&server.url())?;
+    let result = tell(&client, &exhibits, args).await;
+    if args.keep && result.is_ok() {
+        println!("\nThe server stays up until Ctrl-C.");
+        tokio::signal::ctrl_c().await.context("waiting for Ctrl-C")?;
+    }
+    server.shutdown().await;
+    let findings = result?;
+    let wrong: Vec<String> = findings.iter().flat_map(Finding::complaints).collect();
+    ensure!(wrong.is_empty(), "the demo did not come out as it should: {}", wrong.join("; "));
+    Ok(())
+}
+
+/// Uploads, registers, asks, and says what came of it.
+async fn tell(client: &Client, exhibits: &[Exhibit], args: &DemoArgs) -> anyhow::Result<Vec<Finding>> {
+    println!("\nUploading the scans with disturbed poses and registering them:");
+    let mut queued = Vec::new();
+    for exhibit in exhibits {
+        let set = client.create_scan_set(exhibit.name, &exhibit.files(), &exhibit.initial_poses()).await?;
+        queued.push(client.create_job(&set, exhibit.label()).await?);
+    }
+    let mut findings = Vec::new();
+    for (exhibit, job) in exhibits.iter().zip(queued) {
+        let finished = follow(client, exhibit.name, &job).await?;
+        let model_id = finished.model(exhibit.name)?;
+        let poses = PoseFinding::new(exhibit, &client.poses(&model_id).await?)?;
+        println!("  {:<6} {poses}", exhibit.name);
+        findings.push(Finding::new(exhibit, model_id, poses));
+    }
+
+    println!("\nAsking which of these are faces (POST /v1/queries {{\"standard\": \"face\"}}):");
+    let matches = client.query_standard("face").await?;
+    for finding in &mut findings {
+        finding.answer(&matches)?;
+        println!("  {finding}");
+    }
+    let all_right = findings.iter().all(|finding| finding.complaints().is_empty());
+    println!("\n{}", if all_right { "All poses and all answers are right." } else { "NOT everything is right." });
+    if let Some(out) = &args.out {
+        save(client, &findings, out).await?;
+    }
+    say_how_to_look(client, &findings, args);
+    Ok(findings)
+}
+
+/// Waits for the end of a job, its progress in a bar (on a terminal).
+async fn follow(client: &Client, name: &str, job: &Job) -> anyhow::Result<Job> {
+    const GLANCE: Duration = Duration::from_millis(150);
+    let style = ProgressStyle::with_template("  {prefix:<6} [{bar:30}] {percent:>3} % {msg}")?.progress_chars("=> ");
+    let bar = ProgressBar::new(1000).with_style(style).with_prefix(name.to_owned());
+    loop {
+        let now = client.job(&job.id).await?;
+        bar.set_position((now.progress * 1000.0) as u64);
+        bar.set_message(now.stage.clone().unwrap_or_else(|| now.status.clone()));
+        if now.is_finished() {
+            bar.finish_and_clear();
+            return Ok(now);
+        }
+        tokio::time::sleep(GLANCE).await;
+    }
+}
+
+/// Fetches the files of the models into `out`.
+async fn save(client: &Client, findings: &[Finding], out: &std::path::Path) -> anyhow::Result<()> {
+    std::fs::create_dir_all(out).with_context(|| format!("making {}", out.display()))?;
+    for finding in findings {
+        for asset in ["cloud.ply", "poses.json", "report.json"] {
+            let bytes = client.asset(&finding.model_id, asset).await?;
+            let path = out.join(format!("{}_{asset}", finding.name));
+            std::fs::write(&path, bytes).with_context(|| format!("writing {}", path.display()))?;
+        }
+    }
+    Ok(())
+}
+
+fn say_how_to_look(client: &Client, findings: &[Finding], args: &DemoArgs) {
+    if let Some(out) = &args.out {
+        println!("\nThe clouds are in {}: open them with MeshLab, CloudCompare or Blender.", out.display());
+    }
+    if args.keep {
+        println!("\nLook at the results (clouds open in MeshLab, CloudCompare or Blender):");
+        for finding in findings {
+            println!("  curl -o {}.ply {}", finding.name, client.asset_url(&finding.model_id, "cloud.ply"));
+        }
+        println!("  curl {}", client.url("/v1/models"));
+        let body = "'{\"standard\": \"face\"}'";
+        println!("  curl {} -H 'content-type: application/json' -d {body}", client.url("/v1/queries"));
+    } else if args.out.is_none() {
+        println!(
+            "\nTo look at the results: `visage demo --out DIR` writes the clouds to DIR, `visage demo --keep` leaves"
+        );
+        println!("the server up and says what to fetch from it.");
+    }
+}

@@ -1,0 +1,62 @@
+//! The commands of the binary.
+
+pub mod demo;
+mod healthcheck;
+mod openapi;
+pub mod register;
+pub mod serve;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+/// Registers batches of 3D range scans into one model and finds faces among the models it keeps.
+#[derive(Debug, Parser)]
+#[command(name = "visage", version, about, propagate_version = true)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Run the service.
+    Serve(serve::ServeArgs),
+    /// Register the scans of a folder, without a server.
+    Register(register::RegisterArgs),
+    /// Show everything on code-made scans: server, uploads, jobs, queries.
+    Demo(demo::DemoArgs),
+    /// Print the contract of the service (OpenAPI, YAML).
+    Openapi,
+    /// Ask a running service whether it is well; for container health checks.
+    Healthcheck(healthcheck::HealthcheckArgs),
+}
+
+/// Runs the command that the arguments name.
+pub fn main() -> ExitCode {
+    let done = match Cli::parse().command {
+        Command::Serve(args) => serve::run(args),
+        Command::Register(args) => register::run(args),
+        Command::Demo(args) => demo::run(args),
+        Command::Openapi => openapi::run(),
+        Command::Healthcheck(args) => healthcheck::run(args),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("visage: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_arguments_are_consistent() {
+        Cli::command().debug_assert();
+    }
+}

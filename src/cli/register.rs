@@ -1,0 +1,227 @@
+//! `visage register`: the scans of a folder into one model, without a server.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::time::Duration;
+
+use anyhow::{Context, bail, ensure};
+use clap::Args;
+use indicatif::{ProgressBar, ProgressStyle};
+
+use crate::formats::{self, ReadLimits, poses::PoseFile};
+use crate::geometry::{Motion, Unit};
+use crate::jobs::artifacts::{RunFacts, report_json};
+use crate::jobs::tracker::Tracker;
+
+use crate::pipeline::{self, Method, NamedScan, Options, Outcome, PipelineError};
+use crate::progress::{Progress, Stage};
+
+/// What to register and where to write it.
+#[derive(Debug, Args)]
+pub struct RegisterArgs {
+    /// The folder with the scans (PLY or OBJ)
+    dir: PathBuf,
+    /// Initial poses: Stanford .conf, JSON {"scan name": 4x4 scan-to-world}, or text blocks of a name and four rows
+    #[arg(long)]
+    poses: Option<PathBuf>,
+    /// Which files of DIR are scans, such as 'scan_*.ply' [default: those of the pose file, else every scan file]
+    #[arg(long, value_name = "GLOB")]
+    scans: Option<String>,
+    /// Unit of the scans: mm, cm, m, in or unknown
+    #[arg(long, default_value = "unknown")]
+    unit: Unit,
+    /// Registration method
+    #[arg(long, default_value_t = Method::default())]
+    method: Method,
+    /// Worker threads [default: one per core]
+    #[arg(long)]
+    threads: Option<usize>,
+    /// Least overlap of a pair that is registered, between 0 and 1
+    #[arg(long, default_value_t = Options::default().min_overlap)]
+    min_overlap: f64,
+    /// Range accuracy R_e of the scanner in the unit of the scans [default: estimated]
+    #[arg(long)]
+    range_accuracy: Option<f64>,
+    /// Where the scanner stood in each scan's frame, for outward normals [default: estimated]
+    #[arg(long, value_name = "X,Y,Z", value_delimiter = ',', num_args = 3, allow_hyphen_values = true)]
+    sensor: Option<Vec<f64>>,
+    /// Don't make the merged cloud
+    #[arg(long)]
+    no_cloud: bool,
+    /// Don't make the signature for retrieval
+    #[arg(long)]
+    no_signature: bool,
+    /// The folder to write poses.json, cloud.ply and report.json to; made if it isn't there
+    #[arg(long)]
+    out: PathBuf,
+}
+
+/// Registers and writes the results.
+pub fn run(args: RegisterArgs) -> anyhow::Result<()> {
+    let threads = args.threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().context("starting the worker threads")?;
+    let bar = progress_bar();
+    let tracker = Arc::new_cyclic(|tracker: &std::sync::Weak<Tracker>| {
+        let (tracker, bar) = (tracker.clone(), bar.clone());
+        Tracker::new(move || {
+            if let Some(tracker) = tracker.upgrade() {
+                show(&bar, &tracker);
+            }
+        })
+    });
+    let progress = Progress::new(tracker.clone(), Arc::new(AtomicBool::new(false)));
+
+    let poses = args.poses.as_deref().map(read_poses).transpose()?;
+    let names = scan_names(&args, poses.as_ref())?;
+    let scans = pool.install(|| read_scans(&args.dir, &names, &progress))?;
+    let initial_poses: BTreeMap<String, Motion> = poses.map(|file| file.to_map()).unwrap_or_default();
+    let options = options(&args);
+    let outcome =
+        pool.install(|| pipeline::run(scans, &initial_poses, args.unit, &options, &progress)).map_err(with_hint)?;
+
+    progress.report(Stage::Storing, 0.0);
+    std::fs::create_dir_all(&args.out).with_context(|| format!("making {}", args.out.display()))?;
+    write_model(&args.out, &outcome)?;
+    progress.report(Stage::Storing, 1.0);
+    let facts = RunFacts::here(None, threads, tracker.snapshot().stage_seconds);
+    write(&args.out.join("report.json"), &report_json(&outcome.report, &facts)?)?;
+    bar.finish_and_clear();
+    summarise(&outcome, &args.out)
+}
+
+fn options(args: &RegisterArgs) -> Options {
+    Options {
+        method: args.method,
+        threads: args.threads,
+        min_overlap: args.min_overlap,
+        range_accuracy: args.range_accuracy,
+        sensor: args.sensor.as_ref().map(|s| [s[0], s[1], s[2]]),
+        cloud: !args.no_cloud,
+        signature: !args.no_signature,
+        ..Options::default()
+    }
+}
+
+fn read_poses(path: &Path) -> anyhow::Result<PoseFile> {
+    let bytes = std::fs::read(path).with_context(|| format!("reading {}", path.display()))?;
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    formats::poses::read(&name, &bytes).with_context(|| format!("reading {}", path.display()))
+}
+
+/// The scans to register, in the order of the views: that of the pose file, else natural order of the names.
+fn scan_names(args: &RegisterArgs, poses: Option<&PoseFile>) -> anyhow::Result<Vec<String>> {
+    let files = files_of(&args.dir)?;
+    if let Some(conf) = files.iter().find(|name| poses.is_none() && name.ends_with(".conf")) {
+        eprintln!("note: {conf} is not used; give it with --poses if the scans are to start from it");
+    }
+    let mut names: Vec<String> = match (&args.scans, poses) {
+        (Some(glob), _) => {
+            let glob = globset::Glob::new(glob).context("--scans")?.compile_matcher();
+            files.into_iter().filter(|name| glob.is_match(name)).collect()
+        }
+        (None, Some(poses)) => {
+            let missing: Vec<&str> =
+                poses.poses.iter().map(|p| p.0.as_str()).filter(|n| !files.iter().any(|f| f == n)).collect();
+            ensure!(
+                missing.is_empty(),
+                "the pose file names scans that are not in {}: {}",
+                args.dir.display(),
+                missing.join(", ")
+            );
+            files.into_iter().filter(|name| poses.poses.iter().any(|(posed, _)| posed == name)).collect()
+        }
+        (None, None) => files.into_iter().filter(|name| is_scan(name)).collect(),
+    };
+    let place = |name: &String| poses.and_then(|p| p.poses.iter().position(|(posed, _)| posed == name));
+    names.sort_by(|a, b| {
+        let places = (place(a).unwrap_or(usize::MAX), place(b).unwrap_or(usize::MAX));
+        places.0.cmp(&places.1).then_with(|| natord::compare(a, b))
+    });
+    ensure!(!names.is_empty(), "no scans in {} (read are: {})", args.dir.display(), formats::EXTENSIONS.join(", "));
+    Ok(names)
+}
+
+fn files_of(dir: &Path) -> anyhow::Result<Vec<String>> {
+    let entries = std::fs::read_dir(dir).with_context(|| format!("reading the folder {}", dir.display()))?;
+    let mut names = Vec::new();
+    for entry in entries {
+        let entry = entry.with_context(|| format!("reading the folder {}", dir.display()))?;
+        if entry.path().is_file() {
+            names.push(entry.file_name().to_string_lossy().into_owned());
+        }
+    }
+    Ok(names)
+}
+
+fn is_scan(name: &str) -> bool {
+    let extension = name.rsplit_once('.').map_or("", |(_, extension)| extension).to_ascii_lowercase();
+    formats::EXTENSIONS.contains(&extension.as_str())
+}
+
+fn read_scans(dir: &Path, names: &[String], progress: &Progress) -> anyhow::Result<Vec<NamedScan>> {
+    use rayon::prelude::*;
+    progress.report(Stage::Loading, 0.0);
+    names
+        .par_iter()
+        .map(|name| {
+            let path = dir.join(name);
+            let bytes = std::fs::read(&path).with_context(|| format!("reading {}", path.display()))?;
+            let surface = formats::read_surface(name, &bytes, &ReadLimits::default())
+                .with_context(|| format!("reading {}", path.display()))?;
+            if !surface.faces.is_empty() && surface.grid.is_none() {
+                eprintln!("note: {name} is a mesh; its vertices are taken as a scan");
+            }
+            Ok(NamedScan { name: name.clone(), surface })
+        })
+        .collect()
+}
+
+fn with_hint(error: PipelineError) -> anyhow::Error {
+    match error {
+        PipelineError::Unusable { message, hint, .. } => anyhow::anyhow!("{message}; {hint}"),
+        canceled @ PipelineError::Canceled(_) => canceled.into(),
+    }
+}
+
+fn write_model(out: &Path, outcome: &Outcome) -> anyhow::Result<()> {
+    write(&out.join("poses.json"), formats::poses::write_json(&outcome.poses).as_bytes())?;
+    if let Some(model) = &outcome.cloud {
+        write(&out.join("cloud.ply"), &formats::ply::write_cloud(&model.cloud, Some(&model.views)))?;
+    }
+    Ok(())
+}
+
+fn write(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
+    std::fs::write(path, bytes).with_context(|| format!("writing {}", path.display()))
+}
+
+/// The verdict on standard output; an error if the registration failed, since scripts look at the exit status.
+fn summarise(outcome: &Outcome, out: &Path) -> anyhow::Result<()> {
+    let verdict = &outcome.report["verdict"];
+    let quality = verdict["quality"].as_str().unwrap_or("unknown");
+    let placed = outcome.poses.iter().filter(|(_, pose)| pose.is_some()).count();
+    println!("quality {quality}: {placed} of {} scans placed, results in {}", outcome.poses.len(), out.display());
+    for reason in verdict["reasons"].as_array().into_iter().flatten().filter_map(|reason| reason.as_str()) {
+        println!("  {reason}");
+    }
+    if quality == "failed" {
+        bail!("the registration failed; the files are written, but don't use them unseen");
+    }
+    Ok(())
+}
+
+fn progress_bar() -> ProgressBar {
+    let style = ProgressStyle::with_template("{msg:>12} [{wide_bar}] {percent:>3}% {elapsed}")
+        .map_or_else(|_| ProgressStyle::default_bar(), |style| style.progress_chars("=> "));
+    let bar = ProgressBar::new(1000).with_style(style);
+    bar.enable_steady_tick(Duration::from_millis(200));
+    bar
+}
+
+fn show(bar: &ProgressBar, tracker: &Tracker) {
+    let snapshot = tracker.snapshot();
+    bar.set_position((snapshot.progress * 1000.0) as u64);
+    bar.set_message(snapshot.stage.map_or("", Stage::name));
+}

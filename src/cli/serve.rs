@@ -1,0 +1,120 @@
+//! `visage serve`: the service, until it is told to stop.
+
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use anyhow::Context;
+use clap::Args;
+
+use crate::config::{Limits, QueueTiming, ServerConfig, available_threads};
+use crate::http::Server;
+use crate::telemetry::{self, LogFormat};
+
+/// Where and how the service runs.
+#[derive(Debug, Args)]
+pub struct ServeArgs {
+    /// Where to listen; port 0 takes a free one
+    #[arg(long, env = "VISAGE_ADDR", default_value = "127.0.0.1:8080")]
+    addr: SocketAddr,
+    /// The folder of the database and of all files
+    #[arg(long, env = "VISAGE_DATA", value_name = "DIR")]
+    data: PathBuf,
+    /// The most worker threads one job may use [default: all of the machine]
+    #[arg(long, env = "VISAGE_THREADS", value_parser = at_least_one)]
+    threads: Option<usize>,
+    /// Jobs that run at the same time
+    #[arg(long, env = "VISAGE_JOBS", default_value = "1", value_parser = at_least_one)]
+    jobs: usize,
+    /// Jobs that may wait
+    #[arg(long, env = "VISAGE_MAX_QUEUED_JOBS", default_value_t = Limits::default().queued_jobs)]
+    max_queued_jobs: usize,
+    /// Megabytes (10^6) of one request body
+    #[arg(long, env = "VISAGE_MAX_UPLOAD_MB", default_value_t = Limits::default().upload_bytes / 1_000_000)]
+    max_upload_mb: u64,
+    /// Megabytes (10^6) of one scan or model file
+    #[arg(long, env = "VISAGE_MAX_FILE_MB", default_value_t = Limits::default().file_bytes / 1_000_000)]
+    max_file_mb: u64,
+    /// Scans in one scan set
+    #[arg(long, env = "VISAGE_MAX_SCANS", default_value_t = Limits::default().scans_per_set)]
+    max_scans: usize,
+    /// Points in one scan or model
+    #[arg(long, env = "VISAGE_MAX_POINTS", default_value_t = Limits::default().points_per_scan)]
+    max_points: u64,
+    /// Seconds that requests and jobs in flight get at shutdown
+    #[arg(long, env = "VISAGE_SHUTDOWN_SECONDS", default_value = "10")]
+    shutdown_seconds: u64,
+    /// How log lines are written
+    #[arg(long, env = "VISAGE_LOG_FORMAT", value_enum, default_value_t)]
+    log_format: LogFormat,
+    /// Which log lines are written, such as "info" or "warn,visage=debug"
+    #[arg(long, env = "VISAGE_LOG", default_value = telemetry::DEFAULT_FILTER)]
+    log: String,
+}
+
+fn at_least_one(text: &str) -> Result<usize, String> {
+    text.parse().ok().filter(|&number| number >= 1).ok_or_else(|| "must be a whole number of at least 1".to_owned())
+}
+
+impl ServeArgs {
+    fn config(&self) -> ServerConfig {
+        ServerConfig {
+            addr: self.addr,
+            data_dir: self.data.clone(),
+            threads: self.threads.unwrap_or_else(available_threads),
+            concurrent_jobs: self.jobs,
+            limits: Limits {
+                upload_bytes: self.max_upload_mb.saturating_mul(1_000_000),
+                file_bytes: self.max_file_mb.saturating_mul(1_000_000),
+                scans_per_set: self.max_scans,
+                points_per_scan: self.max_points,
+                queued_jobs: self.max_queued_jobs,
+                ..Limits::default()
+            },
+            queue: QueueTiming::default(),
+            shutdown_deadline: Duration::from_secs(self.shutdown_seconds),
+        }
+    }
+}
+
+/// Serves until SIGTERM or SIGINT.
+pub fn run(args: ServeArgs) -> anyhow::Result<()> {
+    telemetry::init(args.log_format, &args.log)?;
+    let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().context("starting the runtime")?;
+    let served = runtime.block_on(serve(args.config()));
+    // a job's thread or a check that does not listen must not keep the process
+    runtime.shutdown_timeout(Duration::from_secs(1));
+    served
+}
+
+async fn serve(config: ServerConfig) -> anyhow::Result<()> {
+    // listened for before the server starts, so that a signal during the start is not lost
+    let stop = stop_signal()?;
+    let server = Server::start(config).await?;
+    println!("listening on {}", server.url());
+    stop.await;
+    server.shutdown().await;
+    Ok(())
+}
+
+#[cfg(unix)]
+fn stop_signal() -> anyhow::Result<impl Future<Output = ()>> {
+    use tokio::signal::unix::{SignalKind, signal};
+    let mut terminate = signal(SignalKind::terminate()).context("listening for SIGTERM")?;
+    let mut interrupt = signal(SignalKind::interrupt()).context("listening for SIGINT")?;
+    Ok(async move {
+        tokio::select! {
+            _ = terminate.recv() => {}
+            _ = interrupt.recv() => {}
+        }
+    })
+}
+
+#[cfg(not(unix))]
+fn stop_signal() -> anyhow::Result<impl Future<Output = ()>> {
+    Ok(async {
+        if tokio::signal::ctrl_c().await.is_err() {
+            std::future::pending::<()>().await;
+        }
+    })
+}

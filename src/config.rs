@@ -1,0 +1,116 @@
+//! What the operator may set: where the service listens, where it keeps things, and how much it takes on.
+
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use crate::formats::ReadLimits;
+
+/// Everything a server needs to know before it starts.
+#[derive(Debug, Clone)]
+pub struct ServerConfig {
+    /// Where to listen; port 0 takes a free one.
+    pub addr: SocketAddr,
+    /// The folder of the database and of all files. Created when absent; one server at a time.
+    pub data_dir: PathBuf,
+    /// The most worker threads one job may use.
+    pub threads: usize,
+    /// Jobs that run at the same time.
+    pub concurrent_jobs: usize,
+    /// Bounds on what clients may ask for.
+    pub limits: Limits,
+    /// Clocks of the job queue.
+    pub queue: QueueTiming,
+    /// How long requests and jobs in flight may take to end after a stop was asked for.
+    pub shutdown_deadline: Duration,
+}
+
+impl ServerConfig {
+    /// The defaults for a server on `addr` that keeps its data in `data_dir`.
+    pub fn new(addr: SocketAddr, data_dir: impl Into<PathBuf>) -> Self {
+        ServerConfig {
+            addr,
+            data_dir: data_dir.into(),
+            threads: available_threads(),
+            concurrent_jobs: 1,
+            limits: Limits::default(),
+            queue: QueueTiming::default(),
+            shutdown_deadline: Duration::from_secs(10),
+        }
+    }
+}
+
+/// The number of threads the machine offers to this process (1 if it does not say).
+pub fn available_threads() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from)
+}
+
+/// Bounds on requests. They are stated in `GET /v1/info` and enforced with 413, 422 or 429.
+#[derive(Debug, Clone, Copy)]
+pub struct Limits {
+    /// Bytes of one request body (all files of a multipart upload together).
+    pub upload_bytes: u64,
+    /// Bytes of one scan or model file.
+    pub file_bytes: u64,
+    /// Bytes of a JSON body or of a text field of a form.
+    pub text_bytes: usize,
+    /// Bytes of a pose file.
+    pub pose_file_bytes: usize,
+    /// Scans in one scan set.
+    pub scans_per_set: usize,
+    /// Points in one scan or model.
+    pub points_per_scan: u64,
+    /// Jobs that may wait.
+    pub queued_jobs: usize,
+    /// Uploads that are read and checked at the same time (each holds one file in memory).
+    pub concurrent_checks: usize,
+    /// How long a client may send nothing before its upload is given up.
+    pub upload_stall: Duration,
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Limits {
+            upload_bytes: 4 << 30,
+            file_bytes: 512 << 20,
+            text_bytes: 256 << 10,
+            pose_file_bytes: 4 << 20,
+            scans_per_set: 500,
+            points_per_scan: 20_000_000,
+            queued_jobs: 100,
+            concurrent_checks: 2,
+            upload_stall: Duration::from_secs(60),
+        }
+    }
+}
+
+impl Limits {
+    /// What the readers of files accept. A closed mesh has about two faces a vertex, hence the factor.
+    pub fn read_limits(&self) -> ReadLimits {
+        ReadLimits { max_points: self.points_per_scan, max_faces: self.points_per_scan.saturating_mul(2) }
+    }
+}
+
+/// Clocks of the job queue.
+#[derive(Debug, Clone, Copy)]
+pub struct QueueTiming {
+    /// A running job whose lease is older than this may be taken over.
+    pub lease: Duration,
+    /// How often a worker extends its lease, writes its progress and reads the cancel flag.
+    pub heartbeat: Duration,
+    /// How often an idle worker looks for work that nobody announced.
+    pub poll: Duration,
+    /// How often a job is started before it counts as failed.
+    pub max_attempts: u32,
+}
+
+impl Default for QueueTiming {
+    fn default() -> Self {
+        QueueTiming {
+            lease: Duration::from_secs(30),
+            heartbeat: Duration::from_millis(300),
+            poll: Duration::from_secs(5),
+            max_attempts: 3,
+        }
+    }
+}

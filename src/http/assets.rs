@@ -1,0 +1,163 @@
+//! `/v1/models/{id}/{asset}`: files of models, with `ETag` and single ranges.
+
+use axum::body::Body;
+use axum::extract::State;
+use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use tokio::io::{AsyncReadExt, AsyncSeekExt};
+use tokio_util::io::ReaderStream;
+
+use super::extract::Path;
+use super::model_views::media_type;
+use super::models::{TAG, parse_id};
+use super::problem::{Code, Problem};
+use super::responses;
+use super::state::AppState;
+
+/// How much is read from disk at a time.
+const CHUNK: usize = 256 << 10;
+
+/// Fetch a file of a model.
+///
+/// `poses.json` (`{"scan name": 4x4 row-major scan-to-world}`, null for a view without a place), `poses.conf`
+/// (Stanford's convention; left out when a scan's name has a blank), `cloud.ply`, `report.json`; of an uploaded model
+/// the file itself, as `mesh.ply`, `mesh.obj`, `cloud.ply` or `cloud.obj`. `GET /v1/models/{id}` lists what there is.
+#[utoipa::path(
+    get, path = "/v1/models/{id}/{asset}", tag = TAG, operation_id = "getModelAsset",
+    params(("id" = String, Path, description = "The model."),
+           ("asset" = String, Path, description = "The file.", example = "poses.json"),
+           ("Range" = Option<String>, Header, description = "One range of bytes."),
+           ("If-Range" = Option<String>, Header, description = "The ETag for which the range is wanted."),
+           ("If-None-Match" = Option<String>, Header, description = "The ETag that is known already.")),
+    responses(
+        (status = 200, description = "The file.", content((Vec<u8> = "application/octet-stream")),
+         headers(("ETag" = String, description = "Changes with the content."))),
+        (status = 206, description = "The range that was asked for.", content((Vec<u8> = "application/octet-stream")),
+         headers(("Content-Range" = String, description = "Which bytes of how many."))),
+        (status = 304, description = "The file is the one that is known."),
+        responses::NotFound, responses::BadRange, responses::Other,
+    )
+)]
+pub async fn get_asset(
+    State(state): State<AppState>,
+    Path((id, asset)): Path<(String, String)>,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    let id = parse_id(&id)?;
+    let missing = || {
+        let detail = format!("model {id} has no file {:?}", asset.chars().take(64).collect::<String>());
+        Problem::new(Code::NotFound, detail, format!("GET /v1/models/{id} lists its files"))
+    };
+    let known = state.shop.store.assets(id).await?;
+    let record = known.into_iter().find(|record| record.name == asset).ok_or_else(missing)?;
+    let etag = format!("\"{}\"", record.checksum);
+    let mut answer = HeaderMap::new();
+    answer.insert(header::ETAG, HeaderValue::try_from(&etag).map_err(Problem::internal)?);
+    answer.insert(header::ACCEPT_RANGES, HeaderValue::from_static("bytes"));
+    // the content under an address never changes, but deleting must be seen: always ask again
+    answer.insert(header::CACHE_CONTROL, HeaderValue::from_static("private, no-cache"));
+    if matches_etag(headers.get(header::IF_NONE_MATCH), &etag) {
+        return Ok((StatusCode::NOT_MODIFIED, answer).into_response());
+    }
+    answer.insert(header::CONTENT_TYPE, HeaderValue::from_static(media_type(&record.name)));
+    // an upload of somebody else's must never be run as a page
+    answer.insert(header::X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff"));
+    let mut file = state.shop.blobs.open_asset(id, &record.name).await?.ok_or_else(missing)?;
+    let wanted = headers
+        .get(header::RANGE)
+        .filter(|_| headers.get(header::IF_RANGE).is_none_or(|known| known.as_bytes() == etag.as_bytes()))
+        .and_then(|range| range.to_str().ok());
+    let (status, first, length) = match wanted.map_or(Wanted::All, |range| parse_range(range, record.bytes)) {
+        Wanted::All => (StatusCode::OK, 0, record.bytes),
+        Wanted::Part { first, last } => {
+            answer.insert(header::CONTENT_RANGE, content_range(&format!("{first}-{last}"), record.bytes)?);
+            (StatusCode::PARTIAL_CONTENT, first, last - first + 1)
+        }
+        Wanted::Nothing => {
+            let problem = Problem::new(
+                Code::RangeNotSatisfiable,
+                format!("{} has {} bytes", record.name, record.bytes),
+                "ask for a range within the file",
+            );
+            return Err(problem.header(header::CONTENT_RANGE, content_range("*", record.bytes)?));
+        }
+    };
+    answer.insert(header::CONTENT_LENGTH, length.into());
+    file.seek(std::io::SeekFrom::Start(first)).await.map_err(Problem::internal)?;
+    let body = Body::from_stream(ReaderStream::with_capacity(file.take(length), CHUNK));
+    Ok((status, answer, body).into_response())
+}
+
+fn content_range(range: &str, bytes: u64) -> Result<HeaderValue, Problem> {
+    HeaderValue::try_from(format!("bytes {range}/{bytes}")).map_err(Problem::internal)
+}
+
+/// `If-None-Match`: `*`, or a list of tags; weak ones match too.
+fn matches_etag(value: Option<&HeaderValue>, etag: &str) -> bool {
+    value.and_then(|value| value.to_str().ok()).is_some_and(|value| {
+        value.split(',').map(str::trim).any(|tag| tag == "*" || tag.strip_prefix("W/").unwrap_or(tag) == etag)
+    })
+}
+
+/// What a `Range` header asks for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Wanted {
+    All,
+    Part { first: u64, last: u64 },
+    Nothing,
+}
+
+/// Reads a `Range` header. What is not one range of bytes is ignored, as RFC 9110 allows: the whole file is sent.
+fn parse_range(range: &str, bytes: u64) -> Wanted {
+    let Some((first, last)) = range.strip_prefix("bytes=").and_then(|range| range.trim().split_once('-')) else {
+        return Wanted::All;
+    };
+    let end = bytes.saturating_sub(1);
+    let part = match (first.parse::<u64>(), last.parse::<u64>()) {
+        (Ok(first), Ok(last)) if first <= last => (first, last.min(end)),
+        (Ok(first), Err(_)) if last.is_empty() => (first, end),
+        (Err(_), Ok(suffix)) if first.is_empty() => {
+            if suffix == 0 {
+                return Wanted::Nothing;
+            }
+            (bytes.saturating_sub(suffix), end)
+        }
+        _ => return Wanted::All,
+    };
+    if part.0 >= bytes { Wanted::Nothing } else { Wanted::Part { first: part.0, last: part.1 } }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ranges_of_rfc_9110() {
+        assert_eq!(parse_range("bytes=0-4", 10), Wanted::Part { first: 0, last: 4 });
+        assert_eq!(parse_range("bytes=4-", 10), Wanted::Part { first: 4, last: 9 });
+        assert_eq!(parse_range("bytes=-3", 10), Wanted::Part { first: 7, last: 9 });
+        assert_eq!(parse_range("bytes=-30", 10), Wanted::Part { first: 0, last: 9 });
+        assert_eq!(parse_range("bytes=5-100", 10), Wanted::Part { first: 5, last: 9 });
+        assert_eq!(parse_range("bytes=10-", 10), Wanted::Nothing);
+        assert_eq!(parse_range("bytes=-0", 10), Wanted::Nothing);
+        assert_eq!(parse_range("bytes=0-", 0), Wanted::Nothing);
+    }
+
+    #[test]
+    fn what_is_no_single_range_is_ignored() {
+        for range in ["bytes=5-3", "bytes=0-1,4-5", "lines=0-1", "bytes=a-b", "bytes=-", "bytes", "bytes=--5"] {
+            assert_eq!(parse_range(range, 10), Wanted::All, "{range}");
+        }
+    }
+
+    #[test]
+    fn known_tags_match() {
+        let matches = |value: &'static str| matches_etag(Some(&HeaderValue::from_static(value)), "\"ab\"");
+        assert!(matches("\"ab\""));
+        assert!(matches("W/\"ab\""));
+        assert!(matches("\"x\", \"ab\""));
+        assert!(matches("*"));
+        assert!(!matches("\"x\""));
+        assert!(!matches_etag(None, "\"ab\""));
+    }
+}

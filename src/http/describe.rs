@@ -1,0 +1,56 @@
+//! Signatures for requests: computed while the client waits, one at a time, and given up when it goes away.
+
+use std::panic::AssertUnwindSafe;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use super::problem::Problem;
+use super::state::{AppState, blocking};
+use crate::faces::Signature;
+use crate::geometry::{Surface, Unit};
+use crate::progress::{Progress, ProgressSink, Stage};
+use crate::telemetry::panic_message;
+
+/// Nobody watches the progress of a request.
+struct Nobody;
+
+impl ProgressSink for Nobody {
+    fn report(&self, _stage: Stage, _fraction: f64) {}
+}
+
+/// Raises the cancel flag when the request is dropped.
+struct CancelOnDrop(Arc<AtomicBool>);
+
+impl Drop for CancelOnDrop {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+}
+
+/// Computes the signature of an uploaded surface on a pool with the server's threads.
+pub async fn describe(state: &AppState, name: &str, surface: Surface, unit: Unit) -> Result<Signature, Problem> {
+    let cancel = Arc::new(AtomicBool::new(false));
+    let given_up = CancelOnDrop(cancel.clone());
+    let work = async {
+        let permit = state.describing.clone().acquire_owned().await.map_err(Problem::internal)?;
+        let engine = state.shop.engine.clone();
+        let threads = state.shop.config.threads.max(1);
+        let progress = Progress::new(Arc::new(Nobody), cancel);
+        blocking(move || {
+            let _permit = permit;
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(Problem::internal)?;
+            let described = AssertUnwindSafe(|| pool.install(|| engine.describe(&surface, unit, &progress)));
+            match std::panic::catch_unwind(described) {
+                Ok(signature) => signature.map_err(Problem::from),
+                Err(payload) => Err(Problem::internal(panic_message(&*payload))),
+            }
+        })
+        .await?
+    };
+    let outcome = tokio::select! {
+        outcome = work => outcome,
+        () = state.stop.cancelled() => Err(Problem::shutting_down()),
+    };
+    drop(given_up);
+    outcome.map_err(|problem| problem.scan(name))
+}

@@ -1,0 +1,96 @@
+//! `/v1/jobs/{id}/events`: the progress of a job as server-sent events.
+
+use std::convert::Infallible;
+use std::time::Duration;
+
+use axum::extract::State;
+use axum::response::sse::{Event, KeepAlive, Sse};
+use futures_util::Stream;
+use tokio::sync::watch;
+
+use super::extract::Path;
+use super::job_views::JobView;
+use super::jobs::{TAG, look_up, parse_id};
+use super::problem::Problem;
+use super::responses;
+use super::state::AppState;
+use crate::store::JobId;
+
+/// The least time between two events.
+const PACE: Duration = Duration::from_millis(200);
+/// How often a job that reports nothing is looked at all the same.
+const LOOK: Duration = Duration::from_secs(5);
+
+/// Follow a job by server-sent events.
+///
+/// One `progress` event at once and one whenever something changes (at most five a second), each with the job as
+/// `GET /v1/jobs/{id}` gives it; then one `end` event, after which the stream ends. It also ends when the server
+/// shuts down or the job is deleted: connect again to see which.
+#[utoipa::path(
+    get, path = "/v1/jobs/{id}/events", tag = TAG, operation_id = "followJob",
+    params(("id" = String, Path, description = "The job.")),
+    responses(
+        (status = 200, description = "Events named `progress`, then one named `end`; the data is a job as JSON.",
+         content_type = "text/event-stream", body = String),
+        responses::NotFound, responses::Other,
+    )
+)]
+pub async fn events(
+    State(state): State<AppState>,
+    Path(id): Path<String>,
+) -> Result<Sse<impl Stream<Item = Result<Event, Infallible>>>, Problem> {
+    let id = parse_id(&id)?;
+    let changes = state.shop.board.changes();
+    // a job that is not there is a 404, not an empty stream
+    state.shop.store.job(id).await?;
+    let follower = Follower { state, id, changes, last: None, ended: false };
+    let stream = futures_util::stream::unfold(follower, |mut follower| async {
+        let event = follower.next().await?;
+        Some((Ok(event), follower))
+    });
+    Ok(Sse::new(stream).keep_alive(KeepAlive::default()))
+}
+
+struct Follower {
+    state: AppState,
+    id: JobId,
+    changes: watch::Receiver<u64>,
+    last: Option<String>,
+    ended: bool,
+}
+
+impl Follower {
+    /// The next event; `None` ends the stream.
+    async fn next(&mut self) -> Option<Event> {
+        while !self.ended {
+            if self.last.is_some() && !self.wait().await {
+                return None;
+            }
+            // seen as of now: what changes during the look rings again
+            self.changes.mark_unchanged();
+            let job = look_up(&self.state, self.id).await.ok()?;
+            let data = serde_json::to_string(&JobView::of(&job)).ok()?;
+            self.ended = job.status.is_finished();
+            if self.last.as_ref() != Some(&data) || self.ended {
+                self.last = Some(data.clone());
+                return Some(Event::default().event(if self.ended { "end" } else { "progress" }).data(data));
+            }
+        }
+        None
+    }
+
+    /// Waits for news; false when the stream has to end.
+    async fn wait(&mut self) -> bool {
+        let stop = self.state.stop.clone();
+        let changes = &mut self.changes;
+        let news = async {
+            tokio::time::sleep(PACE).await;
+            // an error would mean that the board is gone, and the state holds it
+            let _ = tokio::time::timeout(LOOK, changes.changed()).await;
+        };
+        tokio::select! {
+            () = stop.cancelled() => false,
+            () = news => true,
+        }
+    }
+}

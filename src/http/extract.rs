@@ -1,0 +1,201 @@
+//! Parts of requests, with rejections as problem+json.
+
+use axum::extract::{FromRequestParts, Request};
+use axum::http::request::Parts;
+use axum::http::{HeaderMap, header};
+use serde::de::DeserializeOwned;
+
+use super::problem::{Code, Problem};
+use crate::store::PageRequest;
+
+/// Path parameters.
+pub struct Path<T>(pub T);
+
+impl<T: DeserializeOwned + Send, S: Send + Sync> FromRequestParts<S> for Path<T> {
+    type Rejection = Problem;
+
+    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, Problem> {
+        match axum::extract::Path::from_request_parts(parts, state).await {
+            Ok(axum::extract::Path(value)) => Ok(Path(value)),
+            Err(rejection) => Err(Problem::new(
+                Code::MalformedRequest,
+                rejection.body_text(),
+                "write the path in percent-encoded UTF-8",
+            )),
+        }
+    }
+}
+
+/// The query of the URI.
+pub struct Query<T>(pub T);
+
+impl<T: DeserializeOwned, S: Send + Sync> FromRequestParts<S> for Query<T> {
+    type Rejection = Problem;
+
+    async fn from_request_parts(parts: &mut Parts, _state: &S) -> Result<Self, Problem> {
+        match axum::extract::Query::try_from_uri(&parts.uri) {
+            Ok(axum::extract::Query(value)) => Ok(Query(value)),
+            Err(rejection) => {
+                let hint = "see /openapi.yaml for the parameters of this call";
+                Err(Problem::new(Code::MalformedRequest, rejection.body_text(), hint))
+            }
+        }
+    }
+}
+
+/// The `Idempotency-Key` of a request.
+pub struct IdempotencyKey(pub Option<String>);
+
+/// The longest key that is kept.
+pub const LONGEST_KEY: usize = 255;
+
+impl<S: Send + Sync> FromRequestParts<S> for IdempotencyKey {
+    type Rejection = Problem;
+
+    async fn from_request_parts(parts: &mut Parts, _state: &S) -> Result<Self, Problem> {
+        let Some(value) = parts.headers.get("idempotency-key") else { return Ok(IdempotencyKey(None)) };
+        match value.to_str() {
+            Ok(key) if !key.is_empty() && key.len() <= LONGEST_KEY => Ok(IdempotencyKey(Some(key.to_owned()))),
+            _ => Err(Problem::new(
+                Code::MalformedRequest,
+                format!("the idempotency key must be 1 to {LONGEST_KEY} visible ASCII characters"),
+                "use a UUID",
+            )),
+        }
+    }
+}
+
+/// Which part of a list is wanted.
+#[derive(Debug, Clone, Default, serde::Deserialize, utoipa::IntoParams)]
+#[into_params(parameter_in = Query)]
+pub struct PageQuery {
+    /// At most so many items (1 to 100, 20 if not given).
+    #[param(minimum = 1, maximum = 100, default = 20)]
+    pub limit: Option<usize>,
+    /// `next_cursor` of the page before.
+    pub cursor: Option<String>,
+}
+
+impl PageQuery {
+    const DEFAULT: usize = 20;
+    const MOST: usize = 100;
+
+    /// The page as the store wants it.
+    pub fn request(&self) -> Result<PageRequest, Problem> {
+        let limit = self.limit.unwrap_or(Self::DEFAULT);
+        if !(1..=Self::MOST).contains(&limit) {
+            let detail = format!("limit is {limit}, which is not between 1 and {}", Self::MOST);
+            return Err(Problem::new(Code::InvalidField, detail, "ask for several pages"));
+        }
+        Ok(PageRequest { before: self.cursor.clone(), limit })
+    }
+}
+
+/// What the `Content-Type` says without its parameters, in lower case.
+pub fn media_type(headers: &HeaderMap) -> String {
+    let value = headers.get(header::CONTENT_TYPE).and_then(|value| value.to_str().ok()).unwrap_or_default();
+    value.split(';').next().unwrap_or_default().trim().to_ascii_lowercase()
+}
+
+/// Whether a media type is JSON.
+pub fn is_json(media_type: &str) -> bool {
+    media_type == "application/json" || media_type.ends_with("+json")
+}
+
+/// Neither JSON nor a form.
+pub fn wrong_media_type(found: &str, wanted: &str) -> Problem {
+    let detail =
+        if found.is_empty() { "there is no Content-Type".to_owned() } else { format!("{found} is not read here") };
+    Problem::new(Code::UnsupportedMediaType, detail, format!("send {wanted}"))
+}
+
+/// The whole body, if it is not larger than `limit`.
+pub async fn read_body(request: Request, limit: usize) -> Result<bytes::Bytes, Problem> {
+    let too_large = || {
+        let detail = format!("this body may have at most {limit} bytes");
+        Problem::new(Code::TooLarge, detail, "send less; GET /v1/info states the limits")
+    };
+    match axum::body::to_bytes(request.into_body(), limit).await {
+        Ok(bytes) => Ok(bytes),
+        Err(error) if caused_by_limit(&error) => Err(too_large()),
+        Err(error) => Err(Problem::new(
+            Code::MalformedRequest,
+            format!("the body ended early: {error}"),
+            "send the request again",
+        )),
+    }
+}
+
+fn caused_by_limit(error: &axum::Error) -> bool {
+    let mut cause: Option<&dyn std::error::Error> = Some(error);
+    while let Some(error) = cause {
+        if error.is::<http_body_util::LengthLimitError>() {
+            return true;
+        }
+        cause = error.source();
+    }
+    false
+}
+
+/// A JSON body.
+pub async fn read_json<T: DeserializeOwned>(request: Request, limit: usize) -> Result<(T, bytes::Bytes), Problem> {
+    let found = media_type(request.headers());
+    if !is_json(&found) {
+        return Err(wrong_media_type(&found, "application/json"));
+    }
+    let body = read_body(request, limit).await?;
+    // serde would also take an array of the values in their order
+    if body.trim_ascii_start().starts_with(b"[") {
+        return Err(Problem::new(Code::InvalidField, "the body is a JSON array", "send a JSON object"));
+    }
+    Ok((parse_json("the body", &body)?, body))
+}
+
+/// JSON that came as a body or as a part of a form.
+pub fn parse_json<T: DeserializeOwned>(what: &str, bytes: &[u8]) -> Result<T, Problem> {
+    serde_json::from_slice(bytes).map_err(|error| {
+        if error.is_data() {
+            let detail = format!("{what} has a field that is not allowed: {error}");
+            Problem::new(Code::InvalidField, detail, "see /openapi.yaml for the fields of this call")
+        } else {
+            let detail = format!("{what} is no JSON: {error}");
+            Problem::new(Code::MalformedRequest, detail, "send well-formed JSON in UTF-8")
+        }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[derive(Debug, serde::Deserialize)]
+    #[serde(deny_unknown_fields)]
+    struct Sample {
+        #[expect(dead_code, reason = "only parsed")]
+        a: u8,
+    }
+
+    #[test]
+    fn broken_json_and_wrong_fields_are_told_apart() {
+        let broken = parse_json::<Sample>("the body", b"{\"a\": ").expect_err("cut short");
+        assert_eq!(broken.code(), Code::MalformedRequest);
+        let wrong = parse_json::<Sample>("the body", b"{\"a\": \"x\"}").expect_err("no number");
+        assert_eq!(wrong.code(), Code::InvalidField);
+        let unknown = parse_json::<Sample>("the body", b"{\"a\": 1, \"b\": 2}").expect_err("unknown field");
+        assert_eq!(unknown.code(), Code::InvalidField);
+    }
+
+    #[tokio::test]
+    async fn a_large_body_is_told_from_a_broken_one() {
+        let request = Request::new(axum::body::Body::from(vec![b' '; 100]));
+        assert_eq!(read_body(request, 99).await.expect_err("too large").code(), Code::TooLarge);
+    }
+
+    #[test]
+    fn pages_have_bounds() {
+        let page = |limit| PageQuery { limit, cursor: None }.request();
+        assert_eq!(page(None).expect("default").limit, 20);
+        assert!(page(Some(0)).is_err());
+        assert!(page(Some(101)).is_err());
+    }
+}

@@ -1,0 +1,228 @@
+//! Jobs as they go over the wire.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+use crate::pipeline::Options;
+use crate::store::{JobError, JobId, JobRecord, JobStatus, NewJob};
+
+/// What is to be done.
+#[derive(Debug, Clone, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct NewJobBody {
+    /// The scans to be registered.
+    #[schema(format = "uuid")]
+    pub scan_set_id: String,
+    /// Choices; `GET /v1/info` lists them with types, ranges and defaults.
+    #[schema(value_type = Option<OptionsView>)]
+    pub options: Option<serde_json::Value>,
+    /// A class label for the model, such as `face`.
+    #[schema(max_length = 200)]
+    pub label: Option<String>,
+}
+
+/// The options of a job; all are optional in a request.
+#[derive(ToSchema)]
+#[schema(as = JobOptions)]
+#[expect(dead_code, reason = "only describes `pipeline::Options`; a test holds them against each other")]
+pub struct OptionsView {
+    /// The registration method: `ma-aticp`.
+    #[schema(required = false, example = "ma-aticp")]
+    method: String,
+    /// Worker threads; capped by the server's own number.
+    #[schema(minimum = 1)]
+    threads: Option<usize>,
+    /// The least overlap of a pair that is registered.
+    #[schema(required = false, example = 0.5, minimum = 0.05, maximum = 0.95)]
+    min_overlap: f64,
+    /// Depth error of the scanner, in the unit of the scans; estimated when not given.
+    #[schema(minimum = 0)]
+    range_accuracy: Option<f64>,
+    /// The most rounds of overlap, ICP and averaging.
+    #[schema(required = false, example = 20, minimum = 1)]
+    max_rounds: usize,
+    /// Where the scanner stood in each scan's frame, if the files don't say.
+    #[schema(min_items = 3, max_items = 3)]
+    sensor: Option<Vec<f64>>,
+    /// Whether the merged cloud is made.
+    #[schema(required = false, example = true)]
+    cloud: bool,
+    /// Whether the signature is made.
+    #[schema(required = false, example = true)]
+    signature: bool,
+}
+
+/// The form by which scans are stored and registered in one call.
+#[derive(ToSchema)]
+#[expect(dead_code, reason = "only describes the form")]
+pub struct NewJobForm {
+    /// The scans: PLY or OBJ files, each with a name of its own.
+    #[schema(value_type = Vec<String>, format = Binary)]
+    scans: Vec<Vec<u8>>,
+    /// The initial poses: a Stanford `.conf`, JSON, or text blocks.
+    #[schema(value_type = String, format = Binary)]
+    poses: Vec<u8>,
+    /// The options as JSON.
+    #[schema(value_type = Option<OptionsView>)]
+    options: Option<serde_json::Value>,
+    /// A class label for the model.
+    #[schema(max_length = 200)]
+    label: Option<String>,
+    /// A name for people.
+    #[schema(max_length = 200)]
+    name: Option<String>,
+    /// The unit of all scans.
+    unit: Option<super::scan_set_views::UnitView>,
+}
+
+/// A job.
+#[derive(Debug, Clone, Serialize, ToSchema)]
+#[schema(as = Job)]
+pub struct JobView {
+    /// Its id.
+    #[schema(format = "uuid")]
+    pub id: String,
+    /// Where it stands.
+    pub status: JobStatus,
+    /// The step it is in, or was in when it ended; null before it begins.
+    #[schema(example = "registering")]
+    pub stage: Option<String>,
+    /// How much is done, 0 to 1.
+    #[schema(minimum = 0, maximum = 1)]
+    pub progress: f64,
+    /// Seconds spent in each stage so far.
+    pub seconds: BTreeMap<String, f64>,
+    /// How often it was started: more than once after a crash of the server.
+    pub attempts: u32,
+    /// Whether a stop was asked for.
+    pub cancel_asked: bool,
+    /// The scans it works on.
+    #[schema(format = "uuid")]
+    pub scan_set_id: String,
+    /// What it left; null until it has succeeded, or when that model was deleted.
+    #[schema(format = "uuid")]
+    pub model_id: Option<String>,
+    /// Why it failed; null unless it did.
+    pub error: Option<JobError>,
+    /// The class label for the model.
+    pub label: Option<String>,
+    /// The options in force.
+    #[schema(value_type = OptionsView)]
+    pub options: Options,
+    /// When it was accepted.
+    #[schema(format = DateTime)]
+    pub created_at: String,
+    /// When it was last started.
+    #[schema(format = DateTime)]
+    pub started_at: Option<String>,
+    /// When it ended.
+    #[schema(format = DateTime)]
+    pub finished_at: Option<String>,
+    /// Where to go from here.
+    pub links: JobLinks,
+}
+
+/// Addresses of a job.
+#[derive(Debug, Clone, Serialize, ToSchema)]
+pub struct JobLinks {
+    /// The job itself.
+    #[serde(rename = "self")]
+    pub self_: String,
+    /// Its progress as server-sent events.
+    pub events: String,
+    /// POST here to stop it.
+    pub cancel: String,
+    /// POST here to run it again after it failed or was canceled.
+    pub retry: String,
+    /// Its scans.
+    pub scan_set: String,
+    /// What it left.
+    pub model: Option<String>,
+}
+
+/// The address of a job.
+pub fn address(id: JobId) -> String {
+    format!("/v1/jobs/{id}")
+}
+
+impl JobView {
+    /// A stored job.
+    pub fn of(job: &JobRecord) -> Self {
+        let self_ = address(job.id);
+        JobView {
+            id: job.id.to_string(),
+            status: job.status,
+            stage: job.stage.clone(),
+            progress: (job.progress * 1e4).round() / 1e4,
+            seconds: job.stage_seconds.clone(),
+            attempts: job.attempts,
+            cancel_asked: job.cancel_asked,
+            scan_set_id: job.scan_set_id.to_string(),
+            model_id: job.model_id.map(|id| id.to_string()),
+            error: job.error.clone(),
+            label: job.label.clone(),
+            options: job.options.clone(),
+            created_at: job.id.created_at().to_string(),
+            started_at: job.started_at.map(|time| time.to_string()),
+            finished_at: job.finished_at.map(|time| time.to_string()),
+            links: JobLinks {
+                events: format!("{self_}/events"),
+                cancel: format!("{self_}/cancel"),
+                retry: format!("{self_}/retry"),
+                scan_set: super::scan_set_views::address(job.scan_set_id),
+                model: job.model_id.map(super::model_views::address),
+                self_,
+            },
+        }
+    }
+
+    /// A job that is about to be stored.
+    pub fn of_new(job: &NewJob) -> Self {
+        Self::of(&JobRecord {
+            id: job.id,
+            scan_set_id: job.scan_set_id,
+            label: job.label.clone(),
+            options: job.options.clone(),
+            status: JobStatus::Queued,
+            stage: None,
+            progress: 0.0,
+            stage_seconds: BTreeMap::new(),
+            attempts: 0,
+            cancel_asked: false,
+            error: None,
+            model_id: None,
+            started_at: None,
+            finished_at: None,
+        })
+    }
+}
+
+/// A page of jobs.
+#[derive(Debug, Clone, Serialize, ToSchema)]
+pub struct JobList {
+    /// Newest first.
+    pub items: Vec<JobView>,
+    /// What to send as `cursor` for the next page; null on the last one.
+    pub next_cursor: Option<String>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use utoipa::PartialSchema;
+
+    #[test]
+    fn the_contract_names_every_option() {
+        let schema = serde_json::to_value(OptionsView::schema()).expect("plain data");
+        let mut stated: Vec<&str> =
+            schema["properties"].as_object().expect("an object").keys().map(String::as_str).collect();
+        let table = crate::jobs::options::table();
+        let mut actual: Vec<&str> = table.iter().map(|option| option.name).collect();
+        stated.sort_unstable();
+        actual.sort_unstable();
+        assert_eq!(stated, actual);
+        assert_eq!(schema.get("required"), None);
+    }
+}

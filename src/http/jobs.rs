@@ -1,0 +1,274 @@
+//! `/v1/jobs`: asynchronous registration.
+
+use std::time::Duration;
+
+use axum::Json;
+use axum::extract::{Request, State};
+use axum::http::StatusCode;
+use serde::Deserialize;
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
+
+use super::extract::{IdempotencyKey, Path, Query, is_json, media_type, parse_json, read_json, wrong_media_type};
+use super::idempotency::{Attempt, Created};
+use super::job_views::{JobList, JobView, NewJobBody, NewJobForm};
+use super::problem::{Code, Problem};
+use super::scan_sets::{form_rules, from_form, keep_files, parse_id as parse_scan_set_id, undo_unless_stored};
+use super::state::{AppState, blocking, uninterrupted};
+use super::upload::{self, UploadedFile};
+use super::{events, extract, job_views, names, responses};
+use crate::jobs::{admission, options};
+use crate::pipeline::Options;
+use crate::store::{
+    FileId, JobFilter, JobId, JobRecord, JobStatus, NewJob, NewScanSet, PoseFile, ScanRecord, StoreError,
+};
+
+pub(super) const TAG: &str = "jobs";
+const PARTS: &[&str] = &["poses", "options", "label", "name", "unit"];
+/// The longest that `wait` may ask for.
+const LONGEST_WAIT: u64 = 60;
+
+/// The routes of this resource.
+pub fn router() -> OpenApiRouter<AppState> {
+    OpenApiRouter::new()
+        .routes(routes!(create, list))
+        .routes(routes!(get_one, delete))
+        .routes(routes!(cancel))
+        .routes(routes!(retry))
+        .routes(routes!(events::events))
+}
+
+pub(super) fn parse_id(text: &str) -> Result<JobId, Problem> {
+    JobId::parse(text).ok_or_else(|| StoreError::NotFound { kind: "job", id: text.chars().take(64).collect() }.into())
+}
+
+/// A job as it stands now.
+pub(super) async fn look_up(state: &AppState, id: JobId) -> Result<JobRecord, Problem> {
+    let mut job = state.shop.store.job(id).await?;
+    state.shop.board.refresh(&mut job);
+    Ok(job)
+}
+
+/// What a request wants done.
+struct Order {
+    job: NewJob,
+    /// A scan set that comes with it, and the files of that.
+    upload: Option<(NewScanSet, Vec<(FileId, UploadedFile)>)>,
+}
+
+/// Register a scan set.
+///
+/// Accepted (202) only after it is durable. Refused at once when the scan set has fewer than two scans, or scans
+/// without an initial pose. As a form, scans and poses come in the same call.
+#[utoipa::path(
+    post, path = "/v1/jobs", tag = TAG, operation_id = "createJob",
+    params(("Idempotency-Key" = Option<String>, Header, description = "Makes a repeated request harmless.")),
+    request_body(content((NewJobBody = "application/json"), (NewJobForm = "multipart/form-data"))),
+    responses(
+        (status = 202, description = "The job is queued.", body = JobView,
+         headers(("Location" = String, description = "The address of the job."),
+                 ("Retry-After" = u64, description = "Seconds until a look at it is worth while."))),
+        responses::BadRequest, responses::NotFound, responses::Stalled, responses::Conflict, responses::TooLarge,
+        responses::WrongType, responses::Unprocessable, responses::QueueFull, responses::Other,
+    )
+)]
+async fn create(
+    State(state): State<AppState>,
+    IdempotencyKey(key): IdempotencyKey,
+    request: Request,
+) -> Result<Created, Problem> {
+    let mut attempt = Attempt::begin(&state, "POST /v1/jobs", key.as_deref())?;
+    let found = media_type(request.headers());
+    let order = if found == "multipart/form-data" {
+        let form = upload::read_form(&state, request, &form_rules(&state, PARTS)).await?;
+        if let Some(answer) = attempt.known(&state, || form.hash()).await? {
+            return Ok(answer);
+        }
+        order_of_form(&state, form).await?
+    } else if is_json(&found) {
+        let (body, bytes) = read_json::<NewJobBody>(request, state.limits().text_bytes).await?;
+        if let Some(answer) = attempt.known(&state, || blake3::hash(&bytes).to_hex().to_string()).await? {
+            return Ok(answer);
+        }
+        order_of_json(&state, body).await?
+    } else {
+        return Err(wrong_media_type(
+            &found,
+            "application/json, or multipart/form-data with parts `scans` and `poses`",
+        ));
+    };
+    let view = JobView::of_new(&order.job);
+    let created = Created::new(StatusCode::ACCEPTED, job_views::address(order.job.id), &view)?.retry_after(1);
+    let replay = attempt.replay(&created, order.job.id.to_string());
+    uninterrupted(async move {
+        let _attempt = attempt;
+        let Order { job, upload } = order;
+        let queue_limit = state.limits().queued_jobs;
+        if let Some((set, files)) = upload {
+            keep_files(&state, set.id, files).await?;
+            let stored = state.shop.store.create_job(&job, Some(&set), queue_limit, replay.as_ref()).await;
+            undo_unless_stored(&state, set.id, stored).await?;
+        } else {
+            state.shop.store.create_job(&job, None, queue_limit, replay.as_ref()).await?;
+        }
+        state.shop.board.announce_work();
+        Ok(())
+    })
+    .await?;
+    Ok(created)
+}
+
+async fn order_of_json(state: &AppState, body: NewJobBody) -> Result<Order, Problem> {
+    let options = body.options.map(options::parse).transpose()?.unwrap_or_default();
+    let label = body.label.map(|label| names::text("label", &label)).transpose()?;
+    let set = state.shop.store.scan_set(parse_scan_set_id(&body.scan_set_id)?).await?;
+    admit(&set.scans, set.poses.as_ref())?;
+    Ok(Order { job: NewJob { id: JobId::new(), scan_set_id: set.id, label, options }, upload: None })
+}
+
+async fn order_of_form(state: &AppState, form: upload::Form) -> Result<Order, Problem> {
+    let options: Options = match form.text("options")? {
+        Some(text) => options::parse(parse_json("the part options", text.as_bytes())?)?,
+        None => Options::default(),
+    };
+    let label = form.text("label")?.map(|label| names::text("label", label)).transpose()?;
+    let (set, files) = from_form(state, form).await?;
+    admit(&set.scans, set.poses.as_ref())?;
+    let job = NewJob { id: JobId::new(), scan_set_id: set.id, label, options };
+    Ok(Order { job, upload: Some((set, files)) })
+}
+
+fn admit(scans: &[ScanRecord], poses: Option<&PoseFile>) -> Result<(), Problem> {
+    let names: Vec<&str> = scans.iter().map(|scan| scan.name.as_str()).collect();
+    admission::admit(&names, poses)?;
+    Ok(())
+}
+
+/// Which jobs to list.
+#[derive(Debug, Deserialize, utoipa::IntoParams)]
+#[into_params(parameter_in = Query)]
+struct ListQuery {
+    /// Only those of this status.
+    status: Option<JobStatus>,
+    /// Only those of this scan set.
+    scan_set_id: Option<String>,
+    /// At most so many items (1 to 100, 20 if not given).
+    #[param(minimum = 1, maximum = 100, default = 20)]
+    limit: Option<usize>,
+    /// `next_cursor` of the page before.
+    cursor: Option<String>,
+}
+
+/// List jobs, newest first.
+#[utoipa::path(
+    get, path = "/v1/jobs", tag = TAG, operation_id = "listJobs", params(ListQuery),
+    responses((status = 200, description = "A page of jobs.", body = JobList), responses::BadRequest,
+              responses::NotFound, responses::Unprocessable, responses::Other)
+)]
+async fn list(State(state): State<AppState>, Query(query): Query<ListQuery>) -> Result<Json<JobList>, Problem> {
+    let scan_set_id = query.scan_set_id.as_deref().map(parse_scan_set_id).transpose()?;
+    let filter = JobFilter { status: query.status, scan_set_id };
+    let page = extract::PageQuery { limit: query.limit, cursor: query.cursor }.request()?;
+    let mut page = state.shop.store.jobs(&filter, &page).await?;
+    for job in &mut page.items {
+        state.shop.board.refresh(job);
+    }
+    let next_cursor = page.items.last().filter(|_| page.more).map(|job| job.id.to_string());
+    Ok(Json(JobList { items: page.items.iter().map(JobView::of).collect(), next_cursor }))
+}
+
+#[derive(Debug, Deserialize, utoipa::IntoParams)]
+#[into_params(parameter_in = Query)]
+struct WaitQuery {
+    /// Answer only when the job has ended, or after so many seconds (at most 60).
+    #[param(minimum = 0, maximum = 60)]
+    wait: Option<u64>,
+}
+
+/// Look at a job, at once or at its end.
+#[utoipa::path(
+    get, path = "/v1/jobs/{id}", tag = TAG, operation_id = "getJob",
+    params(("id" = String, Path, description = "The job."), WaitQuery),
+    responses((status = 200, description = "The job.", body = JobView), responses::BadRequest, responses::NotFound,
+              responses::Unprocessable, responses::Other)
+)]
+async fn get_one(
+    State(state): State<AppState>,
+    Path(id): Path<String>,
+    Query(query): Query<WaitQuery>,
+) -> Result<Json<JobView>, Problem> {
+    let id = parse_id(&id)?;
+    let wait = query.wait.unwrap_or(0);
+    if wait > LONGEST_WAIT {
+        let detail = format!("wait is {wait}, which is more than {LONGEST_WAIT}");
+        return Err(Problem::new(Code::InvalidField, detail, "ask several times, or follow the job's events"));
+    }
+    let end = tokio::time::Instant::now() + Duration::from_secs(wait);
+    loop {
+        // the bell is armed before the look, so that nothing is missed between the two
+        let mut changes = state.shop.board.changes();
+        let job = look_up(&state, id).await?;
+        if job.status.is_finished() || wait == 0 || state.stop.is_cancelled() {
+            return Ok(Json(JobView::of(&job)));
+        }
+        tokio::select! {
+            _ = changes.changed() => {}
+            () = state.stop.cancelled() => {}
+            () = tokio::time::sleep_until(end) => return Ok(Json(JobView::of(&look_up(&state, id).await?))),
+        }
+    }
+}
+
+/// Stop a job.
+///
+/// A waiting job is canceled at once, a running one within a second: look at it again, or wait for it.
+#[utoipa::path(
+    post, path = "/v1/jobs/{id}/cancel", tag = TAG, operation_id = "cancelJob",
+    params(("id" = String, Path, description = "The job.")),
+    responses((status = 202, description = "The stop is asked for.", body = JobView), responses::NotFound,
+              responses::Conflict, responses::Other)
+)]
+async fn cancel(State(state): State<AppState>, Path(id): Path<String>) -> Result<(StatusCode, Json<JobView>), Problem> {
+    let id = parse_id(&id)?;
+    state.shop.store.cancel_job(id).await?;
+    state.shop.board.cancel(id);
+    Ok((StatusCode::ACCEPTED, Json(JobView::of(&look_up(&state, id).await?))))
+}
+
+/// Run a failed or canceled job again, from its beginning.
+#[utoipa::path(
+    post, path = "/v1/jobs/{id}/retry", tag = TAG, operation_id = "retryJob",
+    params(("id" = String, Path, description = "The job.")),
+    responses((status = 202, description = "The job is queued again.", body = JobView), responses::NotFound,
+              responses::Conflict, responses::Unprocessable, responses::QueueFull, responses::Other)
+)]
+async fn retry(State(state): State<AppState>, Path(id): Path<String>) -> Result<(StatusCode, Json<JobView>), Problem> {
+    let id = parse_id(&id)?;
+    // the scan set may have changed since the job ended
+    let set = state.shop.store.scan_set(state.shop.store.job(id).await?.scan_set_id).await?;
+    admit(&set.scans, set.poses.as_ref())?;
+    state.shop.store.retry_job(id, state.limits().queued_jobs).await?;
+    state.shop.board.announce_work();
+    Ok((StatusCode::ACCEPTED, Json(JobView::of(&look_up(&state, id).await?))))
+}
+
+/// Delete a finished job with the model it made.
+#[utoipa::path(
+    delete, path = "/v1/jobs/{id}", tag = TAG, operation_id = "deleteJob",
+    params(("id" = String, Path, description = "The job.")),
+    responses((status = 204, description = "It is gone."), responses::NotFound, responses::Conflict, responses::Other)
+)]
+async fn delete(State(state): State<AppState>, Path(id): Path<String>) -> Result<StatusCode, Problem> {
+    let id = parse_id(&id)?;
+    uninterrupted(async move {
+        if let Some(model) = state.shop.store.delete_job(id).await? {
+            state.shop.gallery.remove(model);
+            let blobs = state.shop.blobs.clone();
+            blocking(move || blobs.remove_model(model)).await??;
+        }
+        state.shop.board.announce_change();
+        Ok(())
+    })
+    .await?;
+    Ok(StatusCode::NO_CONTENT)
+}

@@ -1,0 +1,165 @@
+//! `/healthz`, `/readyz`, `/v1/info`: how the service is and what it offers.
+
+use axum::Json;
+use axum::extract::State;
+use serde::Serialize;
+use utoipa::ToSchema;
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
+
+use super::extract::LONGEST_KEY;
+use super::problem::Problem;
+use super::responses;
+use super::state::AppState;
+use crate::jobs::options::{self, OptionInfo};
+use crate::store::live_gallery::NotReady;
+
+const TAG: &str = "service";
+
+/// The routes of the service itself.
+pub fn router() -> OpenApiRouter<AppState> {
+    OpenApiRouter::new().routes(routes!(healthz)).routes(routes!(readyz)).routes(routes!(info))
+}
+
+/// A sign of life.
+#[derive(Debug, Clone, Serialize, ToSchema)]
+struct Health {
+    /// `ok`
+    #[schema(example = "ok")]
+    status: &'static str,
+}
+
+/// Whether the process answers at all.
+#[utoipa::path(
+    get, path = "/healthz", tag = TAG, operation_id = "health",
+    responses((status = 200, description = "It does.", body = Health), responses::Other)
+)]
+async fn healthz() -> Json<Health> {
+    Json(Health { status: "ok" })
+}
+
+/// Whether requests will be served: the database answers, the gallery is loaded, no shutdown is under way.
+#[utoipa::path(
+    get, path = "/readyz", tag = TAG, operation_id = "ready",
+    responses((status = 200, description = "They will.", body = Health), responses::NotReady, responses::Other)
+)]
+async fn readyz(State(state): State<AppState>) -> Result<Json<Health>, Problem> {
+    if state.stop.is_cancelled() {
+        return Err(Problem::shutting_down());
+    }
+    state.shop.store.ping().await?;
+    if !state.shop.gallery.is_ready() {
+        return Err(NotReady.into());
+    }
+    Ok(Json(Health { status: "ok" }))
+}
+
+/// Bounds on requests.
+#[derive(Debug, Clone, Serialize, ToSchema)]
+struct LimitsView {
+    /// Bytes of one request body.
+    upload_bytes: u64,
+    /// Bytes of one scan or model file.
+    file_bytes: u64,
+    /// Bytes of a JSON body.
+    json_bytes: usize,
+    /// Bytes of a pose file.
+    pose_file_bytes: usize,
+    /// Scans in one scan set.
+    scans_per_set: usize,
+    /// Points in one scan or model.
+    points_per_scan: u64,
+    /// Jobs that may wait.
+    queued_jobs: usize,
+    /// Worker threads of one job.
+    threads_per_job: usize,
+    /// Jobs that run at the same time.
+    concurrent_jobs: usize,
+    /// Times a job is started before it counts as failed.
+    attempts_per_job: u32,
+    /// Seconds after which an upload that has come to a standstill is given up.
+    upload_stall_seconds: u64,
+    /// Characters of an idempotency key.
+    idempotency_key_characters: usize,
+}
+
+/// Versions of what shapes the answers.
+#[derive(Debug, Clone, Serialize, ToSchema)]
+struct Versions {
+    /// Of visage.
+    #[schema(example = "0.1.0")]
+    visage: &'static str,
+    /// Of the interface.
+    #[schema(example = "v1")]
+    api: &'static str,
+    /// Of the operator that makes signatures.
+    signature: u32,
+}
+
+/// How many there are.
+#[derive(Debug, Clone, Serialize, ToSchema)]
+struct Load {
+    /// Jobs that wait.
+    queued_jobs: u64,
+    /// Jobs that run.
+    running_jobs: u64,
+    /// Models that queries search; null while the gallery is being loaded.
+    searchable_models: Option<usize>,
+}
+
+/// What the service offers.
+#[derive(Debug, Clone, Serialize, ToSchema)]
+struct Info {
+    /// Versions.
+    versions: Versions,
+    /// Limits: beyond them requests are refused with 413, 422 or 429.
+    limits: LimitsView,
+    /// Options of a job.
+    job_options: Vec<OptionInfo>,
+    /// Endings of the files that are read.
+    file_formats: &'static [&'static str],
+    /// Units of length.
+    units: [&'static str; 5],
+    /// How busy it is.
+    load: Load,
+}
+
+/// Limits, versions and the options of jobs with types, ranges, defaults and explanations.
+#[utoipa::path(
+    get, path = "/v1/info", tag = TAG, operation_id = "info",
+    responses((status = 200, description = "What the service offers.", body = Info), responses::Other)
+)]
+async fn info(State(state): State<AppState>) -> Result<Json<Info>, Problem> {
+    let config = &state.shop.config;
+    let limits = &config.limits;
+    let (queued_jobs, running_jobs) = state.shop.store.queue_length().await?;
+    Ok(Json(Info {
+        versions: Versions {
+            visage: env!("CARGO_PKG_VERSION"),
+            api: "v1",
+            signature: crate::faces::Signature::VERSION,
+        },
+        limits: LimitsView {
+            upload_bytes: limits.upload_bytes,
+            file_bytes: limits.file_bytes,
+            json_bytes: limits.text_bytes,
+            pose_file_bytes: limits.pose_file_bytes,
+            scans_per_set: limits.scans_per_set,
+            points_per_scan: limits.points_per_scan,
+            queued_jobs: limits.queued_jobs,
+            threads_per_job: config.threads,
+            concurrent_jobs: config.concurrent_jobs,
+            attempts_per_job: config.queue.max_attempts,
+            upload_stall_seconds: limits.upload_stall.as_secs(),
+            idempotency_key_characters: LONGEST_KEY,
+        },
+        job_options: options::table(),
+        file_formats: crate::formats::EXTENSIONS,
+        units: ["mm", "cm", "m", "in", "unknown"],
+        load: Load {
+            queued_jobs,
+            running_jobs,
+            searchable_models: state.shop.gallery.ask(crate::retrieval::Gallery::len).ok(),
+        },
+    }))
+}

@@ -1,0 +1,33 @@
+//! The HTTP edge: router, resources, problem+json, uploads, and the server itself.
+//!
+//! - `router`: the table of contents, layers, the contract
+//! - `scan_sets`, `jobs` (with `events`), `models` (with `assets`), `queries`, `meta`: one file a resource;
+//!   what goes over the wire is in the `*_views` beside them
+//! - `problem`, `responses`: every error that leaves the service, and how the contract names them
+//! - `upload`, `digest`, `names`, `describe`: what comes in is hostile until it has passed here
+//! - `extract`, `idempotency`, `state`: parts of requests, repeated requests, what handlers share
+
+mod assets;
+mod describe;
+mod digest;
+mod events;
+mod extract;
+mod idempotency;
+mod job_views;
+mod jobs;
+mod meta;
+mod model_views;
+mod models;
+mod names;
+pub mod problem;
+mod queries;
+mod responses;
+mod router;
+mod scan_set_views;
+mod scan_sets;
+mod server;
+mod state;
+mod upload;
+
+pub use router::{OpenApiError, openapi_yaml};
+pub use server::{Server, ServerHandle, StartError};

@@ -1,0 +1,174 @@
+//! Models as they go over the wire.
+
+use serde::Serialize;
+use utoipa::ToSchema;
+
+use super::scan_set_views::UnitView;
+use crate::faces::SignatureSummary;
+use crate::store::{AssetRecord, ModelId, ModelRecord};
+
+/// What a signature holds.
+#[derive(Debug, Clone, Serialize, ToSchema)]
+#[schema(as = SignatureSummary)]
+pub struct SignatureView {
+    /// Version of the operator that made it.
+    pub version: u32,
+    /// Salient regions.
+    pub regions: usize,
+    /// Facial triangles kept.
+    pub triangles: usize,
+}
+
+impl From<&SignatureSummary> for SignatureView {
+    fn from(summary: &SignatureSummary) -> Self {
+        SignatureView { version: summary.version, regions: summary.regions, triangles: summary.triangles }
+    }
+}
+
+/// One file of a model.
+#[derive(Debug, Clone, Serialize, ToSchema)]
+pub struct AssetView {
+    /// Its name.
+    #[schema(example = "cloud.ply")]
+    pub name: String,
+    /// Its size.
+    pub bytes: u64,
+    /// BLAKE3 of its content, hexadecimal; also its `ETag`.
+    pub checksum: String,
+    /// Its media type.
+    #[schema(example = "model/ply")]
+    pub media_type: String,
+    /// Where to fetch it.
+    pub href: String,
+}
+
+impl AssetView {
+    fn of(model: ModelId, asset: &AssetRecord) -> Self {
+        AssetView {
+            name: asset.name.clone(),
+            bytes: asset.bytes,
+            checksum: asset.checksum.clone(),
+            media_type: media_type(&asset.name).to_owned(),
+            href: format!("{}/{}", address(model), asset.name),
+        }
+    }
+}
+
+/// The media type of a file of a model.
+pub fn media_type(asset: &str) -> &'static str {
+    match asset.rsplit_once('.').map_or("", |(_, ending)| ending) {
+        "json" => "application/json",
+        "ply" => "model/ply",
+        "obj" => "model/obj",
+        "conf" => "text/plain; charset=utf-8",
+        "png" => "image/png",
+        _ => "application/octet-stream",
+    }
+}
+
+/// The address of a model.
+pub fn address(id: ModelId) -> String {
+    format!("/v1/models/{id}")
+}
+
+/// A model in a list.
+#[derive(Debug, Clone, Serialize, ToSchema)]
+pub struct ModelSummary {
+    /// Its id.
+    #[schema(format = "uuid")]
+    pub id: String,
+    /// A name for people.
+    pub name: String,
+    /// Its class, if it has one.
+    pub label: Option<String>,
+    /// The unit of its coordinates.
+    pub unit: UnitView,
+    /// Its points.
+    pub points: u64,
+    /// The verdict on its registration: `good`, `doubtful` or `failed`; null for an uploaded model.
+    pub quality: Option<String>,
+    /// Its signature; null if it has none and so is not found by queries.
+    pub signature: Option<SignatureView>,
+    /// The job that made it; null for an uploaded model.
+    #[schema(format = "uuid")]
+    pub job_id: Option<String>,
+    /// The scans it was made of; null for an uploaded model.
+    #[schema(format = "uuid")]
+    pub scan_set_id: Option<String>,
+    /// When it was stored.
+    #[schema(format = DateTime)]
+    pub created_at: String,
+    /// Its address.
+    pub href: String,
+}
+
+impl ModelSummary {
+    /// A stored model.
+    pub fn of(model: &ModelRecord) -> Self {
+        ModelSummary {
+            id: model.id.to_string(),
+            name: model.name.clone(),
+            label: model.label.clone(),
+            unit: model.unit.into(),
+            points: model.points,
+            quality: model.quality.clone(),
+            signature: model.signature.as_ref().map(Into::into),
+            job_id: model.job_id.map(|id| id.to_string()),
+            scan_set_id: model.scan_set_id.map(|id| id.to_string()),
+            created_at: model.id.created_at().to_string(),
+            href: address(model.id),
+        }
+    }
+}
+
+/// A model with its files and its report.
+#[derive(Debug, Clone, Serialize, ToSchema)]
+#[schema(as = Model)]
+pub struct ModelView {
+    /// What a list shows of it.
+    #[serde(flatten)]
+    pub summary: ModelSummary,
+    /// Its files.
+    pub assets: Vec<AssetView>,
+    /// The content of `report.json`: `result` (the same for the same scans) and `run` (times, memory, host); null for
+    /// an uploaded model.
+    #[schema(value_type = Option<Object>)]
+    pub report: Option<serde_json::Value>,
+}
+
+impl ModelView {
+    /// A stored model.
+    pub fn of(model: &ModelRecord, assets: &[AssetRecord], report: Option<serde_json::Value>) -> Self {
+        ModelView {
+            summary: ModelSummary::of(model),
+            assets: assets.iter().map(|asset| AssetView::of(model.id, asset)).collect(),
+            report,
+        }
+    }
+}
+
+/// A page of models.
+#[derive(Debug, Clone, Serialize, ToSchema)]
+pub struct ModelList {
+    /// Newest first.
+    pub items: Vec<ModelSummary>,
+    /// What to send as `cursor` for the next page; null on the last one.
+    pub next_cursor: Option<String>,
+}
+
+/// The form by which a finished model is put into the gallery.
+#[derive(ToSchema)]
+#[expect(dead_code, reason = "only describes the form")]
+pub struct NewModelForm {
+    /// A mesh or cloud: PLY or OBJ.
+    #[schema(value_type = String, format = Binary)]
+    model: Vec<u8>,
+    /// Its class, such as `face`.
+    #[schema(max_length = 200)]
+    label: Option<String>,
+    /// A name for people; the file's name if not given.
+    #[schema(max_length = 200)]
+    name: Option<String>,
+    /// The unit of its coordinates.
+    unit: Option<UnitView>,
+}

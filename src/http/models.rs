@@ -1,0 +1,237 @@
+//! `/v1/models`: what registration left, and finished models that were uploaded to the gallery.
+
+use axum::Json;
+use axum::extract::{Request, State};
+use axum::http::StatusCode;
+use serde::Deserialize;
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
+
+use super::extract::{IdempotencyKey, PageQuery, Path, Query, media_type, wrong_media_type};
+use super::idempotency::{Attempt, Created};
+use super::model_views::{ModelList, ModelSummary, ModelView, NewModelForm, address};
+use super::problem::{Code, Problem};
+use super::scan_sets::parse_id as parse_scan_set_id;
+use super::state::{AppState, blocking, uninterrupted};
+use super::upload::{self, Form, FormRules, UploadedFile};
+use super::{assets, describe, names, responses};
+use crate::faces::Signature;
+use crate::geometry::Surface;
+use crate::store::{AssetRecord, ModelFilter, ModelId, ModelRecord, NewModel, StoreError};
+
+pub(super) const TAG: &str = "models";
+const RULES: FormRules = FormRules { files: &["model"], most_files: 1, texts: &["label", "name", "unit"] };
+/// What `GET /v1/models/{id}` shows of a report; a larger one has to be fetched as a file.
+const LARGEST_REPORT: u64 = 16 << 20;
+
+/// The routes of this resource.
+pub fn router() -> OpenApiRouter<AppState> {
+    OpenApiRouter::new()
+        .routes(routes!(create, list))
+        .routes(routes!(get_one, delete))
+        .routes(routes!(assets::get_asset))
+}
+
+pub(super) fn parse_id(text: &str) -> Result<ModelId, Problem> {
+    ModelId::parse(text)
+        .ok_or_else(|| StoreError::NotFound { kind: "model", id: text.chars().take(64).collect() }.into())
+}
+
+/// Put a finished model into the gallery.
+///
+/// The file is kept as it is; its signature is computed before the answer, so the next query finds the model.
+#[utoipa::path(
+    post, path = "/v1/models", tag = TAG, operation_id = "createModel",
+    params(("Idempotency-Key" = Option<String>, Header, description = "Makes a repeated request harmless.")),
+    request_body(content = NewModelForm, content_type = "multipart/form-data"),
+    responses(
+        (status = 201, description = "The model is stored and can be found.", body = ModelView,
+         headers(("Location" = String, description = "The address of the model."))),
+        responses::BadRequest, responses::Stalled, responses::Conflict, responses::TooLarge, responses::WrongType,
+        responses::Unprocessable, responses::NotReady, responses::Other,
+    )
+)]
+async fn create(
+    State(state): State<AppState>,
+    IdempotencyKey(key): IdempotencyKey,
+    request: Request,
+) -> Result<Created, Problem> {
+    let mut attempt = Attempt::begin(&state, "POST /v1/models", key.as_deref())?;
+    let found = media_type(request.headers());
+    if found != "multipart/form-data" {
+        return Err(wrong_media_type(&found, "multipart/form-data with a part `model`"));
+    }
+    let form = upload::read_form(&state, request, &RULES).await?;
+    if let Some(answer) = attempt.known(&state, || form.hash()).await? {
+        return Ok(answer);
+    }
+    let upload = described(&state, form).await?;
+    let view = ModelView::of(&upload.record(), &upload.model.assets, None);
+    let created = Created::new(StatusCode::CREATED, address(upload.model.id), &view)?;
+    let replay = attempt.replay(&created, upload.model.id.to_string());
+    uninterrupted(async move {
+        let _attempt = attempt;
+        let Upload { model, file, signature } = upload;
+        let id = model.id;
+        keep_file(&state, &model, file).await?;
+        state.shop.store.create_model(&model, replay.as_ref()).await?;
+        Ok(state.shop.gallery.publish(&state.shop.store, id, signature).await?)
+    })
+    .await?;
+    Ok(created)
+}
+
+/// An uploaded model that has a signature but no place yet.
+struct Upload {
+    model: NewModel,
+    file: UploadedFile,
+    signature: Signature,
+}
+
+impl Upload {
+    /// The model as it will be stored.
+    fn record(&self) -> ModelRecord {
+        ModelRecord {
+            id: self.model.id,
+            job_id: None,
+            scan_set_id: None,
+            name: self.model.name.clone(),
+            label: self.model.label.clone(),
+            unit: self.model.unit,
+            points: self.model.points,
+            quality: None,
+            signature: self.model.signature.as_ref().map(|signature| signature.summary.clone()),
+        }
+    }
+}
+
+async fn described(state: &AppState, mut form: Form) -> Result<Upload, Problem> {
+    let unit = form.text("unit")?.map(names::unit).transpose()?.unwrap_or_default();
+    let label = form.text("label")?.map(|label| names::text("label", label)).transpose()?;
+    let name = form.text("name")?.map(|name| names::text("name", name)).transpose()?;
+    let file = form.files.pop().ok_or_else(|| {
+        Problem::new(
+            Code::InvalidField,
+            "the form has no part `model`",
+            "send the mesh or cloud as a file named `model`",
+        )
+    })?;
+    let (file, surface) = upload::read_surface(state, file).await?;
+    let asset = AssetRecord {
+        name: asset_name(&file.name, &surface),
+        bytes: file.staged.bytes,
+        checksum: file.staged.checksum.clone(),
+    };
+    let points = surface.cloud.len() as u64;
+    let signature = describe::describe(state, &file.name, surface, unit).await?;
+    let model = NewModel {
+        id: ModelId::new(),
+        origin: None,
+        name: name.unwrap_or_else(|| file.name.clone()),
+        label,
+        unit,
+        points,
+        quality: None,
+        assets: vec![asset],
+        signature: Some((&signature).into()),
+    };
+    Ok(Upload { model, file, signature })
+}
+
+/// An uploaded file is kept under the name that a file of that kind has for every model.
+fn asset_name(file: &str, surface: &Surface) -> String {
+    let stem = if surface.faces.is_empty() { "cloud" } else { "mesh" };
+    let ending = file.rsplit_once('.').map_or("", |(_, ending)| ending).to_ascii_lowercase();
+    format!("{stem}.{ending}")
+}
+
+async fn keep_file(state: &AppState, model: &NewModel, file: UploadedFile) -> Result<(), Problem> {
+    let blobs = state.shop.blobs.clone();
+    let id = model.id;
+    let assets: Vec<String> = model.assets.iter().map(|asset| asset.name.clone()).collect();
+    blocking(move || -> Result<(), Problem> {
+        let staged = blobs.stage_model()?;
+        for asset in &assets {
+            staged.take(asset, &file.staged)?;
+        }
+        Ok(blobs.keep_model(&staged, id)?)
+    })
+    .await?
+}
+
+/// Which models to list.
+#[derive(Debug, Deserialize, utoipa::IntoParams)]
+#[into_params(parameter_in = Query)]
+struct ListQuery {
+    /// Only those of this class.
+    label: Option<String>,
+    /// Only those made from this scan set.
+    scan_set_id: Option<String>,
+    /// At most so many items (1 to 100, 20 if not given).
+    #[param(minimum = 1, maximum = 100, default = 20)]
+    limit: Option<usize>,
+    /// `next_cursor` of the page before.
+    cursor: Option<String>,
+}
+
+/// List models, newest first.
+#[utoipa::path(
+    get, path = "/v1/models", tag = TAG, operation_id = "listModels", params(ListQuery),
+    responses((status = 200, description = "A page of models.", body = ModelList), responses::BadRequest,
+              responses::NotFound, responses::Unprocessable, responses::Other)
+)]
+async fn list(State(state): State<AppState>, Query(query): Query<ListQuery>) -> Result<Json<ModelList>, Problem> {
+    let scan_set_id = query.scan_set_id.as_deref().map(parse_scan_set_id).transpose()?;
+    let page = PageQuery { limit: query.limit, cursor: query.cursor }.request()?;
+    let page = state.shop.store.models(&ModelFilter { label: query.label, scan_set_id }, &page).await?;
+    let next_cursor = page.items.last().filter(|_| page.more).map(|model| model.id.to_string());
+    Ok(Json(ModelList { items: page.items.iter().map(ModelSummary::of).collect(), next_cursor }))
+}
+
+/// Look at one model, with its report, its files and what its signature holds.
+#[utoipa::path(
+    get, path = "/v1/models/{id}", tag = TAG, operation_id = "getModel",
+    params(("id" = String, Path, description = "The model.")),
+    responses((status = 200, description = "The model.", body = ModelView), responses::NotFound, responses::Other)
+)]
+async fn get_one(State(state): State<AppState>, Path(id): Path<String>) -> Result<Json<ModelView>, Problem> {
+    let id = parse_id(&id)?;
+    let model = state.shop.store.model(id).await?;
+    let assets = state.shop.store.assets(id).await?;
+    let report = read_report(&state, id, &assets).await?;
+    Ok(Json(ModelView::of(&model, &assets, report)))
+}
+
+async fn read_report(
+    state: &AppState,
+    id: ModelId,
+    assets: &[AssetRecord],
+) -> Result<Option<serde_json::Value>, Problem> {
+    use tokio::io::AsyncReadExt;
+    if !assets.iter().any(|asset| asset.name == "report.json" && asset.bytes <= LARGEST_REPORT) {
+        return Ok(None);
+    }
+    // none: deleted between the two looks
+    let Some(mut file) = state.shop.blobs.open_asset(id, "report.json").await? else { return Ok(None) };
+    let mut content = Vec::new();
+    file.read_to_end(&mut content).await.map_err(Problem::internal)?;
+    serde_json::from_slice(&content).map(Some).map_err(Problem::internal)
+}
+
+/// Delete a model with its files and its signature. The job and the scans it came from stay.
+#[utoipa::path(
+    delete, path = "/v1/models/{id}", tag = TAG, operation_id = "deleteModel",
+    params(("id" = String, Path, description = "The model.")),
+    responses((status = 204, description = "It is gone."), responses::NotFound, responses::Other)
+)]
+async fn delete(State(state): State<AppState>, Path(id): Path<String>) -> Result<StatusCode, Problem> {
+    let id = parse_id(&id)?;
+    uninterrupted(async move {
+        state.shop.store.delete_model(id).await?;
+        state.shop.gallery.remove(id);
+        let blobs = state.shop.blobs.clone();
+        Ok(blocking(move || blobs.remove_model(id)).await??)
+    })
+    .await?;
+    Ok(StatusCode::NO_CONTENT)
+}

@@ -1,0 +1,78 @@
+//! Names that users give. They are shown and compared, never used as paths; still, nothing odd comes in.
+
+use super::problem::{Code, Problem};
+
+/// The longest file name, in bytes: what file systems allow.
+const LONGEST_FILE_NAME: usize = 255;
+/// The longest name or label of a scan set, job or model, in characters.
+const LONGEST_TEXT: usize = 200;
+
+/// A plain file name: no folders, no control characters.
+pub fn file_name(name: &str) -> Result<String, Problem> {
+    let refused = |why: &str| {
+        // the name itself may hold anything: quote it
+        let detail = format!("the file name {name:?} {why}");
+        Err(Problem::new(Code::InvalidName, detail, "send a plain file name such as scan01.ply"))
+    };
+    if name.is_empty() {
+        return refused("is empty");
+    }
+    if name.len() > LONGEST_FILE_NAME {
+        return refused("is longer than 255 bytes");
+    }
+    if name == "." || name == ".." || name.contains(['/', '\\']) {
+        return refused("names a folder");
+    }
+    if name.chars().any(char::is_control) {
+        return refused("has a control character");
+    }
+    if name.trim() != name {
+        return refused("begins or ends with a blank");
+    }
+    Ok(name.to_owned())
+}
+
+/// A name or label: short, in one line.
+pub fn text(field: &str, value: &str) -> Result<String, Problem> {
+    let value = value.trim();
+    if value.is_empty() || value.chars().count() > LONGEST_TEXT || value.chars().any(char::is_control) {
+        let detail = format!("{field} must have 1 to {LONGEST_TEXT} characters in one line");
+        return Err(Problem::new(Code::InvalidField, detail, "shorten it, or leave it out"));
+    }
+    Ok(value.to_owned())
+}
+
+/// A unit of length.
+pub fn unit(value: &str) -> Result<crate::geometry::Unit, Problem> {
+    value.parse().map_err(|reason: String| {
+        Problem::new(Code::InvalidField, format!("unit: {reason}"), "send mm, cm, m, in or unknown, or leave it out")
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn plain_names_pass() {
+        for name in ["bun000.ply", "Scan 1 (front).ply", "été.obj", "..ply", "a..b.ply"] {
+            assert_eq!(file_name(name).expect("plain"), name);
+        }
+    }
+
+    #[test]
+    fn paths_and_control_characters_do_not() {
+        let long = "x".repeat(256);
+        for name in ["", ".", "..", "../a.ply", "/etc/passwd", "a\\b.ply", "a\0.ply", "a\n.ply", " a.ply", &long] {
+            assert_eq!(file_name(name).expect_err(name).code(), Code::InvalidName);
+        }
+    }
+
+    #[test]
+    fn labels_are_short_lines() {
+        assert_eq!(text("label", "  face ").expect("short"), "face");
+        assert!(text("label", "").is_err());
+        assert!(text("label", "a\nb").is_err());
+        assert!(text("label", &"x".repeat(201)).is_err());
+    }
+}

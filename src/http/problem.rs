@@ -1,0 +1,366 @@
+//! Every error that leaves the service: `application/problem+json` (RFC 9457) with a stable `code`, the `scan`
+//! concerned and a `hint`. This is the one place where the layers' errors become HTTP.
+
+use std::time::Duration;
+
+use axum::http::StatusCode;
+use axum::http::header::{self, HeaderName, HeaderValue};
+use axum::response::{IntoResponse, Response};
+
+use crate::blobs::BlobError;
+use crate::faces::DescribeError;
+use crate::formats::FormatError;
+use crate::jobs::admission::AdmissionError;
+use crate::jobs::options::OptionError;
+use crate::store::StoreError;
+use crate::store::live_gallery::NotReady;
+
+macro_rules! codes {
+    ($($variant:ident = $name:literal, $status:ident, $title:literal;)*) => {
+        /// What can go wrong: a closed set, stable across versions.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+        #[expect(missing_docs, reason = "the titles say it")]
+        pub enum Code { $($variant,)* }
+
+        impl Code {
+            /// Every code.
+            pub const ALL: &[Code] = &[$(Code::$variant,)*];
+
+            /// The name that clients see.
+            pub fn name(self) -> &'static str {
+                match self { $(Code::$variant => $name,)* }
+            }
+
+            /// The HTTP status it comes with.
+            pub fn status(self) -> StatusCode {
+                match self { $(Code::$variant => StatusCode::$status,)* }
+            }
+
+            /// The kind of problem in a few words; the same for each occurrence.
+            pub fn title(self) -> &'static str {
+                match self { $(Code::$variant => $title,)* }
+            }
+        }
+    };
+}
+
+codes! {
+    MalformedRequest = "malformed_request", BAD_REQUEST, "the request can't be read";
+    DigestMismatch = "digest_mismatch", BAD_REQUEST, "the body is not what its digest says";
+    NotFound = "not_found", NOT_FOUND, "there is no such resource";
+    MethodNotAllowed = "method_not_allowed", METHOD_NOT_ALLOWED, "the resource does not know this method";
+    UploadStalled = "upload_stalled", REQUEST_TIMEOUT, "the upload came to a standstill";
+    InUse = "in_use", CONFLICT, "an unfinished job needs it";
+    WrongStatus = "wrong_status", CONFLICT, "the job's status does not allow this";
+    RequestInProgress = "request_in_progress", CONFLICT, "the same request is being worked on";
+    TooLarge = "too_large", PAYLOAD_TOO_LARGE, "the body is larger than is allowed";
+    UnsupportedMediaType = "unsupported_media_type", UNSUPPORTED_MEDIA_TYPE, "the body has another type than is read here";
+    RangeNotSatisfiable = "range_not_satisfiable", RANGE_NOT_SATISFIABLE, "the file is shorter than the range asked for";
+    InvalidField = "invalid_field", UNPROCESSABLE_ENTITY, "a field has a value that is not allowed";
+    InvalidOptions = "invalid_options", UNPROCESSABLE_ENTITY, "the options are not allowed";
+    InvalidName = "invalid_name", UNPROCESSABLE_ENTITY, "the file name is not allowed";
+    DuplicateScan = "duplicate_scan", UNPROCESSABLE_ENTITY, "two scans have the same name";
+    UnsupportedFormat = "unsupported_format", UNPROCESSABLE_ENTITY, "the file has a format that is not read here";
+    UnreadableScan = "unreadable_scan", UNPROCESSABLE_ENTITY, "the file can't be read";
+    TooManyPoints = "too_many_points", UNPROCESSABLE_ENTITY, "the file has more points than are allowed";
+    TooManyScans = "too_many_scans", UNPROCESSABLE_ENTITY, "the scan set has more scans than are allowed";
+    TooFewScans = "too_few_scans", UNPROCESSABLE_ENTITY, "there is nothing to register with each other";
+    NoInitialPoses = "no_initial_poses", UNPROCESSABLE_ENTITY, "initial poses are missing";
+    MissingPoses = "missing_poses", UNPROCESSABLE_ENTITY, "some scans have no initial pose";
+    UnreadablePoses = "unreadable_poses", UNPROCESSABLE_ENTITY, "the pose file can't be read";
+    KeyReused = "idempotency_key_reused", UNPROCESSABLE_ENTITY, "the idempotency key belongs to another request";
+    UnknownStandard = "unknown_standard", UNPROCESSABLE_ENTITY, "there is no such standard";
+    NoSignature = "no_signature", UNPROCESSABLE_ENTITY, "the model has no signature of this version";
+    Undescribable = "undescribable_model", UNPROCESSABLE_ENTITY, "the model can't be described";
+    QueueFull = "queue_full", TOO_MANY_REQUESTS, "too many jobs are waiting";
+    Internal = "internal", INTERNAL_SERVER_ERROR, "the server failed";
+    NotReady = "not_ready", SERVICE_UNAVAILABLE, "the server is not ready yet";
+    ShuttingDown = "shutting_down", SERVICE_UNAVAILABLE, "the server is shutting down";
+    StorageFull = "storage_full", INSUFFICIENT_STORAGE, "the server's disk is full";
+}
+
+/// The body of every error.
+#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize, serde::Deserialize, utoipa::ToSchema)]
+#[schema(as = Problem)]
+pub struct ProblemBody {
+    /// A URN made of the code.
+    #[serde(rename = "type")]
+    #[schema(example = "urn:visage:problem:too_few_scans")]
+    pub kind: String,
+    /// The kind of problem in a few words; the same for each occurrence.
+    #[schema(example = "there is nothing to register with each other")]
+    pub title: String,
+    /// The HTTP status.
+    #[schema(example = 422, minimum = 400, maximum = 599)]
+    pub status: u16,
+    /// Stable and machine-readable.
+    #[schema(example = "too_few_scans")]
+    pub code: String,
+    /// What went wrong this time.
+    #[schema(example = "the scan set holds 1 scan(s); registration needs at least 2")]
+    pub detail: String,
+    /// The scan concerned, if it is one.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    #[schema(example = "bun045.ply")]
+    pub scan: Option<String>,
+    /// All scans concerned, if there are several.
+    #[serde(skip_serializing_if = "Vec::is_empty", default)]
+    pub scans: Vec<String>,
+    /// What to do about it.
+    #[schema(example = "upload at least two scans that overlap")]
+    pub hint: String,
+}
+
+/// An error on its way to the client. Small, since every handler's result has room for one.
+#[derive(Debug)]
+pub struct Problem(Box<Details>);
+
+#[derive(Debug)]
+struct Details {
+    code: Code,
+    detail: String,
+    scan: Option<String>,
+    scans: Vec<String>,
+    hint: String,
+    retry_after: Option<Duration>,
+    header: Option<(HeaderName, HeaderValue)>,
+}
+
+impl Problem {
+    /// An error of the given kind, with what went wrong and what to do about it.
+    pub fn new(code: Code, detail: impl Into<String>, hint: impl Into<String>) -> Self {
+        Problem(Box::new(Details {
+            code,
+            detail: detail.into(),
+            scan: None,
+            scans: Vec::new(),
+            hint: hint.into(),
+            retry_after: None,
+            header: None,
+        }))
+    }
+
+    /// Names the scan concerned.
+    pub fn scan(mut self, name: impl Into<String>) -> Self {
+        self.0.scan = Some(name.into());
+        self
+    }
+
+    /// Names all scans concerned.
+    fn scans(mut self, names: Vec<String>) -> Self {
+        self.0.scan = names.first().cloned();
+        self.0.scans = names;
+        self
+    }
+
+    /// Says when to try again.
+    pub fn retry_after(mut self, seconds: u64) -> Self {
+        self.0.retry_after = Some(Duration::from_secs(seconds));
+        self
+    }
+
+    /// Adds a header to the answer.
+    pub fn header(mut self, name: HeaderName, value: HeaderValue) -> Self {
+        self.0.header = Some((name, value));
+        self
+    }
+
+    /// The kind of error.
+    pub fn code(&self) -> Code {
+        self.0.code
+    }
+
+    /// A failure of ours. The client learns that it is one; the log learns what it was.
+    pub fn internal(error: impl std::fmt::Display) -> Self {
+        tracing::error!("internal error: {error}");
+        Problem::new(
+            Code::Internal,
+            "an internal error; the server's log says more, under the request id of this answer",
+            "try again later; if it stays, report it with the request id (header x-request-id)",
+        )
+    }
+
+    /// What a reader says about the file `name`.
+    pub fn unreadable(name: &str, error: &FormatError) -> Self {
+        let code = match error {
+            FormatError::UnknownExtension { .. } => Code::UnsupportedFormat,
+            FormatError::TooLarge { .. } => Code::TooManyPoints,
+            _ => Code::UnreadableScan,
+        };
+        let hint = match error {
+            FormatError::UnknownExtension { .. } => "export the scan as PLY or OBJ".to_owned(),
+            FormatError::Malformed { remedy, .. } => remedy.clone(),
+            FormatError::Truncated { .. } => "export or upload the file again".to_owned(),
+            FormatError::TooLarge { .. } => "thin the scan, or ask the operator to raise the limit".to_owned(),
+        };
+        Problem::new(code, format!("{name}: {error}"), hint).scan(name)
+    }
+
+    /// What the reader says about a pose file; its message names the file.
+    pub fn unreadable_poses(error: &FormatError) -> Self {
+        let hint =
+            "send a Stanford .conf, JSON {\"scan name\": 4x4 scan-to-world}, or text blocks of a name and 4 rows";
+        Problem::new(Code::UnreadablePoses, error.to_string(), hint)
+    }
+}
+
+impl IntoResponse for Problem {
+    fn into_response(self) -> Response {
+        let Details { code, detail, scan, scans, hint, retry_after, header } = *self.0;
+        let status = code.status();
+        let body = ProblemBody {
+            kind: format!("urn:visage:problem:{}", code.name()),
+            title: code.title().to_owned(),
+            status: status.as_u16(),
+            code: code.name().to_owned(),
+            detail,
+            scan,
+            scans,
+            hint,
+        };
+        let mut response = (status, axum::Json(body)).into_response();
+        let headers = response.headers_mut();
+        headers.insert(header::CONTENT_TYPE, HeaderValue::from_static("application/problem+json"));
+        if let Some(wait) = retry_after {
+            headers.insert(header::RETRY_AFTER, HeaderValue::from(wait.as_secs()));
+        }
+        if let Some((name, value)) = header {
+            headers.insert(name, value);
+        }
+        response
+    }
+}
+
+impl From<StoreError> for Problem {
+    fn from(error: StoreError) -> Self {
+        let detail = error.to_string();
+        match error {
+            StoreError::NotFound { kind, .. } => {
+                Problem::new(Code::NotFound, detail, format!("it may have been deleted; list what there is of {kind}s"))
+            }
+            StoreError::InUse { .. } => {
+                Problem::new(Code::InUse, detail, "wait for the job's end, or cancel it first").retry_after(5)
+            }
+            StoreError::QueueFull { .. } => {
+                Problem::new(Code::QueueFull, detail, "try again when jobs have ended, or cancel some").retry_after(10)
+            }
+            StoreError::TooManyScans { .. } => {
+                Problem::new(Code::TooManyScans, detail, "send fewer scans, or ask the operator to raise the limit")
+            }
+            StoreError::WrongStatus { .. } => Problem::new(
+                Code::WrongStatus,
+                detail,
+                "only queued or running jobs can be canceled, only failed or canceled ones retried",
+            ),
+            StoreError::KeyReused { .. } => {
+                Problem::new(Code::KeyReused, detail, "use a new key for a new request; repeat a request unchanged")
+            }
+            StoreError::Database(_) | StoreError::Migration(_) | StoreError::Damaged { .. } => {
+                Problem::internal(detail)
+            }
+        }
+    }
+}
+
+impl From<BlobError> for Problem {
+    fn from(error: BlobError) -> Self {
+        if error.is_storage_full() {
+            tracing::error!("the disk is full: {error}");
+            return Problem::new(
+                Code::StorageFull,
+                "nothing more can be stored",
+                "delete what is not needed, or ask the operator",
+            );
+        }
+        Problem::internal(error)
+    }
+}
+
+impl From<AdmissionError> for Problem {
+    fn from(error: AdmissionError) -> Self {
+        let detail = error.to_string();
+        match error {
+            AdmissionError::TooFewScans { .. } => {
+                Problem::new(Code::TooFewScans, detail, "upload at least two scans that overlap")
+            }
+            AdmissionError::NoInitialPoses => Problem::new(
+                Code::NoInitialPoses,
+                detail,
+                "send them with PUT /v1/scan-sets/{id}/poses or as the part `poses`: a Stanford .conf, JSON \
+                 {\"scan name\": 4x4 scan-to-world}, or text blocks; registration without poses is not offered yet",
+            ),
+            AdmissionError::Unreadable(error) => Problem::unreadable_poses(&error),
+            AdmissionError::MissingPoses { scans } => Problem::new(
+                Code::MissingPoses,
+                detail,
+                "name every scan in the pose file exactly as it was uploaded, or delete the scans without a pose",
+            )
+            .scans(scans),
+        }
+    }
+}
+
+impl From<OptionError> for Problem {
+    fn from(error: OptionError) -> Self {
+        Problem::new(Code::InvalidOptions, error.to_string(), "GET /v1/info lists all options with types and ranges")
+    }
+}
+
+impl From<DescribeError> for Problem {
+    fn from(error: DescribeError) -> Self {
+        match error {
+            DescribeError::Canceled(_) => Problem::shutting_down(),
+            DescribeError::Degenerate(reason) => {
+                Problem::new(Code::Undescribable, reason, "send a mesh or cloud with more of the surface")
+            }
+        }
+    }
+}
+
+impl From<NotReady> for Problem {
+    fn from(error: NotReady) -> Self {
+        Problem::new(Code::NotReady, error.to_string(), "try again in a moment").retry_after(2)
+    }
+}
+
+impl Problem {
+    /// The server takes on nothing new.
+    pub fn shutting_down() -> Self {
+        Problem::new(Code::ShuttingDown, "the server is shutting down", "try again in a moment").retry_after(5)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn codes_are_unique_and_are_errors() {
+        let mut names: Vec<&str> = Code::ALL.iter().map(|code| code.name()).collect();
+        names.sort_unstable();
+        names.dedup();
+        assert_eq!(names.len(), Code::ALL.len());
+        assert!(Code::ALL.iter().all(|code| code.status().as_u16() >= 400));
+    }
+
+    #[tokio::test]
+    async fn an_error_is_problem_json() {
+        let problem = Problem::from(StoreError::QueueFull { limit: 3 }).scan("a.ply");
+        let response = problem.into_response();
+        assert_eq!(response.status(), StatusCode::TOO_MANY_REQUESTS);
+        assert_eq!(response.headers()[header::CONTENT_TYPE], "application/problem+json");
+        assert_eq!(response.headers()[header::RETRY_AFTER], "10");
+        let body = axum::body::to_bytes(response.into_body(), 10_000).await.expect("a body");
+        let body: ProblemBody = serde_json::from_slice(&body).expect("JSON");
+        assert_eq!((body.code.as_str(), body.status), ("queue_full", 429));
+        assert_eq!(body.scan.as_deref(), Some("a.ply"));
+        assert!(!body.hint.is_empty());
+    }
+
+    #[tokio::test]
+    async fn a_failure_of_ours_tells_no_secrets() {
+        let problem = Problem::from(StoreError::Damaged { what: "a unit", reason: "secret".to_owned() });
+        let body = axum::body::to_bytes(problem.into_response().into_body(), 10_000).await.expect("a body");
+        assert!(!String::from_utf8_lossy(&body).contains("secret"));
+    }
+}

@@ -1,0 +1,57 @@
+//! Error answers as the contract names them, so that each operation lists the ones it can give.
+
+use std::collections::BTreeMap;
+
+use utoipa::openapi::{ContentBuilder, Ref, RefOr, Response, ResponseBuilder};
+
+use super::problem::ProblemBody;
+
+macro_rules! problem_responses {
+    ($($(#[$doc:meta])* $name:ident = $status:literal, $description:literal;)*) => {
+        $(
+            $(#[$doc])*
+            pub struct $name;
+
+            impl utoipa::IntoResponses for $name {
+                fn responses() -> BTreeMap<String, RefOr<Response>> {
+                    BTreeMap::from([($status.to_owned(), problem($description))])
+                }
+            }
+        )*
+    };
+}
+
+problem_responses! {
+    /// 400
+    BadRequest = "400", "The request can't be read (`malformed_request`, `digest_mismatch`).";
+    /// 404
+    NotFound = "404", "There is no such resource (`not_found`).";
+    /// 408
+    Stalled = "408", "The upload came to a standstill (`upload_stalled`).";
+    /// 409
+    Conflict = "409", "An unfinished job, its status or a request in progress forbids it (`in_use`, `wrong_status`, \
+                       `request_in_progress`).";
+    /// 413
+    TooLarge = "413", "The body is larger than `GET /v1/info` allows (`too_large`).";
+    /// 415
+    WrongType = "415", "The body has another type than is read here (`unsupported_media_type`).";
+    /// 416
+    BadRange = "416", "The file is shorter than the range asked for (`range_not_satisfiable`).";
+    /// 422
+    Unprocessable = "422", "The request is well formed but can't be carried out: `code`, `scan` and `hint` say why.";
+    /// 429
+    QueueFull = "429", "Too many jobs are waiting (`queue_full`); `Retry-After` says when to try again.";
+    /// 503
+    NotReady = "503", "The server is starting or stopping (`not_ready`, `shutting_down`); see `Retry-After`.";
+    /// Any other error.
+    Other = "default", "Any other error.";
+}
+
+fn problem(description: &str) -> RefOr<Response> {
+    let schema = Ref::from_schema_name(<ProblemBody as utoipa::ToSchema>::name());
+    ResponseBuilder::new()
+        .description(description)
+        .content("application/problem+json", ContentBuilder::new().schema(Some(schema)).build())
+        .build()
+        .into()
+}

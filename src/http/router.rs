@@ -1,0 +1,130 @@
+//! The table of contents: resources, fallbacks and layers, and the contract made from the same routes.
+
+use std::any::Any;
+
+use axum::Router;
+use axum::extract::{DefaultBodyLimit, Request};
+use axum::http::{HeaderName, HeaderValue, header};
+use axum::response::{IntoResponse, Response};
+use axum::routing::get;
+use tower::ServiceBuilder;
+use tower_http::ServiceBuilderExt;
+use tower_http::catch_panic::CatchPanicLayer;
+use tower_http::request_id::{MakeRequestId, RequestId};
+use tower_http::trace::{DefaultOnFailure, DefaultOnRequest, DefaultOnResponse, TraceLayer};
+use tracing::Level;
+use utoipa::OpenApi;
+use utoipa_axum::router::OpenApiRouter;
+
+use super::problem::{Code, Problem, ProblemBody};
+use super::state::AppState;
+use super::{jobs, meta, models, queries, scan_sets};
+use crate::telemetry::panic_message;
+
+const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
+
+#[derive(OpenApi)]
+#[openapi(
+    info(
+        title = "visage",
+        description = "Registers batches of 3D range scans into one model and finds faces among the models it keeps.\n\n\
+            Every error is `application/problem+json` (RFC 9457) with a stable `code`, the `scan` concerned and a \
+            `hint`. Lists are paged: send `next_cursor` as `cursor`. POSTs that create something take an \
+            `Idempotency-Key`: the same key with the same body gives the same answer for a day, with another body a 422.",
+        license(name = "MIT OR Apache-2.0", identifier = "MIT OR Apache-2.0"),
+    ),
+    components(schemas(ProblemBody)),
+    tags(
+        (name = "scan sets", description = "The ordered scans of one object, with their initial poses."),
+        (name = "jobs", description = "Asynchronous registration: queued, running, succeeded, failed, canceled."),
+        (name = "models", description = "Registered objects, and finished models uploaded to the gallery."),
+        (name = "queries", description = "Which models are faces, and which are like a given one."),
+        (name = "service", description = "Health, limits, versions."),
+    )
+)]
+struct Contract;
+
+fn resources() -> OpenApiRouter<AppState> {
+    OpenApiRouter::with_openapi(Contract::openapi())
+        .merge(scan_sets::router())
+        .merge(jobs::router())
+        .merge(models::router())
+        .merge(queries::router())
+        .merge(meta::router())
+}
+
+/// The contract as YAML, made from the routes that are served.
+pub fn openapi_yaml() -> Result<String, OpenApiError> {
+    resources().into_openapi().to_yaml().map_err(|error| OpenApiError(error.to_string()))
+}
+
+/// The contract could not be written.
+#[derive(Debug, thiserror::Error)]
+#[error("the contract can't be written as YAML: {0}")]
+pub struct OpenApiError(String);
+
+/// The whole service.
+pub fn router(state: AppState) -> Result<Router, OpenApiError> {
+    let yaml = openapi_yaml()?;
+    let contract = move || {
+        let yaml = yaml.clone();
+        async move { ([(header::CONTENT_TYPE, "application/yaml")], yaml) }
+    };
+    let body_limit = usize::try_from(state.limits().upload_bytes).unwrap_or(usize::MAX);
+    let (router, _) = resources().split_for_parts();
+    let layers = ServiceBuilder::new()
+        .map_request(without_request_id)
+        .set_request_id(REQUEST_ID, NewRequestId)
+        .layer(
+            TraceLayer::new_for_http()
+                .make_span_with(request_span)
+                .on_request(DefaultOnRequest::new().level(Level::DEBUG))
+                .on_response(DefaultOnResponse::new().level(Level::INFO))
+                .on_failure(DefaultOnFailure::new().level(Level::WARN)),
+        )
+        .propagate_request_id(REQUEST_ID)
+        .layer(CatchPanicLayer::custom(panicked));
+    Ok(router
+        .route("/openapi.yaml", get(contract))
+        .fallback(not_found)
+        .method_not_allowed_fallback(method_not_allowed)
+        .with_state(state)
+        .layer(DefaultBodyLimit::max(body_limit))
+        .layer(layers))
+}
+
+/// Ids of requests are ours: what a client sends could be anything.
+fn without_request_id(mut request: Request) -> Request {
+    request.headers_mut().remove(REQUEST_ID);
+    request
+}
+
+/// A new id for each request.
+#[derive(Clone, Copy)]
+struct NewRequestId;
+
+impl MakeRequestId for NewRequestId {
+    fn make_request_id<B>(&mut self, _request: &axum::http::Request<B>) -> Option<RequestId> {
+        HeaderValue::try_from(uuid::Uuid::now_v7().to_string()).ok().map(RequestId::new)
+    }
+}
+
+fn request_span<B>(request: &axum::http::Request<B>) -> tracing::Span {
+    let id = request.headers().get(REQUEST_ID).and_then(|id| id.to_str().ok()).unwrap_or_default();
+    // the path alone: a query may hold what does not belong into logs
+    tracing::info_span!("request", id, method = %request.method(), path = request.uri().path())
+}
+
+async fn not_found(request: Request) -> Problem {
+    let detail = format!("there is nothing at {}", request.uri().path());
+    Problem::new(Code::NotFound, detail, "/openapi.yaml lists what there is")
+}
+
+async fn method_not_allowed(request: Request) -> Problem {
+    let detail = format!("{} does not know {}", request.uri().path(), request.method());
+    Problem::new(Code::MethodNotAllowed, detail, "/openapi.yaml lists the methods of each resource")
+}
+
+fn panicked(payload: Box<dyn Any + Send + 'static>) -> Response {
+    Problem::internal(format!("panic in a handler: {}", panic_message(&*payload))).into_response()
+}

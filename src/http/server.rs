@@ -1,0 +1,182 @@
+//! A server's life: open the data folder, pick up what a crash left, serve, stop within a deadline.
+
+use std::future::IntoFuture;
+use std::net::SocketAddr;
+use std::sync::Arc;
+use std::time::Duration;
+
+use tokio::net::TcpListener;
+use tokio::task::JoinHandle;
+use tokio_util::sync::CancellationToken;
+
+use super::router::{self, OpenApiError};
+use super::state::AppState;
+use crate::blobs::{BlobError, Blobs};
+use crate::config::ServerConfig;
+use crate::jobs::board::Board;
+use crate::jobs::engine::{Engine, PipelineEngine};
+use crate::jobs::runner::{Runner, Workshop};
+use crate::store::live_gallery::LiveGallery;
+use crate::store::{Store, StoreError};
+
+/// How often answers kept for repeated requests are cleaned up.
+const CLEAN_UP: Duration = Duration::from_secs(3600);
+
+/// Why a server did not start.
+#[derive(Debug, thiserror::Error)]
+pub enum StartError {
+    /// The address can't be listened on.
+    #[error("can't listen on {addr}: {source}; choose another --addr")]
+    Listen {
+        /// The address.
+        addr: SocketAddr,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// The data folder can't be used.
+    #[error(transparent)]
+    Blobs(#[from] BlobError),
+    /// The database can't be used.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// The contract can't be made.
+    #[error(transparent)]
+    Contract(#[from] OpenApiError),
+    /// A start-up task ended badly.
+    #[error("starting: {0}")]
+    Task(#[from] tokio::task::JoinError),
+}
+
+/// Starts servers.
+#[derive(Debug, Clone, Copy)]
+pub struct Server;
+
+impl Server {
+    /// Starts a server with the real algorithms.
+    pub async fn start(config: ServerConfig) -> Result<ServerHandle, StartError> {
+        Self::start_with(config, Arc::new(PipelineEngine)).await
+    }
+
+    /// Starts a server with other algorithms: for tests of the service, and for failure injection.
+    pub async fn start_with(config: ServerConfig, engine: Arc<dyn Engine>) -> Result<ServerHandle, StartError> {
+        let config = Arc::new(config);
+        let shop = open(&config, engine).await?;
+        let listener =
+            TcpListener::bind(config.addr).await.map_err(|source| StartError::Listen { addr: config.addr, source })?;
+        let addr = listener.local_addr().map_err(|source| StartError::Listen { addr: config.addr, source })?;
+        let stop = CancellationToken::new();
+        let crash = CancellationToken::new();
+        let state = AppState::new(shop.clone(), stop.clone());
+        let router = router::router(state)?;
+        let serving = axum::serve(listener, router).with_graceful_shutdown(stop.clone().cancelled_owned());
+        let serving = tokio::spawn(serving.into_future());
+        let runner = Runner::start(&shop, &stop, &crash);
+        let chores = tokio::spawn(chores(shop.store.clone(), shop.gallery.clone(), stop.clone()));
+        tracing::info!(%addr, data = %config.data_dir.display(), threads = config.threads, "serving");
+        Ok(ServerHandle { addr, shop, stop, crash, serving, runner, chores })
+    }
+}
+
+/// Opens the data folder and picks up what a crash left.
+async fn open(config: &Arc<ServerConfig>, engine: Arc<dyn Engine>) -> Result<Workshop, StartError> {
+    let folder = config.data_dir.clone();
+    let blobs = Arc::new(tokio::task::spawn_blocking(move || Blobs::open(&folder)).await??);
+    let store = Store::open(&blobs.database()).await?;
+    // the folder is ours alone: whatever runs in the table ran in a process that is dead
+    let reclaimed = store.reclaim_jobs(config.queue.max_attempts).await?;
+    let known = store.known_files().await?;
+    let files = blobs.clone();
+    let swept = tokio::task::spawn_blocking(move || files.sweep(&known)).await??;
+    if reclaimed + swept as u64 > 0 {
+        tracing::warn!(jobs = reclaimed, files = swept, "picked up what the last server left");
+    }
+    Ok(Workshop {
+        store,
+        blobs,
+        gallery: LiveGallery::default(),
+        engine,
+        board: Arc::new(Board::default()),
+        config: config.clone(),
+    })
+}
+
+/// Loads the gallery, then cleans up now and then.
+async fn chores(store: Store, gallery: LiveGallery, stop: CancellationToken) {
+    let work = async {
+        match gallery.load(&store).await {
+            Ok(models) => tracing::info!(models, "the gallery is loaded"),
+            Err(error) => tracing::error!("the gallery can't be loaded, queries will not be answered: {error}"),
+        }
+        loop {
+            if let Err(error) = store.forget_old_replays().await {
+                tracing::warn!("cleaning up: {error}");
+            }
+            tokio::time::sleep(CLEAN_UP).await;
+        }
+    };
+    tokio::select! {
+        () = work => {}
+        () = stop.cancelled() => {}
+    }
+}
+
+/// A running server.
+#[derive(Debug)]
+pub struct ServerHandle {
+    addr: SocketAddr,
+    shop: Workshop,
+    stop: CancellationToken,
+    crash: CancellationToken,
+    serving: JoinHandle<std::io::Result<()>>,
+    runner: Runner,
+    chores: JoinHandle<()>,
+}
+
+impl ServerHandle {
+    /// Where it listens.
+    pub fn addr(&self) -> SocketAddr {
+        self.addr
+    }
+
+    /// `http://` and the address.
+    pub fn url(&self) -> String {
+        format!("http://{}", self.addr)
+    }
+
+    /// Stops: nothing new is accepted, streams end, jobs are given back to the queue. Whoever is not done at the
+    /// deadline is left behind. True if everybody was.
+    pub async fn shutdown(self) -> bool {
+        tracing::info!("shutting down");
+        self.stop.cancel();
+        let aborts = self.serving.abort_handle();
+        let drained = tokio::time::timeout(self.shop.config.shutdown_deadline, async {
+            self.runner.ended().await;
+            let _ = self.chores.await;
+            let _ = self.serving.await;
+        })
+        .await
+        .is_ok();
+        if !drained {
+            tracing::warn!("the deadline has passed: connections are cut");
+            aborts.abort();
+        }
+        self.shop.store.close().await;
+        drained
+    }
+
+    /// Stops as if the process had been killed: nothing is given back, nothing is written. For tests of recovery.
+    pub async fn abort(self) {
+        self.crash.cancel();
+        self.serving.abort();
+        self.chores.abort();
+        let _ = self.serving.await;
+        let _ = self.chores.await;
+        self.stop.cancel();
+        self.runner.ended().await;
+        // threads of jobs see that nobody wants them any more; then the data folder is free again
+        while Arc::strong_count(&self.shop.blobs) > 1 {
+            tokio::time::sleep(Duration::from_millis(5)).await;
+        }
+        self.shop.store.close().await;
+    }
+}

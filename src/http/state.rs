@@ -1,0 +1,83 @@
+//! What every handler can reach.
+
+use std::collections::HashSet;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use tokio::sync::Semaphore;
+use tokio_util::sync::CancellationToken;
+
+use super::problem::{Code, Problem};
+use crate::config::Limits;
+use crate::jobs::runner::Workshop;
+use crate::store::ReplayKey;
+
+/// The state of the service. Cheap to clone.
+#[derive(Clone)]
+pub struct AppState {
+    /// Store, files, gallery, engine and board.
+    pub shop: Workshop,
+    /// Bounds how many files are in memory to be checked.
+    pub checks: Arc<Semaphore>,
+    /// Bounds how many models are described for requests at a time.
+    pub describing: Arc<Semaphore>,
+    /// Set when the server goes down.
+    pub stop: CancellationToken,
+    /// Requests with an idempotency key that are being worked on.
+    in_progress: Arc<Mutex<HashSet<(&'static str, String)>>>,
+}
+
+impl AppState {
+    /// The state of a service that has just started.
+    pub fn new(shop: Workshop, stop: CancellationToken) -> Self {
+        let checks = Arc::new(Semaphore::new(shop.config.limits.concurrent_checks.max(1)));
+        AppState { shop, checks, describing: Arc::new(Semaphore::new(1)), stop, in_progress: Arc::default() }
+    }
+
+    /// Bounds on requests.
+    pub fn limits(&self) -> &Limits {
+        &self.shop.config.limits
+    }
+
+    /// Marks a request with an idempotency key as being worked on, until the answer is dropped.
+    pub fn occupy(&self, route: &'static str, key: &str) -> Result<Occupied, Problem> {
+        let entry = (route, key.to_owned());
+        if !self.in_progress.lock().unwrap_or_else(PoisonError::into_inner).insert(entry.clone()) {
+            let detail = "a request with the same idempotency key is being worked on";
+            return Err(Problem::new(Code::RequestInProgress, detail, "repeat it in a moment").retry_after(1));
+        }
+        Ok(Occupied { state: self.clone(), entry })
+    }
+}
+
+/// A request with an idempotency key that is being worked on.
+pub struct Occupied {
+    state: AppState,
+    entry: (&'static str, String),
+}
+
+impl Occupied {
+    /// The key with the hash of the body, once that is known.
+    pub fn replay_key(&self, body_hash: String) -> ReplayKey {
+        ReplayKey { route: self.entry.0, key: self.entry.1.clone(), body_hash }
+    }
+}
+
+impl Drop for Occupied {
+    fn drop(&mut self) {
+        self.state.in_progress.lock().unwrap_or_else(PoisonError::into_inner).remove(&self.entry);
+    }
+}
+
+/// Runs blocking work on a thread for it; a panic there is an internal error of this request alone.
+pub async fn blocking<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> Result<T, Problem> {
+    let span = tracing::Span::current();
+    tokio::task::spawn_blocking(move || span.in_scope(work)).await.map_err(Problem::internal)
+}
+
+/// Runs work to its end even when the client goes away: what changes files and rows must not stop halfway.
+pub async fn uninterrupted<T: Send + 'static>(
+    work: impl Future<Output = Result<T, Problem>> + Send + 'static,
+) -> Result<T, Problem> {
+    use tracing::Instrument;
+    tokio::spawn(work.in_current_span()).await.map_err(Problem::internal)?
+}

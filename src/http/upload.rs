@@ -1,0 +1,266 @@
+//! Uploads: streamed to disk chunk by chunk, hashed on the way, checked as soon as they are whole.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use axum::extract::multipart::{Field, MultipartError};
+use axum::extract::{FromRequest, Multipart, Request};
+use axum::http::StatusCode;
+use bytes::Bytes;
+
+use super::names;
+use super::problem::{Code, Problem};
+use super::state::{AppState, blocking};
+use crate::blobs::{StagedFile, StagedWriter};
+use crate::config::Limits;
+use crate::formats;
+use crate::geometry::Surface;
+
+/// Which parts a form may have.
+#[derive(Debug, Clone, Copy)]
+pub struct FormRules {
+    /// Parts that hold a file and go to disk.
+    pub files: &'static [&'static str],
+    /// The most files in all.
+    pub most_files: usize,
+    /// Parts that are kept in memory: text, and pose files.
+    pub texts: &'static [&'static str],
+}
+
+/// A file on disk that belongs nowhere yet.
+#[derive(Debug)]
+pub struct UploadedFile {
+    /// The user's name for it: plain.
+    pub name: String,
+    /// Its content.
+    pub staged: StagedFile,
+}
+
+/// A part that is kept in memory.
+#[derive(Debug)]
+pub struct TextPart {
+    /// The file name, if the part had one.
+    pub file_name: Option<String>,
+    /// Its content.
+    pub content: Bytes,
+}
+
+/// A form that has arrived whole.
+#[derive(Debug, Default)]
+pub struct Form {
+    /// The files, in the order in which they came.
+    pub files: Vec<UploadedFile>,
+    /// The other parts.
+    pub texts: BTreeMap<String, TextPart>,
+    hasher: blake3::Hasher,
+}
+
+impl Form {
+    /// A hash of what was sent; the same for a repeated request, whatever its boundary.
+    pub fn hash(&self) -> String {
+        self.hasher.finalize().to_hex().to_string()
+    }
+
+    /// The text of a part, if it was sent.
+    pub fn text(&self, part: &str) -> Result<Option<&str>, Problem> {
+        let Some(found) = self.texts.get(part) else { return Ok(None) };
+        std::str::from_utf8(&found.content).map(Some).map_err(|_| {
+            Problem::new(Code::InvalidField, format!("the part {part} is no UTF-8 text"), "send UTF-8 text")
+        })
+    }
+
+    fn note(&mut self, part: &str, name: &str, checksum: &str) {
+        for item in [part, name, checksum] {
+            // with lengths, or ("ab", "c") and ("a", "bc") would be the same
+            self.hasher.update(&(item.len() as u64).to_le_bytes());
+            self.hasher.update(item.as_bytes());
+        }
+    }
+}
+
+/// How much of a refused upload is still read: a client that is cut off in the middle of sending often does not
+/// see the answer.
+const DRAIN_BYTES: usize = 64 << 20;
+/// For how long.
+const DRAIN_TIME: Duration = Duration::from_secs(5);
+
+/// Receives a form. Files go to disk, never through memory as a whole.
+pub async fn read_form(state: &AppState, request: Request, rules: &FormRules) -> Result<Form, Problem> {
+    let mut multipart = Multipart::from_request(request, &()).await.map_err(|rejection| {
+        Problem::new(Code::MalformedRequest, rejection.body_text(), "send multipart/form-data with a boundary")
+    })?;
+    let mut form = Form::default();
+    let mut outcome = Ok(());
+    while outcome.is_ok() {
+        match stalled(state.limits(), multipart.next_field()).await? {
+            Ok(Some(field)) => outcome = read_part(state, rules, field, &mut form).await,
+            Ok(None) => break,
+            Err(error) => return Err(broken(&error)),
+        }
+    }
+    if let Err(problem) = outcome {
+        // a body that can't be read any further ends the draining too
+        let _ = tokio::time::timeout(DRAIN_TIME, drain(&mut multipart)).await;
+        return Err(problem);
+    }
+    Ok(form)
+}
+
+async fn drain(multipart: &mut Multipart) -> Result<(), MultipartError> {
+    let mut read = 0;
+    while let Some(mut field) = multipart.next_field().await? {
+        while let Some(chunk) = field.chunk().await? {
+            read += chunk.len();
+            if read > DRAIN_BYTES {
+                return Ok(());
+            }
+        }
+    }
+    Ok(())
+}
+
+async fn read_part(state: &AppState, rules: &FormRules, field: Field<'_>, form: &mut Form) -> Result<(), Problem> {
+    let part = field.name().unwrap_or_default().to_owned();
+    if rules.files.contains(&part.as_str()) {
+        if form.files.len() >= rules.most_files {
+            let detail = format!("at most {} file(s) may be sent as {part}", rules.most_files);
+            return Err(Problem::new(Code::TooManyScans, detail, "send fewer files; GET /v1/info states the limits"));
+        }
+        let name = names::file_name(field.file_name().unwrap_or_default())?;
+        if form.files.iter().any(|file| file.name == name) {
+            let detail = format!("two files are named {name}");
+            return Err(Problem::new(Code::DuplicateScan, detail, "give each scan a name of its own").scan(name));
+        }
+        let staged = receive_part(state, &name, field).await?;
+        form.note(&part, &name, &staged.checksum);
+        form.files.push(UploadedFile { name, staged });
+        return Ok(());
+    }
+    if !rules.texts.contains(&part.as_str()) {
+        let known = rules.files.iter().chain(rules.texts).copied().collect::<Vec<_>>().join(", ");
+        let detail = format!("the form has a part {part:?}, which this call does not know");
+        return Err(Problem::new(Code::InvalidField, detail, format!("the parts are: {known}")));
+    }
+    let text = read_text(state.limits(), &part, field).await?;
+    form.note(&part, text.file_name.as_deref().unwrap_or_default(), blake3::hash(&text.content).to_hex().as_str());
+    if form.texts.insert(part.clone(), text).is_some() {
+        return Err(Problem::new(Code::InvalidField, format!("the part {part} came twice"), "send it once"));
+    }
+    Ok(())
+}
+
+async fn receive_part(state: &AppState, name: &str, mut field: Field<'_>) -> Result<StagedFile, Problem> {
+    let mut writer = state.shop.blobs.receive().await?;
+    let mut counted = 0;
+    loop {
+        match stalled(state.limits(), field.chunk()).await? {
+            Ok(Some(chunk)) => append(state.limits(), &mut writer, name, &mut counted, &chunk).await?,
+            Ok(None) => return Ok(writer.finish().await?),
+            Err(error) => return Err(broken(&error)),
+        }
+    }
+}
+
+/// Receives a raw body as one file.
+pub async fn receive_body(state: &AppState, name: &str, request: Request) -> Result<(StagedFile, Digests), Problem> {
+    use futures_util::StreamExt;
+    use sha2::Digest;
+    let mut writer = state.shop.blobs.receive().await?;
+    let mut sha256 = sha2::Sha256::new();
+    let mut sha512 = sha2::Sha512::new();
+    let mut counted = 0;
+    let mut body = request.into_body().into_data_stream();
+    while let Some(chunk) = stalled(state.limits(), body.next()).await? {
+        let chunk = chunk.map_err(|error| {
+            Problem::new(Code::MalformedRequest, format!("the body ended early: {error}"), "send the file again")
+                .scan(name)
+        })?;
+        sha256.update(&chunk);
+        sha512.update(&chunk);
+        append(state.limits(), &mut writer, name, &mut counted, &chunk).await?;
+    }
+    let digests = Digests { sha256: sha256.finalize().to_vec(), sha512: sha512.finalize().to_vec() };
+    Ok((writer.finish().await?, digests))
+}
+
+/// Digests of a raw body, to be held against `Content-Digest`.
+#[derive(Debug)]
+pub struct Digests {
+    /// SHA-256.
+    pub sha256: Vec<u8>,
+    /// SHA-512.
+    pub sha512: Vec<u8>,
+}
+
+async fn append(
+    limits: &Limits,
+    writer: &mut StagedWriter,
+    name: &str,
+    counted: &mut u64,
+    chunk: &[u8],
+) -> Result<(), Problem> {
+    *counted += chunk.len() as u64;
+    if *counted > limits.file_bytes {
+        let detail = format!("{name} is larger than {} bytes", limits.file_bytes);
+        let hint = "thin the scan, send it as binary PLY, or ask the operator to raise the limit";
+        return Err(Problem::new(Code::TooLarge, detail, hint).scan(name));
+    }
+    Ok(writer.write(chunk).await?)
+}
+
+async fn read_text(limits: &Limits, part: &str, mut field: Field<'_>) -> Result<TextPart, Problem> {
+    let limit = if part == "poses" { limits.pose_file_bytes } else { limits.text_bytes };
+    let file_name = field.file_name().map(names::file_name).transpose()?;
+    let mut content = Vec::new();
+    loop {
+        match stalled(limits, field.chunk()).await? {
+            Ok(Some(chunk)) if content.len() + chunk.len() > limit => {
+                let detail = format!("the part {part} may have at most {limit} bytes");
+                return Err(Problem::new(Code::TooLarge, detail, "send less; GET /v1/info states the limits"));
+            }
+            Ok(Some(chunk)) => content.extend_from_slice(&chunk),
+            Ok(None) => return Ok(TextPart { file_name, content: content.into() }),
+            Err(error) => return Err(broken(&error)),
+        }
+    }
+}
+
+/// Gives an upload up that has come to a standstill.
+async fn stalled<T>(limits: &Limits, next: impl Future<Output = T>) -> Result<T, Problem> {
+    tokio::time::timeout(limits.upload_stall, next).await.map_err(|_| {
+        let detail = format!("nothing arrived for {} s", limits.upload_stall.as_secs());
+        Problem::new(Code::UploadStalled, detail, "send the request again; scans can be sent one by one with PUT")
+    })
+}
+
+fn broken(error: &MultipartError) -> Problem {
+    if error.status() == StatusCode::PAYLOAD_TOO_LARGE {
+        let hint = "send the scans one by one with PUT /v1/scan-sets/{id}/scans/{name}; GET /v1/info states the limits";
+        return Problem::new(Code::TooLarge, "the form is larger than is allowed", hint);
+    }
+    let detail = format!("the form can't be read to its end: {}", error.body_text());
+    Problem::new(Code::MalformedRequest, detail, "send the request again, whole")
+}
+
+/// Reads a received file as a scan or model. Bounded: only a few files are in memory at a time.
+pub async fn read_surface(state: &AppState, file: UploadedFile) -> Result<(UploadedFile, Surface), Problem> {
+    let permit = state.checks.clone().acquire_owned().await.map_err(Problem::internal)?;
+    let limits = state.limits().read_limits();
+    blocking(move || {
+        let _permit = permit;
+        let bytes = file.staged.read()?;
+        let surface = formats::read_surface(&file.name, &bytes, &limits)
+            .map_err(|error| Problem::unreadable(&file.name, &error))?;
+        Ok((file, surface))
+    })
+    .await?
+}
+
+/// Checks received scans; answers with their numbers of points.
+pub async fn check_scans(state: &AppState, files: Vec<UploadedFile>) -> Result<Vec<(UploadedFile, u64)>, Problem> {
+    let checks = files.into_iter().map(|file| async {
+        let (file, surface) = read_surface(state, file).await?;
+        Ok((file, surface.cloud.len() as u64))
+    });
+    futures_util::future::try_join_all(checks).await
+}

@@ -1,0 +1,108 @@
+//! The files of a registered model, as bytes. Pure but for [`RunFacts::here`], which asks the machine.
+
+use std::collections::BTreeMap;
+
+use serde_json::Value;
+
+use crate::formats;
+use crate::geometry::Motion;
+
+/// Where something ran and what it took: `report.run`. Apart from the result, since it differs from run to run.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct RunFacts {
+    /// The job, if it was one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub job_id: Option<String>,
+    /// Version of visage.
+    pub version: &'static str,
+    /// Version of the operator that makes signatures.
+    pub signature_version: u32,
+    /// Worker threads used.
+    pub threads: usize,
+    /// Seconds by stage, up to the writing of the report.
+    pub seconds: BTreeMap<String, f64>,
+    /// The most memory this process has ever held (bytes); null where the system does not say.
+    pub peak_memory_bytes: Option<u64>,
+    /// The machine.
+    pub host: Host,
+}
+
+/// The machine something ran on.
+#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
+pub struct Host {
+    /// Operating system.
+    pub os: &'static str,
+    /// Processor architecture.
+    pub arch: &'static str,
+    /// Hardware threads.
+    pub cpus: usize,
+}
+
+impl RunFacts {
+    /// The facts of a run on this machine.
+    pub fn here(job_id: Option<String>, threads: usize, seconds: BTreeMap<String, f64>) -> Self {
+        RunFacts {
+            job_id,
+            version: env!("CARGO_PKG_VERSION"),
+            signature_version: crate::faces::Signature::VERSION,
+            threads,
+            seconds,
+            peak_memory_bytes: peak_memory_bytes(),
+            host: Host {
+                os: std::env::consts::OS,
+                arch: std::env::consts::ARCH,
+                cpus: crate::config::available_threads(),
+            },
+        }
+    }
+}
+
+/// The most memory this process has ever held.
+fn peak_memory_bytes() -> Option<u64> {
+    let usage = nix::sys::resource::getrusage(nix::sys::resource::UsageWho::RUSAGE_SELF).ok()?;
+    // Linux counts in KiB, macOS in bytes
+    let unit = if cfg!(target_os = "macos") { 1 } else { 1024 };
+    u64::try_from(usage.max_rss()).ok().map(|size| size * unit)
+}
+
+/// `report.json`: the deterministic result and, apart from it, the run.
+pub fn report_json(result: &Value, run: &RunFacts) -> Result<Vec<u8>, serde_json::Error> {
+    #[derive(serde::Serialize)]
+    struct Report<'a> {
+        result: &'a Value,
+        run: &'a RunFacts,
+    }
+    let mut bytes = serde_json::to_vec_pretty(&Report { result, run })?;
+    bytes.push(b'\n');
+    Ok(bytes)
+}
+
+/// `poses.conf` in Stanford's convention; views without a place are left out. `None` when a name has a blank, which
+/// that format can't hold.
+pub fn poses_conf(poses: &[(String, Option<Motion>)]) -> Option<String> {
+    let has_blank = |name: &str| name.chars().any(char::is_whitespace);
+    (!poses.iter().any(|(name, _)| has_blank(name))).then(|| formats::poses::write_conf(poses))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn a_name_with_a_blank_has_no_conf() {
+        let conf = |name: &str| poses_conf(&[(name.to_owned(), Some(Motion::identity()))]);
+        assert_eq!(conf("my scan.ply"), None);
+        assert!(conf("scan.ply").is_some_and(|text| text.starts_with("bmesh scan.ply ")));
+    }
+
+    #[test]
+    fn the_run_stands_apart_from_the_result() {
+        let run = RunFacts::here(None, 2, [("loading".to_owned(), 0.5)].into());
+        let report: Value =
+            serde_json::from_slice(&report_json(&json!({"quality": "good"}), &run).expect("plain data")).expect("JSON");
+        assert_eq!(report["result"], json!({"quality": "good"}));
+        assert_eq!(report["run"]["seconds"]["loading"], json!(0.5));
+        assert!(report["run"]["peak_memory_bytes"].as_u64().is_none_or(|bytes| bytes > 1 << 20));
+    }
+}

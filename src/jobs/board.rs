@@ -1,0 +1,175 @@
+//! What runs now: live progress, stop flags, and a bell for everybody who waits for a change.
+
+use std::collections::HashMap;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+
+use tokio::sync::{Notify, watch};
+
+use super::tracker::Tracker;
+use crate::store::{JobId, JobRecord, JobStatus};
+
+/// Why a running job is to stop.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum StopReason {
+    /// Somebody asked for it.
+    Canceled,
+    /// The server goes down: the job will be run again.
+    Shutdown,
+    /// The lease was lost: the job is somebody else's.
+    LeaseLost,
+}
+
+/// Tells a job's algorithms to stop, and its worker why.
+#[derive(Debug, Default)]
+pub struct StopFlag {
+    raised: Arc<AtomicBool>,
+    reason: OnceLock<StopReason>,
+}
+
+impl StopFlag {
+    /// Asks for a stop; the first reason counts.
+    pub fn raise(&self, reason: StopReason) {
+        self.reason.get_or_init(|| reason);
+        self.raised.store(true, Ordering::Relaxed);
+    }
+
+    /// The flag as the algorithms know it.
+    pub fn flag(&self) -> Arc<AtomicBool> {
+        self.raised.clone()
+    }
+
+    /// Why the job is to stop, if it is.
+    pub fn reason(&self) -> Option<StopReason> {
+        self.reason.get().copied()
+    }
+}
+
+/// A running job.
+#[derive(Debug, Clone)]
+struct Running {
+    tracker: Arc<Tracker>,
+    stop: Arc<StopFlag>,
+}
+
+/// The jobs that run in this process, and the bells.
+#[derive(Debug)]
+pub struct Board {
+    running: Mutex<HashMap<JobId, Running>>,
+    changes: watch::Sender<u64>,
+    work: Notify,
+}
+
+impl Default for Board {
+    fn default() -> Self {
+        Board { running: Mutex::default(), changes: watch::Sender::new(0), work: Notify::new() }
+    }
+}
+
+impl Board {
+    /// Tells the workers that a job waits, and everybody else that something changed.
+    pub fn announce_work(&self) {
+        self.work.notify_one();
+        self.announce_change();
+    }
+
+    /// Tells everybody who waits that some job has changed.
+    pub fn announce_change(&self) {
+        self.changes.send_modify(|count| *count = count.wrapping_add(1));
+    }
+
+    /// Rings whenever some job has changed.
+    pub fn changes(&self) -> watch::Receiver<u64> {
+        self.changes.subscribe()
+    }
+
+    /// Waits for a job to be announced.
+    pub(super) async fn work_announced(&self) {
+        self.work.notified().await;
+    }
+
+    /// Puts a job on the board for as long as the answer lives.
+    pub(super) fn enter(self: &Arc<Self>, id: JobId) -> Entry {
+        let bell = Arc::downgrade(self);
+        let tracker = Arc::new(Tracker::new(move || {
+            if let Some(board) = bell.upgrade() {
+                board.announce_change();
+            }
+        }));
+        let running = Running { tracker, stop: Arc::new(StopFlag::default()) };
+        self.lock().insert(id, running.clone());
+        Entry { board: self.clone(), id, tracker: running.tracker, stop: running.stop }
+    }
+
+    /// Stops a job that runs here, without waiting for its next heartbeat.
+    pub fn cancel(&self, id: JobId) {
+        if let Some(running) = self.lock().get(&id) {
+            running.stop.raise(StopReason::Canceled);
+        }
+        self.announce_change();
+    }
+
+    /// Puts the live progress over what the last heartbeat wrote.
+    pub fn refresh(&self, job: &mut JobRecord) {
+        if job.status != JobStatus::Running {
+            return;
+        }
+        let tracker = self.lock().get(&job.id).map(|running| running.tracker.clone());
+        if let Some(tracker) = tracker {
+            let now = tracker.snapshot();
+            job.stage = now.stage.map(|stage| stage.name().to_owned());
+            job.progress = now.progress;
+            job.stage_seconds = now.stage_seconds;
+        }
+    }
+
+    fn lock(&self) -> std::sync::MutexGuard<'_, HashMap<JobId, Running>> {
+        self.running.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// A running job's place on the board.
+#[derive(Debug)]
+pub(super) struct Entry {
+    board: Arc<Board>,
+    id: JobId,
+    pub(super) tracker: Arc<Tracker>,
+    pub(super) stop: Arc<StopFlag>,
+}
+
+impl Drop for Entry {
+    fn drop(&mut self) {
+        // whoever still works on it works for nobody
+        self.stop.raise(StopReason::LeaseLost);
+        self.board.lock().remove(&self.id);
+        self.board.announce_change();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_reason_counts() {
+        let stop = StopFlag::default();
+        assert_eq!(stop.reason(), None);
+        stop.raise(StopReason::Shutdown);
+        stop.raise(StopReason::Canceled);
+        assert_eq!(stop.reason(), Some(StopReason::Shutdown));
+        assert!(stop.flag().load(Ordering::Relaxed));
+    }
+
+    #[tokio::test]
+    async fn a_cancel_reaches_the_job_and_rings_the_bell() {
+        let board = Arc::new(Board::default());
+        let id = JobId::new();
+        let entry = board.enter(id);
+        let mut changes = board.changes();
+        board.cancel(id);
+        assert_eq!(entry.stop.reason(), Some(StopReason::Canceled));
+        changes.changed().await.expect("the board lives");
+        drop(entry);
+        assert!(board.lock().is_empty());
+    }
+}

@@ -1,0 +1,21 @@
+//! Asynchronous work: the durable queue's runner and everything that belongs to one job.
+//!
+//! - [`admission`]: which scan sets may become a job
+//! - [`options`]: what the caller may choose, with types, ranges and defaults
+//! - [`engine`]: the seam to the algorithms (tests put slow or failing ones in)
+//! - [`tracker`]: the progress sink with a clock
+//! - [`board`]: what runs now, for cancel and for those who wait
+//! - [`work`]: one job from scans to stored files, on its own thread and rayon pool
+//! - [`artifacts`]: the files of a model as bytes
+//! - [`runner`]: claims jobs, keeps their leases, ends them
+//!
+//! A job's row is the truth (`store`); memory only holds what is newer than the last heartbeat.
+
+pub mod admission;
+pub mod artifacts;
+pub mod board;
+pub mod engine;
+pub mod options;
+pub mod runner;
+pub mod tracker;
+mod work;

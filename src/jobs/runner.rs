@@ -1,0 +1,265 @@
+//! Claims jobs, keeps their leases, and ends them by one of the named ends.
+//!
+//! Each worker is an async task that owns at most one job; the job itself runs on a thread of its own (`work`).
+//! A worker claims nothing after a stop was asked for, and gives its job back instead of failing it.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use tokio::sync::oneshot;
+use tokio::task::JoinHandle;
+use tokio_util::sync::CancellationToken;
+use tracing::Instrument;
+
+use super::board::{Board, Entry, StopReason};
+use super::engine::Engine;
+use super::work::{Made, Work, WorkError};
+use crate::blobs::Blobs;
+use crate::config::{QueueTiming, ServerConfig};
+use crate::progress::Progress;
+use crate::store::live_gallery::LiveGallery;
+use crate::store::{Finish, JobClaim, JobError, Store, StoreError};
+
+/// How long a worker waits after the database has failed it.
+const PAUSE_AFTER_ERROR: Duration = Duration::from_secs(1);
+
+/// What the workers share.
+#[derive(Clone)]
+pub struct Workshop {
+    /// The queue.
+    pub store: Store,
+    /// The files.
+    pub blobs: Arc<Blobs>,
+    /// The index that new models go into.
+    pub gallery: LiveGallery,
+    /// The algorithms.
+    pub engine: Arc<dyn Engine>,
+    /// What runs now.
+    pub board: Arc<Board>,
+    /// Threads, limits and clocks.
+    pub config: Arc<ServerConfig>,
+}
+
+impl std::fmt::Debug for Workshop {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Workshop").field("blobs", &self.blobs).field("config", &self.config).finish_non_exhaustive()
+    }
+}
+
+/// The running workers.
+#[derive(Debug)]
+pub struct Runner {
+    workers: Vec<JoinHandle<()>>,
+}
+
+impl Runner {
+    /// Starts `config.concurrent_jobs` workers that run until `stop`. With `crash`, they also drop what they hold
+    /// as if the process had been killed.
+    pub fn start(workshop: &Workshop, stop: &CancellationToken, crash: &CancellationToken) -> Runner {
+        let worker = |index: usize| {
+            let name = format!("{}-{index}", uuid::Uuid::now_v7());
+            let work = Worker { shop: workshop.clone(), name, stop: stop.clone() };
+            let crash = crash.clone();
+            tokio::spawn(async move {
+                tokio::select! {
+                    () = work.run() => {}
+                    () = crash.cancelled() => {}
+                }
+            })
+        };
+        Runner { workers: (0..workshop.config.concurrent_jobs.max(1)).map(worker).collect() }
+    }
+
+    /// Waits until all workers have ended.
+    pub async fn ended(self) {
+        for worker in self.workers {
+            if let Err(error) = worker.await {
+                tracing::error!("a worker ended badly: {error}");
+            }
+        }
+    }
+}
+
+struct Worker {
+    shop: Workshop,
+    name: String,
+    stop: CancellationToken,
+}
+
+impl Worker {
+    async fn run(self) {
+        while !self.stop.is_cancelled() {
+            match self.claim().await {
+                Ok(Some(claim)) => {
+                    // an announcement wakes one worker: pass it on, there may be more than one job
+                    self.shop.board.announce_work();
+                    let span = tracing::info_span!("job", job.id = %claim.job.id, attempt = claim.job.attempts);
+                    self.run_job(claim).instrument(span).await;
+                }
+                Ok(None) => self.wait(self.timing().poll).await,
+                Err(error) => {
+                    tracing::error!("claiming a job: {error}");
+                    self.wait(PAUSE_AFTER_ERROR).await;
+                }
+            }
+        }
+    }
+
+    fn timing(&self) -> &QueueTiming {
+        &self.shop.config.queue
+    }
+
+    async fn claim(&self) -> Result<Option<JobClaim>, StoreError> {
+        self.shop.store.claim_job(&self.name, self.timing().lease, self.timing().max_attempts).await
+    }
+
+    async fn wait(&self, at_most: Duration) {
+        tokio::select! {
+            () = self.shop.board.work_announced() => {}
+            () = tokio::time::sleep(at_most) => {}
+            () = self.stop.cancelled() => {}
+        }
+    }
+
+    async fn run_job(&self, claim: JobClaim) {
+        let entry = self.shop.board.enter(claim.job.id);
+        tracing::info!("the job begins");
+        let made = match self.start_work(&claim, &entry).await {
+            Ok(result) => self.watch(&claim, &entry, result).await,
+            Err(error) => Err(error),
+        };
+        // the last heartbeat: stage, progress and seconds as they are at the end
+        self.beat(&claim, &entry).await;
+        if let Err(error) = self.end_job(&claim, &entry, made).await {
+            // the lease runs out and the job is run again
+            tracing::error!("the end of the job could not be written: {error}");
+        }
+    }
+
+    /// Starts the job's thread.
+    async fn start_work(&self, claim: &JobClaim, entry: &Entry) -> Result<WorkResult, WorkError> {
+        let set = self.shop.store.scan_set(claim.job.scan_set_id).await.map_err(|error| {
+            failed("storage_failed", error.to_string(), "look into the server's log, then retry the job")
+        })?;
+        let server_threads = self.shop.config.threads.max(1);
+        let work = Work {
+            job: claim.job.clone(),
+            set,
+            blobs: self.shop.blobs.clone(),
+            engine: self.shop.engine.clone(),
+            limits: self.shop.config.limits,
+            threads: claim.job.options.threads.unwrap_or(server_threads).clamp(1, server_threads),
+            tracker: entry.tracker.clone(),
+            progress: Progress::new(entry.tracker.clone(), entry.stop.flag()),
+        };
+        let (send, receive) = oneshot::channel();
+        let span = tracing::Span::current();
+        // a thread of its own: the runtime does not wait for it when the shutdown deadline has passed
+        std::thread::Builder::new()
+            .name("job".to_owned())
+            .spawn(move || {
+                let _span = span.entered();
+                // nobody listens any more when the worker has gone
+                let _ = send.send(work.run());
+            })
+            .map_err(|error| failed("no_threads", error.to_string(), "the server has no threads left: retry later"))?;
+        Ok(receive)
+    }
+
+    /// Keeps the lease and listens for stops until the job's thread has ended.
+    async fn watch(&self, claim: &JobClaim, entry: &Entry, mut result: WorkResult) -> Result<Made, WorkError> {
+        let mut heartbeat = tokio::time::interval(self.timing().heartbeat);
+        heartbeat.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
+        loop {
+            tokio::select! {
+                ended = &mut result => {
+                    return ended.unwrap_or_else(|_| Err(WorkError::Failed(defect("the job's thread vanished"))));
+                }
+                _ = heartbeat.tick() => self.beat(claim, entry).await,
+                () = self.stop.cancelled() => break,
+            }
+        }
+        // a thread that does not listen is left behind: it can write nothing any more
+        entry.stop.raise(StopReason::Shutdown);
+        match tokio::time::timeout(self.shop.config.shutdown_deadline / 2, result).await {
+            Ok(Ok(ended)) => ended,
+            Ok(Err(_)) | Err(_) => Err(WorkError::Stopped),
+        }
+    }
+
+    /// One heartbeat: extends the lease, writes the progress, reads the cancel flag.
+    async fn beat(&self, claim: &JobClaim, entry: &Entry) {
+        let now = entry.tracker.snapshot();
+        let stage = now.stage.map(crate::progress::Stage::name);
+        let beat = self.shop.store.heartbeat(claim, self.timing().lease, stage, now.progress, &now.stage_seconds);
+        match beat.await {
+            Ok(Some(true)) => entry.stop.raise(StopReason::Canceled),
+            Ok(Some(false)) => {}
+            Ok(None) => entry.stop.raise(StopReason::LeaseLost),
+            // the lease outlives many missed heartbeats
+            Err(error) => tracing::warn!("heartbeat: {error}"),
+        }
+    }
+
+    /// Writes how the job ended.
+    async fn end_job(&self, claim: &JobClaim, entry: &Entry, made: Result<Made, WorkError>) -> Result<(), StoreError> {
+        match made {
+            Ok(made) => self.succeed(claim, made).await,
+            Err(WorkError::Failed(error)) => {
+                tracing::warn!(code = error.code, scan = error.scan, "the job failed: {}", error.message);
+                self.shop.store.finish_job(claim, &Finish::Failed(error)).await.map(drop)
+            }
+            Err(WorkError::Stopped) => match entry.stop.reason() {
+                Some(StopReason::Canceled) => {
+                    tracing::info!("the job was canceled");
+                    self.shop.store.finish_job(claim, &Finish::Canceled).await.map(drop)
+                }
+                Some(StopReason::LeaseLost) => {
+                    tracing::warn!("the job was taken over by another worker");
+                    Ok(())
+                }
+                Some(StopReason::Shutdown) => {
+                    tracing::info!("the job is given back");
+                    self.shop.store.give_back_job(claim).await.map(drop)
+                }
+                None => {
+                    let error = defect("the job stopped though nobody asked for it");
+                    self.shop.store.finish_job(claim, &Finish::Failed(error)).await.map(drop)
+                }
+            },
+        }
+    }
+
+    async fn succeed(&self, claim: &JobClaim, made: Made) -> Result<(), StoreError> {
+        let id = made.model.id;
+        if self.shop.store.finish_job(claim, &Finish::Succeeded(Box::new(made.model))).await? {
+            tracing::info!(model.id = %id, "the job succeeded");
+            if let Some(signature) = made.signature {
+                self.shop.gallery.publish(&self.shop.store, id, signature).await?;
+            }
+            return Ok(());
+        }
+        // canceled or taken over at the last moment: nobody knows these files
+        let blobs = self.shop.blobs.clone();
+        let removed = tokio::task::spawn_blocking(move || blobs.remove_model(id)).await;
+        if let Ok(Err(error)) = removed {
+            tracing::warn!("files of a model that nobody wants: {error}");
+        }
+        self.shop.store.finish_job(claim, &Finish::Canceled).await.map(drop)
+    }
+}
+
+fn defect(message: &str) -> JobError {
+    JobError {
+        code: "internal_panic".to_owned(),
+        message: message.to_owned(),
+        scan: None,
+        hint: "this is a defect of visage: please report it with the job's id".to_owned(),
+    }
+}
+
+type WorkResult = oneshot::Receiver<Result<Made, WorkError>>;
+
+fn failed(code: &str, message: impl Into<String>, hint: &str) -> WorkError {
+    WorkError::Failed(JobError { code: code.to_owned(), message: message.into(), scan: None, hint: hint.to_owned() })
+}

@@ -1,0 +1,126 @@
+//! The progress sink of a job: what the algorithms lack, a clock, is here.
+
+use std::collections::BTreeMap;
+use std::sync::{Mutex, PoisonError};
+use std::time::Instant;
+
+use crate::progress::{ProgressSink, Stage};
+
+/// Progress that is smaller than this is not worth telling anybody.
+const STEP: f64 = 0.005;
+
+/// How far a job has come.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Snapshot {
+    /// The step under way.
+    pub stage: Option<Stage>,
+    /// How much of the whole job is done, 0 to 1; never falls.
+    pub progress: f64,
+    /// Seconds spent in each stage so far.
+    pub stage_seconds: BTreeMap<String, f64>,
+}
+
+/// Collects what the algorithms report, times the stages, and calls back when there is news.
+pub struct Tracker {
+    state: Mutex<State>,
+    on_news: Box<dyn Fn() + Send + Sync>,
+}
+
+struct State {
+    stage: Option<(Stage, Instant)>,
+    progress: f64,
+    told: f64,
+    finished_stages: BTreeMap<Stage, f64>,
+}
+
+impl Tracker {
+    /// `on_news` is called from worker threads: it must be quick and must not block.
+    pub fn new(on_news: impl Fn() + Send + Sync + 'static) -> Self {
+        let state = State { stage: None, progress: 0.0, told: 0.0, finished_stages: BTreeMap::new() };
+        Tracker { state: Mutex::new(state), on_news: Box::new(on_news) }
+    }
+
+    /// How far the job has come; the current stage counts up to now.
+    pub fn snapshot(&self) -> Snapshot {
+        let state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut seconds = state.finished_stages.clone();
+        if let Some((stage, since)) = state.stage {
+            *seconds.entry(stage).or_default() += since.elapsed().as_secs_f64();
+        }
+        Snapshot {
+            stage: state.stage.map(|(stage, _)| stage),
+            progress: state.progress,
+            stage_seconds: seconds.into_iter().map(|(stage, s)| (stage.name().to_owned(), rounded(s))).collect(),
+        }
+    }
+}
+
+impl ProgressSink for Tracker {
+    fn report(&self, stage: Stage, fraction: f64) {
+        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+        let entered = state.stage.is_none_or(|(current, _)| current != stage);
+        if entered {
+            let now = Instant::now();
+            if let Some((last, since)) = state.stage.replace((stage, now)) {
+                *state.finished_stages.entry(last).or_default() += (now - since).as_secs_f64();
+            }
+        }
+        let overall = stage.base() + fraction.clamp(0.0, 1.0) * (stage.end() - stage.base());
+        state.progress = state.progress.max(overall);
+        let news = entered || state.progress - state.told >= STEP;
+        if news {
+            state.told = state.progress;
+        }
+        drop(state);
+        if news {
+            (self.on_news)();
+        }
+    }
+}
+
+impl std::fmt::Debug for Tracker {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Tracker").field("snapshot", &self.snapshot()).finish_non_exhaustive()
+    }
+}
+
+/// To the millisecond: more digits would be noise.
+fn rounded(seconds: f64) -> f64 {
+    (seconds * 1e3).round() / 1e3
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::Arc;
+    use std::sync::atomic::{AtomicUsize, Ordering};
+    use std::time::Duration;
+
+    #[test]
+    fn progress_never_falls_and_stages_are_timed() {
+        let tracker = Tracker::new(|| {});
+        tracker.report(Stage::Loading, 1.0);
+        std::thread::sleep(Duration::from_millis(20));
+        tracker.report(Stage::Registering, 0.5);
+        let half = tracker.snapshot();
+        assert_eq!(half.stage, Some(Stage::Registering));
+        assert!((half.progress - 0.45).abs() < 1e-12);
+        assert!(half.stage_seconds["loading"] >= 0.02);
+        tracker.report(Stage::Registering, 0.2);
+        assert_eq!(tracker.snapshot().progress, half.progress);
+    }
+
+    #[test]
+    fn only_news_is_told() {
+        let calls = Arc::new(AtomicUsize::new(0));
+        let counter = calls.clone();
+        let tracker = Tracker::new(move || {
+            counter.fetch_add(1, Ordering::Relaxed);
+        });
+        for i in 0..10_000 {
+            tracker.report(Stage::Registering, f64::from(i) / 10_000.0);
+        }
+        let calls = calls.load(Ordering::Relaxed);
+        assert!((50..=200).contains(&calls), "{calls} calls for 60 % of a job in steps of 0.5 %");
+    }
+}

@@ -1,0 +1,197 @@
+//! One job from scans to stored files: blocking work on a thread and a rayon pool of its own.
+
+use std::collections::BTreeMap;
+use std::panic::AssertUnwindSafe;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use rayon::prelude::*;
+
+use super::engine::Engine;
+use super::tracker::Tracker;
+use super::{admission, artifacts};
+use crate::blobs::{BlobError, Blobs, StagedModel};
+use crate::config::Limits;
+use crate::faces::Signature;
+use crate::formats;
+use crate::geometry::Motion;
+use crate::pipeline::{NamedScan, Outcome, PipelineError};
+use crate::progress::{Canceled, Progress, Stage};
+use crate::store::{AssetRecord, JobError, JobRecord, ModelId, NewModel, ScanRecord, ScanSetRecord};
+use crate::telemetry::panic_message;
+
+/// Everything one job needs.
+pub(super) struct Work {
+    pub job: JobRecord,
+    pub set: ScanSetRecord,
+    pub blobs: Arc<Blobs>,
+    pub engine: Arc<dyn Engine>,
+    pub limits: Limits,
+    /// Threads of the pool.
+    pub threads: usize,
+    pub tracker: Arc<Tracker>,
+    pub progress: Progress,
+}
+
+/// A model whose files are where they belong, but which no row knows yet.
+pub(super) struct Made {
+    pub model: NewModel,
+    pub signature: Option<Signature>,
+}
+
+/// Why there is no model.
+#[derive(Debug)]
+pub(super) enum WorkError {
+    /// A stop was asked for.
+    Stopped,
+    /// The job failed.
+    Failed(JobError),
+}
+
+impl From<Canceled> for WorkError {
+    fn from(_: Canceled) -> Self {
+        WorkError::Stopped
+    }
+}
+
+impl From<BlobError> for WorkError {
+    fn from(error: BlobError) -> Self {
+        let (code, hint) = if error.is_storage_full() {
+            ("storage_full", "free space on the server's disk, then retry the job")
+        } else {
+            ("storage_failed", "look into the server's log and at its disk, then retry the job")
+        };
+        failed(code, error.to_string(), None, hint)
+    }
+}
+
+impl From<PipelineError> for WorkError {
+    fn from(error: PipelineError) -> Self {
+        match error {
+            PipelineError::Canceled(Canceled) => WorkError::Stopped,
+            PipelineError::Unusable { code, scan, message, hint } => failed(code, message, scan, hint),
+        }
+    }
+}
+
+fn failed(code: &str, message: impl Into<String>, scan: Option<String>, hint: impl Into<String>) -> WorkError {
+    WorkError::Failed(JobError { code: code.to_owned(), message: message.into(), scan, hint: hint.into() })
+}
+
+fn defect(message: String) -> WorkError {
+    failed(
+        "internal_panic",
+        message,
+        None,
+        "this is a defect of visage, not of the scans: please report it with the job's id; other jobs are not affected",
+    )
+}
+
+impl Work {
+    /// Does the job. A panic anywhere ends this job alone.
+    pub(super) fn run(self) -> Result<Made, WorkError> {
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(self.threads)
+            .thread_name(|index| format!("job-worker-{index}"))
+            .build()
+            .map_err(|error| failed("no_threads", error.to_string(), None, "ask for fewer threads"))?;
+        // nothing of `self` is looked at after a panic
+        std::panic::catch_unwind(AssertUnwindSafe(|| pool.install(|| self.make())))
+            .unwrap_or_else(|payload| Err(defect(format!("a stage ended in a panic: {}", panic_message(&*payload)))))
+    }
+
+    fn make(&self) -> Result<Made, WorkError> {
+        let poses = self.initial_poses()?;
+        let scans = self.load(&poses)?;
+        let poses: BTreeMap<String, Motion> = poses.into_iter().collect();
+        let outcome = self.engine.register(scans, &poses, self.set.unit, &self.job.options, &self.progress)?;
+        self.progress.check()?;
+        self.progress.report(Stage::Storing, 0.0);
+        self.keep(outcome)
+    }
+
+    /// The initial poses, in view order. They were checked when the job was accepted; the set can't have changed since.
+    fn initial_poses(&self) -> Result<Vec<(String, Motion)>, WorkError> {
+        let names: Vec<&str> = self.set.scans.iter().map(|scan| scan.name.as_str()).collect();
+        admission::admit(&names, self.set.poses.as_ref()).map(|fit| fit.poses).map_err(|error| {
+            failed("no_initial_poses", error.to_string(), None, "send the poses of all scans, then retry the job")
+        })
+    }
+
+    /// Reads all scans, in view order: that of the pose file.
+    fn load(&self, poses: &[(String, Motion)]) -> Result<Vec<NamedScan>, WorkError> {
+        self.progress.report(Stage::Loading, 0.0);
+        let stored: BTreeMap<&str, &ScanRecord> =
+            self.set.scans.iter().map(|scan| (scan.name.as_str(), scan)).collect();
+        let views: Vec<&ScanRecord> = poses.iter().filter_map(|(name, _)| stored.get(name.as_str()).copied()).collect();
+        let loaded = AtomicUsize::new(0);
+        views
+            .par_iter()
+            .map(|scan| {
+                self.progress.check()?;
+                let named = self.load_one(scan)?;
+                let count = loaded.fetch_add(1, Ordering::Relaxed) + 1;
+                self.progress.report(Stage::Loading, count as f64 / views.len() as f64);
+                Ok(named)
+            })
+            .collect()
+    }
+
+    fn load_one(&self, scan: &ScanRecord) -> Result<NamedScan, WorkError> {
+        let bytes = self.blobs.read_scan(self.set.id, scan.file_id)?;
+        if blake3::hash(&bytes).to_hex().as_str() != scan.checksum {
+            let message = format!("the stored file of scan {} is not what was uploaded", scan.name);
+            return Err(failed("damaged_scan", message, Some(scan.name.clone()), "upload the scan again"));
+        }
+        let surface = formats::read_surface(&scan.name, &bytes, &self.limits.read_limits()).map_err(|error| {
+            failed("unreadable_scan", error.to_string(), Some(scan.name.clone()), "upload a sound file of the scan")
+        })?;
+        Ok(NamedScan { name: scan.name.clone(), surface })
+    }
+
+    /// Writes the model's files and moves them to where they belong.
+    fn keep(&self, outcome: Outcome) -> Result<Made, WorkError> {
+        let staged = self.blobs.stage_model()?;
+        let mut assets = Vec::new();
+        let mut write = |name: &str, content: &[u8]| -> Result<(), WorkError> {
+            self.progress.check()?;
+            assets.push(write_asset(&staged, name, content)?);
+            Ok(())
+        };
+        write("poses.json", formats::poses::write_json(&outcome.poses).as_bytes())?;
+        if let Some(conf) = artifacts::poses_conf(&outcome.poses) {
+            write("poses.conf", conf.as_bytes())?;
+        }
+        if let Some(merged) = &outcome.cloud {
+            write("cloud.ply", &formats::ply::write_cloud(&merged.cloud, Some(&merged.views)))?;
+            self.progress.report(Stage::Storing, 0.5);
+        }
+        let seconds = self.tracker.snapshot().stage_seconds;
+        let run = artifacts::RunFacts::here(Some(self.job.id.to_string()), self.threads, seconds);
+        let report = artifacts::report_json(&outcome.report, &run).map_err(|error| defect(error.to_string()))?;
+        write("report.json", &report)?;
+        let id = ModelId::new();
+        self.blobs.keep_model(&staged, id)?;
+        Ok(Made { model: self.model(id, &outcome, assets), signature: outcome.signature })
+    }
+
+    fn model(&self, id: ModelId, outcome: &Outcome, assets: Vec<AssetRecord>) -> NewModel {
+        let scanned: u64 = self.set.scans.iter().map(|scan| scan.points).sum();
+        NewModel {
+            id,
+            origin: Some((self.job.id, self.set.id)),
+            name: self.set.name.clone(),
+            label: self.job.label.clone(),
+            unit: self.set.unit,
+            points: outcome.cloud.as_ref().map_or(scanned, |merged| merged.cloud.len() as u64),
+            quality: outcome.report.pointer("/verdict/quality").and_then(|quality| quality.as_str()).map(str::to_owned),
+            assets,
+            signature: outcome.signature.as_ref().map(Into::into),
+        }
+    }
+}
+
+fn write_asset(staged: &StagedModel, name: &str, content: &[u8]) -> Result<AssetRecord, BlobError> {
+    let checksum = staged.write(name, content)?;
+    Ok(AssetRecord { name: name.to_owned(), bytes: content.len() as u64, checksum })
+}

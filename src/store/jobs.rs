@@ -1,0 +1,414 @@
+//! Jobs as the API sees them: create, look up, list, cancel, retry, delete.
+
+use std::collections::BTreeMap;
+
+use sqlx::{FromRow, SqliteConnection};
+
+use super::{
+    JobId, ModelId, NewScanSet, Page, PageRequest, Replay, ScanSetId, Store, StoreError, damaged, models, now_ms,
+    replays, scan_sets, stored_id, timestamp, to_u64,
+};
+use crate::pipeline::Options;
+
+/// Where a job stands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize, utoipa::ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum JobStatus {
+    /// Waits for a worker.
+    Queued,
+    /// Is being worked on.
+    Running,
+    /// Has left a model.
+    Succeeded,
+    /// Has ended with an error.
+    Failed,
+    /// Was stopped on request.
+    Canceled,
+}
+
+impl JobStatus {
+    const ALL: [JobStatus; 5] =
+        [JobStatus::Queued, JobStatus::Running, JobStatus::Succeeded, JobStatus::Failed, JobStatus::Canceled];
+
+    /// The name used in tables, in the API and in logs.
+    pub fn name(self) -> &'static str {
+        match self {
+            JobStatus::Queued => "queued",
+            JobStatus::Running => "running",
+            JobStatus::Succeeded => "succeeded",
+            JobStatus::Failed => "failed",
+            JobStatus::Canceled => "canceled",
+        }
+    }
+
+    /// Whether nothing more will happen by itself.
+    pub fn is_finished(self) -> bool {
+        matches!(self, JobStatus::Succeeded | JobStatus::Failed | JobStatus::Canceled)
+    }
+}
+
+impl std::str::FromStr for JobStatus {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        JobStatus::ALL
+            .into_iter()
+            .find(|status| status.name() == text)
+            .ok_or_else(|| format!("{text:?} is no status of a job"))
+    }
+}
+
+/// Why a job failed: for programs (`code`) and for people (the rest).
+#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize, serde::Deserialize, utoipa::ToSchema)]
+pub struct JobError {
+    /// Stable and machine-readable.
+    #[schema(example = "degenerate_scan")]
+    pub code: String,
+    /// What went wrong.
+    pub message: String,
+    /// The scan concerned, if it is one.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub scan: Option<String>,
+    /// What to do about it.
+    pub hint: String,
+}
+
+/// A job that is to be stored.
+#[derive(Debug, Clone)]
+pub struct NewJob {
+    /// Its id.
+    pub id: JobId,
+    /// The scans it works on.
+    pub scan_set_id: ScanSetId,
+    /// A class label for the model it makes.
+    pub label: Option<String>,
+    /// What the caller chose.
+    pub options: Options,
+}
+
+/// A stored job.
+#[derive(Debug, Clone)]
+pub struct JobRecord {
+    /// Its id.
+    pub id: JobId,
+    /// The scans it works on.
+    pub scan_set_id: ScanSetId,
+    /// A class label for the model it makes.
+    pub label: Option<String>,
+    /// What the caller chose.
+    pub options: Options,
+    /// Where it stands.
+    pub status: JobStatus,
+    /// The step it is in, or was in when it ended.
+    pub stage: Option<String>,
+    /// How much is done, 0 to 1.
+    pub progress: f64,
+    /// Seconds spent in each stage.
+    pub stage_seconds: BTreeMap<String, f64>,
+    /// How often it was started.
+    pub attempts: u32,
+    /// Whether somebody asked for a stop.
+    pub cancel_asked: bool,
+    /// Why it failed.
+    pub error: Option<JobError>,
+    /// What it left.
+    pub model_id: Option<ModelId>,
+    /// When it was last started.
+    pub started_at: Option<jiff::Timestamp>,
+    /// When it ended.
+    pub finished_at: Option<jiff::Timestamp>,
+}
+
+/// Which jobs a list shows.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct JobFilter {
+    /// Only those of this status.
+    pub status: Option<JobStatus>,
+    /// Only those of this scan set.
+    pub scan_set_id: Option<ScanSetId>,
+}
+
+/// What asking for a stop did.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum CancelAnswer {
+    /// It had not begun and is canceled now.
+    Canceled,
+    /// Its worker has been told.
+    Asked,
+}
+
+/// A row of `job` joined with the id of its model.
+#[derive(FromRow)]
+pub(super) struct JobRow {
+    id: String,
+    scan_set_id: String,
+    label: Option<String>,
+    options: String,
+    status: String,
+    stage: Option<String>,
+    progress: f64,
+    stage_seconds: String,
+    attempts: u32,
+    cancel_asked: bool,
+    error: Option<String>,
+    model_id: Option<String>,
+    started_at: Option<i64>,
+    finished_at: Option<i64>,
+}
+
+impl JobRow {
+    pub(super) fn record(self) -> Result<JobRecord, StoreError> {
+        Ok(JobRecord {
+            id: stored_id!(JobId, &self.id)?,
+            scan_set_id: stored_id!(ScanSetId, &self.scan_set_id)?,
+            label: self.label,
+            options: serde_json::from_str(&self.options).map_err(|error| damaged("options", error))?,
+            status: self.status.parse().map_err(|reason: String| damaged("a status", reason))?,
+            stage: self.stage,
+            progress: self.progress,
+            stage_seconds: serde_json::from_str(&self.stage_seconds).map_err(|error| damaged("seconds", error))?,
+            attempts: self.attempts,
+            cancel_asked: self.cancel_asked,
+            error: self
+                .error
+                .map(|text| serde_json::from_str(&text))
+                .transpose()
+                .map_err(|error| damaged("a job's error", error))?,
+            model_id: self.model_id.map(|text| stored_id!(ModelId, &text)).transpose()?,
+            started_at: self.started_at.map(timestamp).transpose()?,
+            finished_at: self.finished_at.map(timestamp).transpose()?,
+        })
+    }
+}
+
+impl Store {
+    /// Accepts a job; with `set`, its scan set is stored in the same transaction.
+    pub async fn create_job(
+        &self,
+        job: &NewJob,
+        set: Option<&NewScanSet>,
+        queue_limit: usize,
+        replay: Option<&Replay>,
+    ) -> Result<(), StoreError> {
+        let mut tx = self.begin().await?;
+        check_room(&mut tx, queue_limit).await?;
+        if let Some(set) = set {
+            scan_sets::insert_set(&mut tx, set).await?;
+        }
+        let options = serde_json::to_string(&job.options).map_err(|error| damaged("options", error))?;
+        // the scan set may have been deleted since it was looked up
+        let inserted = sqlx::query(
+            "INSERT INTO job (id, scan_set_id, label, options, status)
+             SELECT ?, id, ?, ?, 'queued' FROM scan_set WHERE id = ?",
+        )
+        .bind(job.id.to_string())
+        .bind(&job.label)
+        .bind(options)
+        .bind(job.scan_set_id.to_string())
+        .execute(&mut *tx)
+        .await?;
+        if inserted.rows_affected() == 0 {
+            return Err(StoreError::NotFound { kind: "scan set", id: job.scan_set_id.to_string() });
+        }
+        if let Some(replay) = replay {
+            replays::insert(&mut tx, replay).await?;
+        }
+        tx.commit().await?;
+        Ok(())
+    }
+
+    /// One job.
+    pub async fn job(&self, id: JobId) -> Result<JobRecord, StoreError> {
+        let row: Option<JobRow> = sqlx::query_as(
+            "SELECT job.*, model.id AS model_id FROM job LEFT JOIN model ON model.job_id = job.id WHERE job.id = ?",
+        )
+        .bind(id.to_string())
+        .fetch_optional(&self.readers)
+        .await?;
+        row.ok_or_else(|| not_found(id))?.record()
+    }
+
+    /// Jobs, newest first.
+    pub async fn jobs(&self, filter: &JobFilter, page: &PageRequest) -> Result<Page<JobRecord>, StoreError> {
+        let rows: Vec<JobRow> = sqlx::query_as(
+            "SELECT job.*, model.id AS model_id FROM job LEFT JOIN model ON model.job_id = job.id
+             WHERE (?1 IS NULL OR job.id < ?1)
+               AND (?2 IS NULL OR job.status = ?2)
+               AND (?3 IS NULL OR job.scan_set_id = ?3)
+             ORDER BY job.id DESC LIMIT ?4",
+        )
+        .bind(page.before.as_deref())
+        .bind(filter.status.map(JobStatus::name))
+        .bind(filter.scan_set_id.map(|id| id.to_string()))
+        .bind(page.sql_limit())
+        .fetch_all(&self.readers)
+        .await?;
+        let records = rows.into_iter().map(JobRow::record).collect::<Result<Vec<_>, _>>()?;
+        Ok(Page::cut(records, page.limit))
+    }
+
+    /// Jobs that wait, and jobs that run.
+    pub async fn queue_length(&self) -> Result<(u64, u64), StoreError> {
+        let (queued, running): (i64, i64) = sqlx::query_as(
+            "SELECT count(*) FILTER (WHERE status = 'queued'), count(*) FILTER (WHERE status = 'running')
+             FROM job WHERE status IN ('queued', 'running')",
+        )
+        .fetch_one(&self.readers)
+        .await?;
+        Ok((to_u64(queued), to_u64(running)))
+    }
+
+    /// Stops a job that waits, or asks the worker of a running one to stop.
+    pub async fn cancel_job(&self, id: JobId) -> Result<CancelAnswer, StoreError> {
+        let mut tx = self.begin().await?;
+        let answer = match status_of(&mut tx, id).await? {
+            JobStatus::Queued => {
+                sqlx::query("UPDATE job SET status = 'canceled', cancel_asked = 1, finished_at = ? WHERE id = ?")
+                    .bind(now_ms())
+                    .bind(id.to_string())
+                    .execute(&mut *tx)
+                    .await?;
+                CancelAnswer::Canceled
+            }
+            JobStatus::Running => {
+                sqlx::query("UPDATE job SET cancel_asked = 1 WHERE id = ?")
+                    .bind(id.to_string())
+                    .execute(&mut *tx)
+                    .await?;
+                CancelAnswer::Asked
+            }
+            status => return Err(StoreError::WrongStatus { id, status }),
+        };
+        tx.commit().await?;
+        Ok(answer)
+    }
+
+    /// Queues a failed or canceled job again, with all its attempts.
+    pub async fn retry_job(&self, id: JobId, queue_limit: usize) -> Result<(), StoreError> {
+        let mut tx = self.begin().await?;
+        match status_of(&mut tx, id).await? {
+            JobStatus::Failed | JobStatus::Canceled => {}
+            status => return Err(StoreError::WrongStatus { id, status }),
+        }
+        check_room(&mut tx, queue_limit).await?;
+        sqlx::query(
+            "UPDATE job SET status = 'queued', stage = NULL, progress = 0, stage_seconds = '{}', attempts = 0,
+                            cancel_asked = 0, error = NULL, started_at = NULL, finished_at = NULL
+             WHERE id = ?",
+        )
+        .bind(id.to_string())
+        .execute(&mut *tx)
+        .await?;
+        tx.commit().await?;
+        Ok(())
+    }
+
+    /// Deletes a finished job with the model it made; answers with that model.
+    pub async fn delete_job(&self, id: JobId) -> Result<Option<ModelId>, StoreError> {
+        let mut tx = self.begin().await?;
+        if !status_of(&mut tx, id).await?.is_finished() {
+            return Err(StoreError::InUse { kind: "job", id: id.to_string() });
+        }
+        let text = id.to_string();
+        let model = models::id_of_job(&mut tx, &text).await?;
+        replays::delete_of(&mut tx, &text).await?;
+        // model, assets and signature go by foreign keys
+        sqlx::query("DELETE FROM job WHERE id = ?").bind(&text).execute(&mut *tx).await?;
+        tx.commit().await?;
+        Ok(model)
+    }
+}
+
+fn not_found(id: JobId) -> StoreError {
+    StoreError::NotFound { kind: "job", id: id.to_string() }
+}
+
+async fn status_of(db: &mut SqliteConnection, id: JobId) -> Result<JobStatus, StoreError> {
+    let status: Option<String> =
+        sqlx::query_scalar("SELECT status FROM job WHERE id = ?").bind(id.to_string()).fetch_optional(db).await?;
+    status.ok_or_else(|| not_found(id))?.parse().map_err(|reason: String| damaged("a status", reason))
+}
+
+/// There is room for one more waiting job.
+async fn check_room(db: &mut SqliteConnection, limit: usize) -> Result<(), StoreError> {
+    let queued: i64 = sqlx::query_scalar("SELECT count(*) FROM job WHERE status = 'queued'").fetch_one(db).await?;
+    if to_u64(queued) >= limit as u64 {
+        return Err(StoreError::QueueFull { limit });
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::testing;
+    use super::*;
+
+    pub(crate) async fn queued(store: &Store, set: ScanSetId) -> JobId {
+        let job = NewJob { id: JobId::new(), scan_set_id: set, label: None, options: Options::default() };
+        store.create_job(&job, None, 10, None).await.expect("queued");
+        job.id
+    }
+
+    #[tokio::test]
+    async fn the_queue_has_an_end() {
+        let (store, _folder) = testing::store().await;
+        let set = testing::scan_set(&store, &["a.ply"]).await;
+        queued(&store, set).await;
+        let job = NewJob { id: JobId::new(), scan_set_id: set, label: None, options: Options::default() };
+        let refused = store.create_job(&job, None, 1, None).await.expect_err("full");
+        assert!(matches!(refused, StoreError::QueueFull { limit: 1 }));
+        assert!(matches!(store.job(job.id).await, Err(StoreError::NotFound { kind: "job", .. })));
+    }
+
+    #[tokio::test]
+    async fn a_waiting_job_is_canceled_at_once_and_can_be_retried() {
+        let (store, _folder) = testing::store().await;
+        let set = testing::scan_set(&store, &["a.ply"]).await;
+        let id = queued(&store, set).await;
+        assert_eq!(store.cancel_job(id).await.expect("canceled"), CancelAnswer::Canceled);
+        assert_eq!(store.job(id).await.expect("there").status, JobStatus::Canceled);
+        let twice = store.cancel_job(id).await.expect_err("ended");
+        assert!(matches!(twice, StoreError::WrongStatus { status: JobStatus::Canceled, .. }));
+        store.retry_job(id, 10).await.expect("queued again");
+        let job = store.job(id).await.expect("there");
+        assert_eq!((job.status, job.cancel_asked, job.finished_at), (JobStatus::Queued, false, None));
+    }
+
+    #[tokio::test]
+    async fn a_scan_set_in_use_is_left_alone() {
+        let (store, _folder) = testing::store().await;
+        let set = testing::scan_set(&store, &["a.ply"]).await;
+        let id = queued(&store, set).await;
+        assert!(matches!(store.delete_scan_set(set).await, Err(StoreError::InUse { kind: "scan set", .. })));
+        assert!(matches!(store.delete_job(id).await, Err(StoreError::InUse { kind: "job", .. })));
+        store.cancel_job(id).await.expect("canceled");
+        store.delete_scan_set(set).await.expect("free now");
+        assert!(matches!(store.job(id).await, Err(StoreError::NotFound { .. })));
+    }
+
+    #[tokio::test]
+    async fn a_replay_is_kept_with_what_it_created() {
+        let (store, _folder) = testing::store().await;
+        let set = testing::scan_set(&store, &["a.ply"]).await;
+        let job = NewJob { id: JobId::new(), scan_set_id: set, label: None, options: Options::default() };
+        let key = replays_key("k", "hash");
+        let replay = Replay {
+            key: key.clone(),
+            status: 202,
+            location: "/v1/jobs/x".to_owned(),
+            body: "{}".to_owned(),
+            resource_id: job.id.to_string(),
+        };
+        store.create_job(&job, None, 10, Some(&replay)).await.expect("queued");
+        assert_eq!(store.replay(&key).await.expect("read"), Some(replay));
+        let other = store.replay(&replays_key("k", "other")).await.expect_err("another body");
+        assert!(matches!(other, StoreError::KeyReused { .. }));
+        store.cancel_job(job.id).await.expect("canceled");
+        store.delete_job(job.id).await.expect("deleted");
+        assert_eq!(store.replay(&key).await.expect("read"), None);
+    }
+
+    fn replays_key(key: &str, hash: &str) -> super::super::ReplayKey {
+        super::super::ReplayKey { route: "POST /v1/jobs", key: key.to_owned(), body_hash: hash.to_owned() }
+    }
+}

@@ -1,0 +1,252 @@
+//! The only module that knows SQL: scan sets, the job queue, models and repeated requests in one SQLite file.
+//!
+//! - `scan_sets`: the ordered scans of one object and their pose file
+//! - `jobs`: what the API does with jobs; `queue`: what the workers do with them
+//! - `models`: models, their files and signatures
+//! - `replays`: answers kept for repeated POSTs
+//! - `live_gallery`: the stored signatures, searchable in memory
+//!
+//! There is one writing connection and a few read-only ones, on a write-ahead log. Writes of several
+//! statements take the write lock at their start (`BEGIN IMMEDIATE`): a transaction that begins by reading
+//! and then writes would be refused at once when another one has written meanwhile.
+
+mod ids;
+mod jobs;
+pub mod live_gallery;
+mod models;
+mod queue;
+mod replays;
+mod scan_sets;
+mod sweep;
+
+use std::path::Path;
+use std::time::Duration;
+
+use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePool, SqlitePoolOptions, SqliteSynchronous};
+
+pub use ids::{FileId, JobId, ModelId, ScanSetId};
+pub use jobs::{CancelAnswer, JobError, JobFilter, JobRecord, JobStatus, NewJob};
+pub use models::{AssetRecord, ModelFilter, ModelRecord, NewModel, StoredSignature};
+pub use queue::{Finish, JobClaim};
+pub use replays::{Replay, ReplayKey};
+pub use scan_sets::{NewScanSet, PoseFile, PutScan, ScanRecord, ScanSetRecord, sort_naturally};
+pub use sweep::KnownFiles;
+
+/// Connections that read at the same time.
+const READERS: u32 = 4;
+/// How long a statement waits for a lock before it fails.
+const BUSY_TIMEOUT: Duration = Duration::from_secs(5);
+
+/// Why the store did not do what it was asked.
+#[derive(Debug, thiserror::Error)]
+pub enum StoreError {
+    /// The database failed.
+    #[error("database: {0}")]
+    Database(#[from] sqlx::Error),
+    /// The database could not be brought to this program's version.
+    #[error("migration of the database: {0}")]
+    Migration(#[from] sqlx::migrate::MigrateError),
+    /// A stored value is not what this program writes.
+    #[error("the database holds {what} that can't be read: {reason}")]
+    Damaged {
+        /// The kind of value.
+        what: &'static str,
+        /// Why it can't be read.
+        reason: String,
+    },
+    /// There is no such thing.
+    #[error("there is no {kind} {id}")]
+    NotFound {
+        /// "scan set", "job", "model", "scan".
+        kind: &'static str,
+        /// What was asked for.
+        id: String,
+    },
+    /// A job that is not finished needs it.
+    #[error("{kind} {id} is used by an unfinished job")]
+    InUse {
+        /// "scan set" or "job".
+        kind: &'static str,
+        /// Which one.
+        id: String,
+    },
+    /// The queue is full.
+    #[error("{limit} jobs are waiting already")]
+    QueueFull {
+        /// How many may wait.
+        limit: usize,
+    },
+    /// The scan set is full.
+    #[error("a scan set holds at most {limit} scans")]
+    TooManyScans {
+        /// How many it may hold.
+        limit: usize,
+    },
+    /// The job has ended in a way that does not allow this.
+    #[error("job {id} is {}", status.name())]
+    WrongStatus {
+        /// Which job.
+        id: JobId,
+        /// What it is.
+        status: JobStatus,
+    },
+    /// The key was used before, with another body.
+    #[error("the idempotency key {key:?} was used before with another body")]
+    KeyReused {
+        /// The key.
+        key: String,
+    },
+}
+
+/// The embedded database. Cheap to clone.
+#[derive(Debug, Clone)]
+pub struct Store {
+    writer: SqlitePool,
+    readers: SqlitePool,
+}
+
+impl Store {
+    /// Opens the database file, creates it when absent, and brings it to this program's version.
+    pub async fn open(file: &Path) -> Result<Store, StoreError> {
+        let options = SqliteConnectOptions::new()
+            .filename(file)
+            .create_if_missing(true)
+            .journal_mode(SqliteJournalMode::Wal)
+            // a job is answered with 202 only when it would survive a power cut
+            .synchronous(SqliteSynchronous::Full)
+            .foreign_keys(true)
+            .busy_timeout(BUSY_TIMEOUT)
+            // what was deleted must not stay readable in the file
+            .pragma("secure_delete", "ON");
+        let writer = SqlitePoolOptions::new()
+            .max_connections(1)
+            .idle_timeout(None)
+            .max_lifetime(None)
+            .connect_with(options.clone())
+            .await?;
+        sqlx::migrate!("./migrations").run(&writer).await?;
+        let readers = SqlitePoolOptions::new()
+            .max_connections(READERS)
+            .connect_with(options.read_only(true).create_if_missing(false))
+            .await?;
+        Ok(Store { writer, readers })
+    }
+
+    /// Whether the database answers.
+    pub async fn ping(&self) -> Result<(), StoreError> {
+        sqlx::query("SELECT 1").execute(&self.readers).await?;
+        Ok(())
+    }
+
+    /// Closes all connections; the write-ahead log is folded into the file.
+    pub async fn close(&self) {
+        self.readers.close().await;
+        self.writer.close().await;
+    }
+
+    /// A transaction that holds the write lock from its start.
+    async fn begin(&self) -> Result<sqlx::Transaction<'static, sqlx::Sqlite>, StoreError> {
+        Ok(self.writer.begin_with("BEGIN IMMEDIATE").await?)
+    }
+}
+
+/// Milliseconds since 1970, as the tables keep times.
+fn now_ms() -> i64 {
+    jiff::Timestamp::now().as_millisecond()
+}
+
+/// A stored time.
+fn timestamp(ms: i64) -> Result<jiff::Timestamp, StoreError> {
+    jiff::Timestamp::from_millisecond(ms).map_err(|error| damaged("a time", error))
+}
+
+/// Turns what the standard library or serde says of a stored value into our error.
+fn damaged(what: &'static str, reason: impl ToString) -> StoreError {
+    StoreError::Damaged { what, reason: reason.to_string() }
+}
+
+/// SQLite counts in i64; nothing stored here comes near its end.
+fn to_i64(count: u64) -> i64 {
+    i64::try_from(count).unwrap_or(i64::MAX)
+}
+
+/// A stored count.
+fn to_u64(count: i64) -> u64 {
+    u64::try_from(count).unwrap_or(0)
+}
+
+/// A stored id.
+macro_rules! stored_id {
+    ($kind:ident, $text:expr) => {
+        $crate::store::$kind::parse($text).ok_or_else(|| $crate::store::damaged("an id", $text))
+    };
+}
+use stored_id;
+
+/// One page of a list, newest first.
+#[derive(Debug, Clone)]
+pub struct Page<T> {
+    /// The items.
+    pub items: Vec<T>,
+    /// Whether there are older ones.
+    pub more: bool,
+}
+
+impl<T> Page<T> {
+    /// From rows of which one more than `limit` was asked for.
+    fn cut(mut items: Vec<T>, limit: usize) -> Self {
+        let more = items.len() > limit;
+        items.truncate(limit);
+        Page { items, more }
+    }
+}
+
+/// Which part of a list is wanted.
+#[derive(Debug, Clone, Default)]
+pub struct PageRequest {
+    /// Only items older than this one.
+    pub before: Option<String>,
+    /// At most so many.
+    pub limit: usize,
+}
+
+impl PageRequest {
+    /// One row more than is shown tells whether there is a next page.
+    fn sql_limit(&self) -> i64 {
+        to_i64(self.limit as u64 + 1)
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod testing {
+    use super::*;
+
+    /// A store in a folder that goes with the test.
+    pub async fn store() -> (Store, tempfile::TempDir) {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let store = Store::open(&folder.path().join("test.sqlite")).await.expect("a new database");
+        (store, folder)
+    }
+
+    /// A scan set with the given scan names, each of 10 points.
+    pub async fn scan_set(store: &Store, names: &[&str]) -> ScanSetId {
+        let set = NewScanSet {
+            id: ScanSetId::new(),
+            name: "set".to_owned(),
+            unit: crate::geometry::Unit::Mm,
+            scans: names
+                .iter()
+                .map(|name| ScanRecord {
+                    name: (*name).to_owned(),
+                    file_id: FileId::new(),
+                    points: 10,
+                    bytes: 100,
+                    checksum: "00".to_owned(),
+                })
+                .collect(),
+            poses: None,
+        };
+        store.create_scan_set(&set, None).await.expect("stored");
+        set.id
+    }
+}

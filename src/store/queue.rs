@@ -1,0 +1,300 @@
+//! Jobs as the workers see them: claim, heartbeat, finish, give back.
+//!
+//! A running job belongs to the worker named in its row until its lease runs out. Every write of a worker is
+//! guarded by that name, so a worker whose job was taken over can neither finish it twice nor overwrite it.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use sqlx::SqliteConnection;
+
+use super::jobs::JobRow;
+use super::{JobError, JobRecord, NewModel, Store, StoreError, damaged, models, now_ms};
+
+/// A job in the hands of a worker.
+#[derive(Debug, Clone)]
+pub struct JobClaim {
+    /// The job as it was when it was claimed.
+    pub job: JobRecord,
+    /// Whose it is.
+    pub worker: String,
+}
+
+/// How a worker ends its job.
+#[derive(Debug, Clone)]
+pub enum Finish {
+    /// With a model.
+    Succeeded(Box<NewModel>),
+    /// With an error.
+    Failed(JobError),
+    /// On request.
+    Canceled,
+}
+
+impl Store {
+    /// Takes the oldest job that waits or whose worker has fallen silent. A job that was started
+    /// `max_attempts` times without an end takes its worker down with it: it is failed instead.
+    pub async fn claim_job(
+        &self,
+        worker: &str,
+        lease: Duration,
+        max_attempts: u32,
+    ) -> Result<Option<JobClaim>, StoreError> {
+        let mut tx = self.begin().await?;
+        fail_exhausted(&mut tx, max_attempts).await?;
+        let row: Option<JobRow> = sqlx::query_as(
+            "UPDATE job SET status = 'running', worker = ?1, leased_until = ?2, attempts = attempts + 1,
+                            started_at = ?3, stage = NULL, progress = 0, stage_seconds = '{}'
+             WHERE id = (SELECT id FROM job
+                         WHERE status = 'queued' OR (status = 'running' AND leased_until < ?3)
+                         ORDER BY id LIMIT 1)
+             RETURNING *, NULL AS model_id",
+        )
+        .bind(worker)
+        .bind(lease_end(lease))
+        .bind(now_ms())
+        .fetch_optional(&mut *tx)
+        .await?;
+        tx.commit().await?;
+        row.map(|row| Ok(JobClaim { job: row.record()?, worker: worker.to_owned() })).transpose()
+    }
+
+    /// Extends the lease and writes the progress; answers whether a stop was asked for, or `None` if the job is
+    /// no longer this worker's.
+    pub async fn heartbeat(
+        &self,
+        claim: &JobClaim,
+        lease: Duration,
+        stage: Option<&str>,
+        progress: f64,
+        stage_seconds: &BTreeMap<String, f64>,
+    ) -> Result<Option<bool>, StoreError> {
+        let seconds = serde_json::to_string(stage_seconds).map_err(|error| damaged("seconds", error))?;
+        let cancel_asked = sqlx::query_scalar(
+            "UPDATE job SET leased_until = ?, stage = ?, progress = ?, stage_seconds = ?
+             WHERE id = ? AND worker = ? AND status = 'running' RETURNING cancel_asked",
+        )
+        .bind(lease_end(lease))
+        .bind(stage)
+        .bind(progress.clamp(0.0, 1.0))
+        .bind(seconds)
+        .bind(claim.job.id.to_string())
+        .bind(&claim.worker)
+        .fetch_optional(&self.writer)
+        .await?;
+        Ok(cancel_asked)
+    }
+
+    /// Ends a job, and stores its model in the same transaction. False if the job is no longer this worker's,
+    /// or if it would succeed after a stop was asked for: then nothing is written.
+    pub async fn finish_job(&self, claim: &JobClaim, finish: &Finish) -> Result<bool, StoreError> {
+        let (status, error) = match finish {
+            Finish::Succeeded(_) => ("succeeded", None),
+            Finish::Failed(error) => ("failed", Some(error)),
+            Finish::Canceled => ("canceled", None),
+        };
+        let error = error.map(serde_json::to_string).transpose().map_err(|error| damaged("a job's error", error))?;
+        let mut tx = self.begin().await?;
+        let done = sqlx::query(
+            "UPDATE job SET status = ?1, error = ?2, worker = NULL, leased_until = NULL, finished_at = ?3,
+                            progress = CASE WHEN ?1 = 'succeeded' THEN 1 ELSE progress END
+             WHERE id = ?4 AND worker = ?5 AND status = 'running' AND NOT (?1 = 'succeeded' AND cancel_asked)",
+        )
+        .bind(status)
+        .bind(error)
+        .bind(now_ms())
+        .bind(claim.job.id.to_string())
+        .bind(&claim.worker)
+        .execute(&mut *tx)
+        .await?;
+        if done.rows_affected() == 0 {
+            return Ok(false);
+        }
+        if let Finish::Succeeded(model) = finish {
+            models::insert(&mut tx, model).await?;
+        }
+        tx.commit().await?;
+        Ok(true)
+    }
+
+    /// Puts a job back into the queue at a shutdown: it costs no attempt.
+    pub async fn give_back_job(&self, claim: &JobClaim) -> Result<bool, StoreError> {
+        let done = sqlx::query(
+            "UPDATE job SET status = CASE WHEN cancel_asked THEN 'canceled' ELSE 'queued' END,
+                            finished_at = CASE WHEN cancel_asked THEN ?1 END,
+                            worker = NULL, leased_until = NULL, attempts = max(attempts - 1, 0),
+                            stage = NULL, progress = 0, stage_seconds = '{}'
+             WHERE id = ?2 AND worker = ?3 AND status = 'running'",
+        )
+        .bind(now_ms())
+        .bind(claim.job.id.to_string())
+        .bind(&claim.worker)
+        .execute(&self.writer)
+        .await?;
+        Ok(done.rows_affected() == 1)
+    }
+
+    /// At the start of the one server that owns this database: whatever is still running belonged to a process
+    /// that is dead. Its jobs wait again (or are canceled, or are failed when they took down the process too
+    /// often); answers with the number of them.
+    pub async fn reclaim_jobs(&self, max_attempts: u32) -> Result<u64, StoreError> {
+        let mut tx = self.begin().await?;
+        let running = sqlx::query("UPDATE job SET leased_until = 0 WHERE status = 'running'").execute(&mut *tx).await?;
+        sqlx::query(
+            "UPDATE job SET status = 'canceled', worker = NULL, leased_until = NULL, finished_at = ?
+             WHERE status = 'running' AND cancel_asked",
+        )
+        .bind(now_ms())
+        .execute(&mut *tx)
+        .await?;
+        fail_exhausted(&mut tx, max_attempts).await?;
+        sqlx::query(
+            "UPDATE job SET status = 'queued', worker = NULL, leased_until = NULL, stage = NULL, progress = 0,
+                            stage_seconds = '{}'
+             WHERE status = 'running'",
+        )
+        .execute(&mut *tx)
+        .await?;
+        tx.commit().await?;
+        Ok(running.rows_affected())
+    }
+}
+
+fn lease_end(lease: Duration) -> i64 {
+    now_ms().saturating_add(i64::try_from(lease.as_millis()).unwrap_or(i64::MAX))
+}
+
+/// Fails the jobs whose worker vanished for the last time that is allowed.
+async fn fail_exhausted(db: &mut SqliteConnection, max_attempts: u32) -> Result<(), StoreError> {
+    let error = JobError {
+        code: "attempts_exhausted".to_owned(),
+        message: format!("the job was started {max_attempts} times and the server ended each time before the job did"),
+        scan: None,
+        hint: "the scans may need more memory than the server has: use fewer or thinner scans, or retry the job on a \
+               larger machine"
+            .to_owned(),
+    };
+    let error = serde_json::to_string(&error).map_err(|error| damaged("a job's error", error))?;
+    sqlx::query(
+        "UPDATE job SET status = 'failed', error = ?1, worker = NULL, leased_until = NULL, finished_at = ?2
+         WHERE status = 'running' AND leased_until < ?2 AND attempts >= ?3",
+    )
+    .bind(error)
+    .bind(now_ms())
+    .bind(max_attempts)
+    .execute(db)
+    .await?;
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{CancelAnswer, JobId, JobStatus, NewJob, ScanSetId, testing};
+    use super::*;
+    use crate::pipeline::Options;
+
+    const LEASE: Duration = Duration::from_secs(30);
+    const EXPIRED: Duration = Duration::ZERO;
+
+    async fn queued(store: &Store) -> JobId {
+        let set: ScanSetId = testing::scan_set(store, &["a.ply", "b.ply"]).await;
+        let job = NewJob { id: JobId::new(), scan_set_id: set, label: None, options: Options::default() };
+        store.create_job(&job, None, 10, None).await.expect("queued");
+        job.id
+    }
+
+    async fn claim(store: &Store, worker: &str, lease: Duration) -> Option<JobClaim> {
+        store.claim_job(worker, lease, 3).await.expect("claimed")
+    }
+
+    #[tokio::test]
+    async fn jobs_are_claimed_once_and_in_order() {
+        let (store, _folder) = testing::store().await;
+        let (first, second) = (queued(&store).await, queued(&store).await);
+        let a = claim(&store, "a", LEASE).await.expect("one waits");
+        let b = claim(&store, "b", LEASE).await.expect("one waits");
+        assert_eq!((a.job.id, b.job.id), (first, second));
+        assert_eq!(a.job.attempts, 1);
+        assert!(claim(&store, "c", LEASE).await.is_none());
+    }
+
+    #[tokio::test]
+    async fn a_worker_that_lost_its_lease_writes_nothing() {
+        let (store, _folder) = testing::store().await;
+        let id = queued(&store).await;
+        let lost = claim(&store, "slow", EXPIRED).await.expect("one waits");
+        tokio::time::sleep(Duration::from_millis(5)).await;
+        let taken = claim(&store, "quick", LEASE).await.expect("taken over");
+        assert_eq!(taken.job.attempts, 2);
+        let none = BTreeMap::new();
+        assert_eq!(store.heartbeat(&lost, LEASE, None, 0.5, &none).await.expect("asked"), None);
+        assert!(!store.finish_job(&lost, &Finish::Canceled).await.expect("asked"));
+        assert!(!store.give_back_job(&lost).await.expect("asked"));
+        assert_eq!(store.heartbeat(&taken, LEASE, Some("loading"), 0.5, &none).await.expect("asked"), Some(false));
+        let job = store.job(id).await.expect("there");
+        assert_eq!((job.status, job.stage.as_deref(), job.progress), (JobStatus::Running, Some("loading"), 0.5));
+    }
+
+    #[tokio::test]
+    async fn giving_back_costs_no_attempt() {
+        let (store, _folder) = testing::store().await;
+        let id = queued(&store).await;
+        for _ in 0..5 {
+            let taken = claim(&store, "w", LEASE).await.expect("waits");
+            assert!(store.give_back_job(&taken).await.expect("given back"));
+        }
+        let job = store.job(id).await.expect("there");
+        assert_eq!((job.status, job.attempts), (JobStatus::Queued, 0));
+    }
+
+    #[tokio::test]
+    async fn a_job_that_takes_the_server_down_thrice_is_failed() {
+        let (store, _folder) = testing::store().await;
+        let id = queued(&store).await;
+        for _ in 0..3 {
+            claim(&store, "w", LEASE).await.expect("waits");
+            assert_eq!(store.reclaim_jobs(3).await.expect("reclaimed"), 1);
+        }
+        assert!(claim(&store, "w", LEASE).await.is_none());
+        let job = store.job(id).await.expect("there");
+        assert_eq!(job.status, JobStatus::Failed);
+        assert_eq!(job.error.expect("a reason").code, "attempts_exhausted");
+    }
+
+    #[tokio::test]
+    async fn a_stop_that_was_asked_for_beats_success() {
+        let (store, _folder) = testing::store().await;
+        let id = queued(&store).await;
+        let taken = claim(&store, "w", LEASE).await.expect("waits");
+        assert_eq!(store.cancel_job(id).await.expect("asked"), CancelAnswer::Asked);
+        let none = BTreeMap::new();
+        assert_eq!(store.heartbeat(&taken, LEASE, None, 0.1, &none).await.expect("asked"), Some(true));
+        let model = NewModel::test(Some((id, taken.job.scan_set_id)));
+        assert!(!store.finish_job(&taken, &Finish::Succeeded(Box::new(model))).await.expect("asked"));
+        assert!(store.finish_job(&taken, &Finish::Canceled).await.expect("asked"));
+        assert_eq!(store.job(id).await.expect("there").status, JobStatus::Canceled);
+    }
+
+    #[tokio::test]
+    async fn a_canceled_job_of_a_dead_server_is_not_run_again() {
+        let (store, _folder) = testing::store().await;
+        let id = queued(&store).await;
+        claim(&store, "w", LEASE).await.expect("waits");
+        store.cancel_job(id).await.expect("asked");
+        store.reclaim_jobs(3).await.expect("reclaimed");
+        assert_eq!(store.job(id).await.expect("there").status, JobStatus::Canceled);
+    }
+
+    #[tokio::test]
+    async fn success_stores_the_model_with_the_job() {
+        let (store, _folder) = testing::store().await;
+        let id = queued(&store).await;
+        let taken = claim(&store, "w", LEASE).await.expect("waits");
+        let model = NewModel::test(Some((id, taken.job.scan_set_id)));
+        assert!(store.finish_job(&taken, &Finish::Succeeded(Box::new(model.clone()))).await.expect("stored"));
+        let job = store.job(id).await.expect("there");
+        assert_eq!((job.status, job.progress, job.model_id), (JobStatus::Succeeded, 1.0, Some(model.id)));
+        assert_eq!(store.delete_job(id).await.expect("deleted"), Some(model.id));
+        assert!(matches!(store.model(model.id).await, Err(StoreError::NotFound { kind: "model", .. })));
+    }
+}

@@ -1,0 +1,30 @@
+//! Objects made by code and a virtual scanner to scan them: data with a known truth for the demo and the tests.
+//!
+//! - [`implicit`], [`surface_nets`]: solids as signed fields, and their surfaces as meshes
+//! - [`head`]: heads with a face, each seed another person
+//! - [`objects`]: things that are no face: a head with bumps for a face, a jug, a smooth blob
+//! - [`scanner`]: range scans by ray casting
+//! - [`truth`]: disturbing true poses, and how far estimated ones are from the truth
+//!
+//! Lengths are millimetres. Pure and deterministic: the same seed gives the same bits.
+
+pub mod head;
+pub mod implicit;
+pub mod objects;
+pub mod scanner;
+pub mod surface_nets;
+pub mod truth;
+
+use std::collections::BTreeMap;
+
+use crate::geometry::{Mesh, Point3};
+
+/// An object made by code, in its own frame, mm.
+#[derive(Debug, Clone)]
+pub struct Specimen {
+    /// The closed surface, wound outward.
+    pub mesh: Mesh,
+    /// Named points of the face, if it has one; the names are those of the standards (`eye_r_inner`, `nose_tip`, ...),
+    /// right and left being the subject's own.
+    pub landmarks: BTreeMap<&'static str, Point3>,
+}

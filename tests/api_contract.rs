@@ -1,0 +1,85 @@
+//! The contract: what is committed is what is served, and errors are problems everywhere.
+
+mod common;
+
+use common::{TestServer, expect_json, expect_problem};
+use reqwest::{Method, StatusCode};
+
+#[test]
+fn the_committed_contract_is_that_of_the_code() {
+    let committed =
+        std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/openapi.yaml")).expect("openapi.yaml");
+    let served = visage::http::openapi_yaml().expect("YAML");
+    assert!(committed == served, "openapi.yaml is out of date: run `cargo run -- openapi > openapi.yaml`");
+}
+
+#[tokio::test]
+async fn the_served_contract_describes_every_answer() {
+    let server = TestServer::start().await;
+    let response = server.get("/openapi.yaml").await;
+    assert_eq!(response.headers()["content-type"], "application/yaml");
+    let yaml = response.text().await.expect("a body");
+    assert_eq!(yaml, visage::http::openapi_yaml().expect("YAML"));
+    assert!(yaml.starts_with("openapi: 3.1"), "{}", &yaml[..40]);
+    // an answer without a description makes the document invalid
+    assert!(!yaml.contains("description: ''"));
+    assert_eq!(yaml.matches("operationId:").count(), yaml.matches(" responses:\n").count());
+}
+
+#[tokio::test]
+async fn every_path_of_the_contract_is_served() {
+    let server = TestServer::start().await;
+    let yaml = visage::http::openapi_yaml().expect("YAML");
+    let paths: Vec<&str> =
+        yaml.lines().filter_map(|line| line.strip_prefix("  /")).filter_map(|line| line.strip_suffix(':')).collect();
+    assert!(paths.len() > 10, "{paths:?}");
+    for path in paths {
+        // no resource knows this method: a path that is served says so, another one is not found
+        let url = server.url(&format!("/{}", path.replace(['{', '}'], "")));
+        let response = server.client.request(Method::PATCH, url).send().await.expect("an answer");
+        assert!(response.headers().contains_key("allow"), "{path}");
+        expect_problem(response, 405, "method_not_allowed").await;
+    }
+}
+
+#[tokio::test]
+async fn errors_are_problems_wherever_they_come_from() {
+    let server = TestServer::start().await;
+    expect_problem(server.get("/v1/nothing").await, 404, "not_found").await;
+    expect_problem(server.get("/v1/scan-sets/%FF").await, 400, "malformed_request").await;
+    let post = |content_type: &'static str, body: &'static str| {
+        server.client.post(server.url("/v1/jobs")).header("content-type", content_type).body(body).send()
+    };
+    let broken = post("application/json", "{\"scan_set_id\": ").await.expect("an answer");
+    expect_problem(broken, 400, "malformed_request").await;
+    let wrong = post("application/json", "{\"scan_set_id\": 7}").await.expect("an answer");
+    expect_problem(wrong, 422, "invalid_field").await;
+    let xml = post("text/xml", "<job/>").await.expect("an answer");
+    expect_problem(xml, 415, "unsupported_media_type").await;
+    let key = server.client.post(server.url("/v1/jobs")).header("idempotency-key", "").send().await.expect("an answer");
+    expect_problem(key, 400, "malformed_request").await;
+}
+
+#[tokio::test]
+async fn the_service_tells_how_it_is_and_what_it_offers() {
+    let server = TestServer::start().await;
+    assert_eq!(expect_json(server.get("/healthz").await, StatusCode::OK).await["status"], "ok");
+    let info = expect_json(server.get("/v1/info").await, StatusCode::OK).await;
+    assert_eq!(info["versions"]["visage"], env!("CARGO_PKG_VERSION"));
+    assert_eq!(info["limits"]["threads_per_job"], 2);
+    let options = info["job_options"].as_array().expect("options");
+    let min_overlap = options.iter().find(|option| option["name"] == "min_overlap").expect("an option");
+    assert_eq!((min_overlap["type"].as_str(), min_overlap["default"].as_f64()), (Some("number"), Some(0.5)));
+    assert!(
+        min_overlap["minimum"].is_number() && min_overlap["maximum"].is_number() && min_overlap["help"].is_string()
+    );
+    assert_eq!(info["file_formats"], serde_json::json!(visage::formats::EXTENSIONS));
+}
+
+#[tokio::test]
+async fn request_ids_are_ours() {
+    let server = TestServer::start().await;
+    let request = server.client.get(server.url("/healthz")).header("x-request-id", "theirs").send();
+    let response = request.await.expect("an answer");
+    assert_ne!(response.headers()["x-request-id"], "theirs");
+}

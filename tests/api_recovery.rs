@@ -1,0 +1,123 @@
+//! Crashes, shutdowns, restarts.
+
+mod common;
+
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+
+use common::{Mode, TestServer, config, expect_json, text};
+use reqwest::StatusCode;
+use visage::http::{Server, StartError};
+
+const LONG: Mode = Mode::Slow(Duration::from_secs(60));
+
+#[tokio::test]
+async fn after_a_crash_the_job_is_run_again_to_the_same_bytes() {
+    let undisturbed = TestServer::start().await;
+    let (model, _) = undisturbed.model().await;
+    let asset = async |server: &TestServer, model: &str, name: &str| {
+        server.get(&format!("/v1/models/{model}/{name}")).await.bytes().await.expect("a body")
+    };
+    let expected = [asset(&undisturbed, &model, "poses.json").await, asset(&undisturbed, &model, "cloud.ply").await];
+
+    let server = TestServer::start().await;
+    server.engine.set(LONG);
+    let job = server.job().await;
+    server.until(&job, "running").await;
+    let folder = server.folder;
+    server.handle.abort().await;
+
+    let server = TestServer::start_on(folder, |_| {}).await;
+    let ended = server.finished(&job).await;
+    assert_eq!((ended["status"].as_str(), ended["attempts"].as_u64()), (Some("succeeded"), Some(2)), "{ended}");
+    let model = text(&ended, "/model_id");
+    assert_eq!([asset(&server, &model, "poses.json").await, asset(&server, &model, "cloud.ply").await], expected);
+}
+
+#[tokio::test]
+async fn a_job_that_takes_the_server_down_again_and_again_is_failed() {
+    let mut server = TestServer::start().await;
+    server.engine.set(LONG);
+    let job = server.job().await;
+    for _ in 0..3 {
+        server.until(&job, "running").await;
+        let folder = server.folder;
+        server.handle.abort().await;
+        server = TestServer::start_on(folder, |_| {}).await;
+        server.engine.set(LONG);
+    }
+    let ended = server.finished(&job).await;
+    assert_eq!(ended["error"]["code"], "attempts_exhausted", "{ended}");
+    assert_eq!(server.engine.runs.load(Ordering::Relaxed), 0);
+}
+
+#[tokio::test]
+async fn a_shutdown_gives_jobs_back_and_ends_streams() {
+    let server = TestServer::start().await;
+    server.engine.set(LONG);
+    let job = server.job().await;
+    server.until(&job, "running").await;
+    let stream = server.get(&format!("/v1/jobs/{job}/events")).await;
+    let waiting = server.client.get(server.url(&format!("/v1/jobs/{job}?wait=60"))).send();
+    let waiting = tokio::spawn(waiting);
+    tokio::time::sleep(Duration::from_millis(100)).await;
+    let folder = server.folder;
+    let begin = Instant::now();
+    assert!(server.handle.shutdown().await, "everybody was done before the deadline");
+    assert!(begin.elapsed() < Duration::from_secs(2), "{:?}", begin.elapsed());
+    stream.text().await.expect("the stream ended properly");
+    assert_eq!(waiting.await.expect("no panic").expect("an answer").status(), StatusCode::OK);
+
+    let server = TestServer::start_on(folder, |_| {}).await;
+    let ended = server.finished(&job).await;
+    assert_eq!((ended["status"].as_str(), ended["attempts"].as_u64()), (Some("succeeded"), Some(1)), "{ended}");
+}
+
+#[tokio::test]
+async fn a_shutdown_waits_no_longer_than_its_deadline() {
+    let server = TestServer::start_with(|config| config.shutdown_deadline = Duration::from_secs(1)).await;
+    server.engine.set(Mode::Deaf(Duration::from_secs(4)));
+    let job = server.job().await;
+    server.until(&job, "running").await;
+    // an upload that never ends
+    let url = server.url("/v1/scan-sets");
+    let endless = reqwest::Body::wrap_stream(futures_util::stream::pending::<Result<Vec<u8>, std::io::Error>>());
+    let upload = server.client.post(url).header("content-type", "multipart/form-data; boundary=b").body(endless).send();
+    let upload = tokio::spawn(upload);
+    tokio::time::sleep(Duration::from_millis(100)).await;
+    let folder = server.folder;
+    let begin = Instant::now();
+    assert!(!server.handle.shutdown().await, "the upload was cut");
+    assert!(begin.elapsed() < Duration::from_secs(2), "{:?}", begin.elapsed());
+    upload.abort();
+
+    // the deaf thread still holds the folder, as it would until the process has ended
+    tokio::time::sleep(Duration::from_secs(4)).await;
+    let server = TestServer::start_on(folder, |_| {}).await;
+    let ended = server.finished(&job).await;
+    assert_eq!((ended["status"].as_str(), ended["attempts"].as_u64()), (Some("succeeded"), Some(1)), "{ended}");
+}
+
+#[tokio::test]
+async fn a_folder_belongs_to_one_server() {
+    let server = TestServer::start().await;
+    let refused = Server::start(config(server.folder.path())).await.expect_err("in use");
+    assert!(matches!(refused, StartError::Blobs(_)));
+    assert!(refused.to_string().contains("in use by another visage server"), "{refused}");
+}
+
+#[tokio::test]
+async fn what_a_crash_left_on_disk_is_swept() {
+    let server = TestServer::start().await;
+    server.model().await;
+    let folder = server.folder;
+    server.handle.abort().await;
+    let lost = folder.path().join("models/0192f0c0-0000-7000-8000-000000000000");
+    std::fs::create_dir(&lost).expect("created");
+    std::fs::write(lost.join("cloud.ply"), "half").expect("written");
+    std::fs::write(folder.path().join("staging/half"), "half").expect("written");
+    let server = TestServer::start_on(folder, |_| {}).await;
+    assert_eq!((server.files("models"), server.files("staging"), server.files("scan-sets")), (4, 0, 3));
+    let models = expect_json(server.get("/v1/models").await, StatusCode::OK).await;
+    assert_eq!(models["items"].as_array().map(Vec::len), Some(1));
+}

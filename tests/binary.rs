@@ -1,0 +1,170 @@
+//! The real binary: what it prints, how it stops, and that it survives being killed.
+#![cfg(unix)]
+
+mod common;
+
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use common::{expect_json, files, text};
+use reqwest::multipart::{Form, Part};
+use reqwest::{Client, StatusCode};
+use serde_json::{Value, json};
+
+/// A running `visage serve`, killed when dropped.
+struct Process {
+    child: Child,
+    url: String,
+}
+
+impl Process {
+    fn start(folder: &Path) -> Process {
+        let mut child = Command::new(env!("CARGO_BIN_EXE_visage"))
+            .args(["serve", "--addr", "127.0.0.1:0", "--log-format", "json", "--data"])
+            .arg(folder)
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .expect("the binary starts");
+        let mut line = String::new();
+        BufReader::new(child.stdout.take().expect("piped")).read_line(&mut line).expect("a line");
+        let url = line.trim().strip_prefix("listening on ").unwrap_or_else(|| panic!("{line:?}")).to_owned();
+        Process { child, url }
+    }
+
+    fn signal(&self, signal: &str) {
+        let status = Command::new("kill").args([signal, &self.child.id().to_string()]).status().expect("kill runs");
+        assert!(status.success());
+    }
+
+    async fn get(&self, path: &str) -> Value {
+        let response = client().get(format!("{}{path}", self.url)).send().await.expect("an answer");
+        expect_json(response, StatusCode::OK).await
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        // already gone in most tests
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+fn client() -> Client {
+    Client::builder().no_proxy().timeout(Duration::from_secs(120)).build().expect("a client")
+}
+
+#[tokio::test]
+async fn it_serves_is_well_and_stops_when_told_to() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    for signal in ["-TERM", "-INT"] {
+        let mut process = Process::start(folder.path());
+        assert_eq!(process.get("/healthz").await["status"], "ok");
+        let addr = process.url.strip_prefix("http://").expect("a URL").to_owned();
+        let check = || Command::new(env!("CARGO_BIN_EXE_visage")).args(["healthcheck", "--addr", &addr]).output();
+        assert!(check().expect("it runs").status.success());
+        let second = Command::new(env!("CARGO_BIN_EXE_visage"))
+            .args(["serve", "--addr", "127.0.0.1:0", "--data"])
+            .arg(folder.path())
+            .output()
+            .expect("it runs");
+        assert!(!second.status.success());
+        assert!(String::from_utf8_lossy(&second.stderr).contains("in use by another visage server"));
+        let begin = Instant::now();
+        process.signal(signal);
+        assert!(process.child.wait().expect("it ends").success());
+        assert!(begin.elapsed() < Duration::from_secs(5), "{:?}", begin.elapsed());
+        assert!(!check().expect("it runs").status.success());
+    }
+}
+
+#[test]
+fn it_prints_its_contract() {
+    let output = Command::new(env!("CARGO_BIN_EXE_visage")).arg("openapi").output().expect("it runs");
+    assert!(output.status.success());
+    assert_eq!(String::from_utf8(output.stdout).expect("text"), visage::http::openapi_yaml().expect("YAML"));
+}
+
+/// A part of a bumpy sphere as a scan, so dense that registering a few takes a while.
+fn scan(index: usize) -> Vec<u8> {
+    const ROWS: usize = 220;
+    let mut points = Vec::new();
+    for row in 0..ROWS {
+        for column in 0..ROWS {
+            let polar = 0.6 + 1.8 * row as f64 / ROWS as f64;
+            let azimuth = index as f64 * 0.5 + 2.4 * column as f64 / ROWS as f64;
+            let radius = 80.0 + 5.0 * (5.0 * polar).sin() * (3.0 * azimuth).cos() + 2.0 * (7.0 * azimuth + polar).sin();
+            let (x, y) = (radius * polar.sin() * azimuth.cos(), radius * polar.sin() * azimuth.sin());
+            points.push(format!("{x:.5} {y:.5} {:.5}\n", radius * polar.cos()));
+        }
+    }
+    format!("{}{}", files::header(points.len()), points.concat()).into_bytes()
+}
+
+fn disturbed_poses(names: &[String]) -> String {
+    let pose = |index: usize| {
+        let angle = 0.01 * index as f64;
+        json!([[angle.cos(), -angle.sin(), 0, 0.5], [angle.sin(), angle.cos(), 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
+    };
+    let map: serde_json::Map<String, Value> =
+        names.iter().enumerate().map(|(index, name)| (name.clone(), pose(index))).collect();
+    Value::Object(map).to_string()
+}
+
+async fn start_job(process: &Process) -> String {
+    let names: Vec<String> = (0..6).map(|index| format!("part{index}.ply")).collect();
+    let form = names
+        .iter()
+        .enumerate()
+        .fold(Form::new(), |form, (index, name)| form.part("scans", Part::bytes(scan(index)).file_name(name.clone())));
+    let form = form.part("poses", Part::text(disturbed_poses(&names)));
+    let response = client().post(format!("{}/v1/jobs", process.url)).multipart(form).send().await.expect("an answer");
+    text(&expect_json(response, StatusCode::ACCEPTED).await, "/id")
+}
+
+async fn finished(process: &Process, job: &str) -> Value {
+    loop {
+        let view = process.get(&format!("/v1/jobs/{job}?wait=60")).await;
+        if !["queued", "running"].contains(&view["status"].as_str().unwrap_or_default()) {
+            return view;
+        }
+    }
+}
+
+async fn results(process: &Process, ended: &Value) -> (Value, bytes::Bytes, Value) {
+    assert_eq!(ended["status"], "succeeded", "{ended}");
+    let model = text(ended, "/links/model");
+    let cloud = client().get(format!("{}{model}/cloud.ply", process.url)).send().await.expect("an answer");
+    let report = process.get(&format!("{model}/report.json")).await;
+    let cloud = cloud.bytes().await.expect("a body");
+    (process.get(&format!("{model}/poses.json")).await, cloud, report["result"].clone())
+}
+
+#[tokio::test]
+#[ignore = "needs the registration pipeline"]
+async fn killed_in_a_job_it_finishes_with_the_same_bytes_after_a_restart() {
+    let (quiet, rough) = (tempfile::tempdir().expect("a folder"), tempfile::tempdir().expect("a folder"));
+    let undisturbed = Process::start(quiet.path());
+    let job = start_job(&undisturbed).await;
+    let expected = results(&undisturbed, &finished(&undisturbed, &job).await).await;
+
+    let mut process = Process::start(rough.path());
+    let job = start_job(&process).await;
+    let begin = Instant::now();
+    loop {
+        let view = process.get(&format!("/v1/jobs/{job}")).await;
+        if view["stage"] == "registering" {
+            break;
+        }
+        assert!(begin.elapsed() < Duration::from_secs(60), "never registering: {view}");
+    }
+    process.signal("-KILL");
+    process.child.wait().expect("it ends");
+    let process = Process::start(rough.path());
+    let ended = finished(&process, &job).await;
+    assert_eq!(ended["attempts"], 2);
+    assert_eq!(results(&process, &ended).await, expected);
+}

@@ -1,0 +1,103 @@
+//! Algorithms that do what a test tells them.
+
+use std::collections::BTreeMap;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
+
+use visage::faces::{DescribeError, Signature};
+use visage::geometry::{Cloud, Motion, Surface, Unit};
+use visage::jobs::engine::{Engine, PipelineEngine};
+use visage::pipeline::{ModelCloud, NamedScan, Options, Outcome, PipelineError};
+use visage::progress::{Progress, Stage};
+
+/// What the next registration does.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Mode {
+    /// Hands the initial poses back.
+    #[default]
+    Quick,
+    /// The same after a while, and stops when asked to.
+    Slow(Duration),
+    /// The same after a while, and does not listen.
+    Deaf(Duration),
+    /// Panics.
+    Panic,
+    /// Refuses the second scan.
+    Refuse,
+}
+
+/// Deterministic, and no registration at all. Signatures are real.
+#[derive(Debug, Default)]
+pub struct FakeEngine {
+    mode: Mutex<Mode>,
+    /// Registrations that were begun.
+    pub runs: AtomicUsize,
+}
+
+impl FakeEngine {
+    pub fn set(&self, mode: Mode) {
+        *self.mode.lock().expect("never poisoned") = mode;
+    }
+}
+
+impl Engine for FakeEngine {
+    fn register(
+        &self,
+        scans: Vec<NamedScan>,
+        initial_poses: &BTreeMap<String, Motion>,
+        _unit: Unit,
+        _options: &Options,
+        progress: &Progress,
+    ) -> Result<Outcome, PipelineError> {
+        self.runs.fetch_add(1, Ordering::Relaxed);
+        let mode = *self.mode.lock().expect("never poisoned");
+        match mode {
+            Mode::Quick => progress.report(Stage::Registering, 1.0),
+            Mode::Slow(time) => wait(time, progress, true)?,
+            Mode::Deaf(time) => wait(time, progress, false)?,
+            Mode::Panic => panic!("told to"),
+            Mode::Refuse => {
+                return Err(PipelineError::Unusable {
+                    code: "degenerate_scan",
+                    scan: Some(scans[1].name.clone()),
+                    message: "all points are the same".to_owned(),
+                    hint: "leave it out".to_owned(),
+                });
+            }
+        }
+        Ok(outcome(&scans, initial_poses))
+    }
+
+    fn describe(&self, surface: &Surface, unit: Unit, progress: &Progress) -> Result<Signature, DescribeError> {
+        PipelineEngine.describe(surface, unit, progress)
+    }
+}
+
+fn wait(time: Duration, progress: &Progress, listens: bool) -> Result<(), PipelineError> {
+    let begin = Instant::now();
+    while begin.elapsed() < time {
+        if listens {
+            progress.check()?;
+        }
+        progress.report(Stage::Registering, begin.elapsed().as_secs_f64() / time.as_secs_f64());
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    Ok(())
+}
+
+fn outcome(scans: &[NamedScan], poses: &BTreeMap<String, Motion>) -> Outcome {
+    let mut merged = ModelCloud { cloud: Cloud::default(), views: Vec::new() };
+    for (index, scan) in scans.iter().enumerate() {
+        let moved = scan.surface.cloud.moved(&poses[&scan.name]);
+        merged.views.extend(std::iter::repeat_n(index as u16, moved.len()));
+        merged.cloud.points.extend(moved.points);
+    }
+    let names: Vec<&str> = scans.iter().map(|scan| scan.name.as_str()).collect();
+    Outcome {
+        poses: scans.iter().map(|scan| (scan.name.clone(), Some(poses[&scan.name]))).collect(),
+        report: serde_json::json!({"verdict": {"quality": "good"}, "views": names}),
+        cloud: Some(merged),
+        signature: None,
+    }
+}
