@@ -13,8 +13,12 @@
 use std::fs::{self, File};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 use crate::store::{FileId, KnownFiles, ModelId, ScanSetId};
+
+/// How often a lock that is held is tried again.
+const LOCK_POLL: Duration = Duration::from_millis(20);
 
 /// Why a file could not be kept.
 #[derive(Debug, thiserror::Error)]
@@ -133,8 +137,10 @@ impl Drop for StagedModel {
 }
 
 impl Blobs {
-    /// Takes the folder into use: creates it when absent (readable by its owner alone) and locks it.
-    pub fn open(root: &Path) -> Result<Blobs, BlobError> {
+    /// Takes the folder into use: creates it when absent (readable by its owner alone) and locks it. A process that
+    /// has just been killed holds its lock until the system has taken it apart: `patience` is how long that may
+    /// take. Blocks.
+    pub fn open(root: &Path, patience: Duration) -> Result<Blobs, BlobError> {
         create_private(root).map_err(doing("creating the data folder"))?;
         let lock = File::options()
             .create(true)
@@ -142,12 +148,16 @@ impl Blobs {
             .write(true)
             .open(root.join("visage.lock"))
             .map_err(doing("opening the lock of the data folder"))?;
-        match lock.try_lock() {
-            Ok(()) => {}
-            Err(fs::TryLockError::WouldBlock) => {
-                return Err(BlobError::Locked { folder: root.display().to_string() });
+        let begin = Instant::now();
+        loop {
+            match lock.try_lock() {
+                Ok(()) => break,
+                Err(fs::TryLockError::WouldBlock) if begin.elapsed() < patience => std::thread::sleep(LOCK_POLL),
+                Err(fs::TryLockError::WouldBlock) => {
+                    return Err(BlobError::Locked { folder: root.display().to_string() });
+                }
+                Err(fs::TryLockError::Error(error)) => return Err(doing("locking the data folder")(error)),
             }
-            Err(fs::TryLockError::Error(error)) => return Err(doing("locking the data folder")(error)),
         }
         let blobs = Blobs { root: root.to_owned(), _lock: lock };
         for folder in [blobs.staging(), blobs.scan_sets(), blobs.models()] {
@@ -305,7 +315,7 @@ mod tests {
 
     fn blobs() -> (Blobs, tempfile::TempDir) {
         let folder = tempfile::tempdir().expect("a temporary folder");
-        (Blobs::open(folder.path()).expect("opened"), folder)
+        (Blobs::open(folder.path(), Duration::ZERO).expect("opened"), folder)
     }
 
     async fn staged(blobs: &Blobs, content: &[u8]) -> StagedFile {
@@ -323,10 +333,14 @@ mod tests {
     #[test]
     fn a_second_server_is_refused() {
         let (blobs, folder) = blobs();
-        let refused = Blobs::open(folder.path()).expect_err("locked");
+        let refused = Blobs::open(folder.path(), Duration::ZERO).expect_err("locked");
         assert!(matches!(refused, BlobError::Locked { .. }), "{refused}");
-        drop(blobs);
-        Blobs::open(folder.path()).expect("free again");
+        let holder = std::thread::spawn(move || {
+            std::thread::sleep(Duration::from_millis(100));
+            drop(blobs);
+        });
+        Blobs::open(folder.path(), Duration::from_secs(10)).expect("free again after a while");
+        holder.join().expect("no panic");
     }
 
     #[tokio::test]

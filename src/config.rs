@@ -21,6 +21,8 @@ pub struct ServerConfig {
     pub limits: Limits,
     /// Clocks of the job queue.
     pub queue: QueueTiming,
+    /// How long a start waits for the lock of the data folder, which a killed process may hold for a moment.
+    pub lock_patience: Duration,
     /// How long requests and jobs in flight may take to end after a stop was asked for.
     pub shutdown_deadline: Duration,
 }
@@ -35,6 +37,7 @@ impl ServerConfig {
             concurrent_jobs: 1,
             limits: Limits::default(),
             queue: QueueTiming::default(),
+            lock_patience: Duration::from_secs(5),
             shutdown_deadline: Duration::from_secs(10),
         }
     }

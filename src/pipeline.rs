@@ -123,9 +123,8 @@ pub fn run(
 
     progress.report(Stage::Judging, 0.0);
     let spacing = multiview::common_spacing(&views);
-    let samples: Vec<_> = views.iter().map(|view| view.sampled(4.0 * spacing)).collect();
-    let verdict = quality::judge(&views, &samples, &result, spacing, &names);
-    let report = RegistrationReport::new(options.method.name(), unit.name(), &names, &views, &result, verdict);
+    let verdict = quality::judge(&views, &result, spacing, &names);
+    let report = RegistrationReport::new(options.method, unit.name(), &names, &views, &result, verdict);
 
     let merged = merge_views(&scans, &views, &result, options, progress)?;
     let signature = match &merged {

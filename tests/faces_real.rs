@@ -108,6 +108,20 @@ fn descriptors_tell_faces_from_other_things() {
 
 #[test]
 #[ignore = "needs VISAGE_DATA"]
+fn the_dense_check_splits_faces_from_other_things() {
+    let [faces, others] = scores(MatchMethod::Verified);
+    let auc = measures::auc(&faces, &others).expect("both classes are there");
+    let residual = |(_, _, signature): &&(Row, Surface, Signature)| signature.fit().map_or(99.0, |fit| fit.residual_mm);
+    let worst_face = gallery().iter().filter(|(row, ..)| row.face).map(|m| residual(&m)).fold(0.0, f64::max);
+    let best_other = gallery().iter().filter(|(row, ..)| !row.face).map(|m| residual(&m)).fold(99.0, f64::min);
+    println!("verified: AUC {auc:.3}, worst face {worst_face:.2} mm, best other {best_other:.2} mm");
+    assert_eq!(auc, 1.0);
+    assert!(faces.iter().all(|s| *s >= MATCH_SCORE) && others.iter().all(|s| *s < MATCH_SCORE));
+    assert!(worst_face < 0.9 * best_other);
+}
+
+#[test]
+#[ignore = "needs VISAGE_DATA"]
 fn the_literal_triangle_hardly_tells_them_apart() {
     let [faces, others] = scores(MatchMethod::Literal);
     let auc = measures::auc(&faces, &others).expect("both classes are there");

@@ -45,8 +45,8 @@ pub struct RegisterArgs {
     #[arg(long)]
     range_accuracy: Option<f64>,
     /// Where the scanner stood in each scan's frame, for outward normals [default: estimated]
-    #[arg(long, value_name = "X,Y,Z", value_delimiter = ',', num_args = 3, allow_hyphen_values = true)]
-    sensor: Option<Vec<f64>>,
+    #[arg(long, value_name = "X,Y,Z", value_parser = position, allow_hyphen_values = true)]
+    sensor: Option<[f64; 3]>,
     /// Don't make the merged cloud
     #[arg(long)]
     no_cloud: bool,
@@ -91,13 +91,22 @@ pub fn run(args: RegisterArgs) -> anyhow::Result<()> {
     summarise(&outcome, &args.out)
 }
 
+/// Reads "x,y,z".
+fn position(text: &str) -> Result<[f64; 3], String> {
+    let numbers: Vec<f64> = text.split(',').filter_map(|part| part.trim().parse().ok()).collect();
+    match numbers.try_into() {
+        Ok(position) if text.split(',').count() == 3 => Ok(position),
+        _ => Err("give three numbers, such as 0,0,0".into()),
+    }
+}
+
 fn options(args: &RegisterArgs) -> Options {
     Options {
         method: args.method,
         threads: args.threads,
         min_overlap: args.min_overlap,
         range_accuracy: args.range_accuracy,
-        sensor: args.sensor.as_ref().map(|s| [s[0], s[1], s[2]]),
+        sensor: args.sensor,
         cloud: !args.no_cloud,
         signature: !args.no_signature,
         ..Options::default()

@@ -7,7 +7,7 @@ use std::time::Duration;
 use anyhow::Context;
 use clap::Args;
 
-use crate::config::{Limits, QueueTiming, ServerConfig, available_threads};
+use crate::config::{Limits, ServerConfig, available_threads};
 use crate::http::Server;
 use crate::telemetry::{self, LogFormat};
 
@@ -59,8 +59,6 @@ fn at_least_one(text: &str) -> Result<usize, String> {
 impl ServeArgs {
     fn config(&self) -> ServerConfig {
         ServerConfig {
-            addr: self.addr,
-            data_dir: self.data.clone(),
             threads: self.threads.unwrap_or_else(available_threads),
             concurrent_jobs: self.jobs,
             limits: Limits {
@@ -71,8 +69,8 @@ impl ServeArgs {
                 queued_jobs: self.max_queued_jobs,
                 ..Limits::default()
             },
-            queue: QueueTiming::default(),
             shutdown_deadline: Duration::from_secs(self.shutdown_seconds),
+            ..ServerConfig::new(self.addr, &self.data)
         }
     }
 }

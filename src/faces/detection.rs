@@ -1,19 +1,41 @@
-//! From a surface to its facial triangles, over all scale levels and, where it is open, both sides.
+//! From a surface to its facial triangles, over all scale levels and, where it is open, both sides; then the dense
+//! check of the best of them.
 
 use super::candidates::{Candidate, candidates};
 use super::features::{features, places};
+use super::similarity::Similarity;
 use super::standard::{INNER_EYE_DISTANCE_MM, Standard};
-use crate::geometry::{Mesh, Unit, Vector3};
+use super::template::{self, TEMPLATE_POINTS};
+use super::verification::{Fit, PROPORTION_WEIGHT, RIGID_PROPORTIONS, Search, Target, fit_pose, score};
+use crate::geometry::{Mesh, Point3, Unit, Vector3};
 use crate::progress::{Canceled, Progress};
 use crate::saliency::{CellGrid, Samples, Side};
 
 /// Expected inner-eye distances as shares of the bounding box's diagonal, for files of unknown unit: from a
-/// face alone down to a torso (the faces of the public set: 0.048 to 0.18).
+/// face alone down to a torso (the faces of the public set: 0.048 to 0.16).
 const LEVELS_OF_DIAGONAL: [f64; 5] = [0.045, 0.06, 0.08, 0.106, 0.141];
+/// The same where the unit is known, as shares of the standard's inner-eye distance: people differ, and a nose or an
+/// eye corner that is missed at one scale is met at the next.
+const LEVELS_OF_TRUE_SIZE: [f64; 3] = [0.85, 1.0, 1.18];
+/// Where the unit is known, a face must have this size relative to the standard (74 faces: 0.85 to 1.16).
+const TRUE_SIZES: std::ops::RangeInclusive<f64> = 0.75..=1.3;
 /// Samples a level: their spacing as a share of the expected inner-eye distance.
 const SPACING: f64 = 0.1;
 /// A level that would need more samples than this is skipped: such a face would be a detail of the object.
-const MOST_SAMPLES: usize = 45_000;
+const MOST_SAMPLES: usize = 80_000;
+
+/// Triangles dearer than this are not worth a closer look (the cheapest of every face of the public set: below 3).
+const MOST_COST: f64 = 5.0;
+/// The first look, on the level's samples.
+const FIRST_LOOK: Search = Search { points: 90, rounds: 4, most_growth: 1.3, proportion_weight: RIGID_PROPORTIONS };
+/// The second look, of the best few, on finer samples.
+const SECOND_LOOK: Search =
+    Search { points: TEMPLATE_POINTS, rounds: 30, most_growth: 1.2, proportion_weight: PROPORTION_WEIGHT };
+/// How many get the second look.
+const FINALISTS: usize = 4;
+/// The spacing of the finer samples, mm on the standard, and how far around the face they reach.
+const FINE_SPACING_MM: f64 = 3.0;
+const FINE_REACH_MM: f64 = 110.0;
 
 /// A surface ready to be sampled at any spacing, with consistent unit normals at its points.
 #[derive(Debug, Clone, Copy)]
@@ -26,6 +48,22 @@ pub struct Oriented<'a> {
     pub side: Side,
 }
 
+/// What the cheap part found, and what became of the best of it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Detection {
+    /// The facial triangles of all levels, cheapest first.
+    pub candidates: Vec<Candidate>,
+    /// The best fit of the standard's surface, if any triangle was worth a closer look.
+    pub fit: Option<Fit>,
+}
+
+/// A fit that may be looked at again, with the side it was found on.
+#[derive(Debug, Clone, Copy)]
+struct Finalist {
+    fit: Fit,
+    sign: f64,
+}
+
 impl Oriented<'_> {
     fn sampled(&self, spacing: f64) -> Samples {
         if self.mesh.faces.is_empty() {
@@ -35,26 +73,34 @@ impl Oriented<'_> {
         }
     }
 
+    /// Samples of the part within `reach` of `center`.
+    fn sampled_around(&self, center: &Point3, reach: f64, spacing: f64) -> Samples {
+        let near = |p: &Point3| (p - center).norm_squared() < reach * reach;
+        if self.mesh.faces.is_empty() {
+            let kept = (0..self.mesh.vertices.len()).filter(|&v| near(&self.mesh.vertices[v]));
+            let (points, normals): (Vec<_>, Vec<_>) = kept.map(|v| (self.mesh.vertices[v], self.normals[v])).unzip();
+            return Samples::from_cloud(&points, &normals, spacing);
+        }
+        let kept = |face: &[u32; 3]| face.iter().any(|&v| near(&self.mesh.vertices[v as usize]));
+        let faces = self.mesh.faces.iter().copied().filter(kept).collect();
+        Samples::from_mesh(&Mesh { vertices: self.mesh.vertices.clone(), faces }, self.normals, spacing)
+    }
+
     /// The area of the surface; 0 for a bare cloud.
     fn area(&self) -> f64 {
         (0..self.mesh.faces.len()).map(|f| 0.5 * self.mesh.area_normal(f).norm()).sum()
     }
 }
 
-/// The facial triangles of all levels, cheapest first. `progress` is asked between levels.
-pub fn detect(
-    surface: &Oriented,
-    unit: Unit,
-    standard: &Standard,
-    progress: &Progress,
-) -> Result<Vec<Candidate>, Canceled> {
+/// Finds the facial triangles and verifies the best. `progress` is asked between levels.
+pub fn detect(surface: &Oriented, unit: Unit, standard: &Standard, progress: &Progress) -> Result<Detection, Canceled> {
     let diagonal = surface.mesh.bounds().map_or(0.0, |b| b.diagonal());
     let levels: Vec<f64> = match unit.in_mm() {
-        Some(mm) => vec![INNER_EYE_DISTANCE_MM / mm],
+        Some(mm) => LEVELS_OF_TRUE_SIZE.iter().map(|share| share * INNER_EYE_DISTANCE_MM / mm).collect(),
         None => LEVELS_OF_DIAGONAL.iter().map(|share| share * diagonal).collect(),
     };
     let area = surface.area();
-    let mut found = Vec::new();
+    let (mut found, mut finalists) = (Vec::new(), Vec::new());
     for expected in levels {
         progress.check()?;
         let spacing = SPACING * expected;
@@ -64,18 +110,62 @@ pub fn detect(
         }
         let samples = surface.sampled(spacing);
         if samples.points.len() <= MOST_SAMPLES {
-            found.extend(detect_level(&samples, expected, surface.side, standard));
+            detect_level(&samples, expected, surface.side, standard, &mut found, &mut finalists);
         }
     }
+    progress.check()?;
+    if let Some(mm) = unit.in_mm() {
+        found.retain(|c| TRUE_SIZES.contains(&(c.triangle().size() * mm / standard.detected.size())));
+        finalists.retain(|f| TRUE_SIZES.contains(&(f.fit.pose.scale * mm)));
+    }
     found.sort_by(|a, b| a.cost(standard).total().total_cmp(&b.cost(standard).total()));
-    Ok(found)
+    Ok(Detection { candidates: found, fit: verified(surface, finalists) })
 }
 
-fn detect_level(samples: &Samples, expected: f64, side: Side, standard: &Standard) -> Vec<Candidate> {
+/// Adds a level's triangles and their first fits.
+fn detect_level(
+    samples: &Samples,
+    expected: f64,
+    side: Side,
+    standard: &Standard,
+    found: &mut Vec<Candidate>,
+    finalists: &mut Vec<Finalist>,
+) {
+    use rayon::prelude::*;
     let grid = CellGrid::new(&samples.points, 0.18 * expected);
     let features = features(samples, &grid, expected);
-    side.signs()
-        .iter()
-        .flat_map(|&sign| candidates(&places(samples, &grid, &features, expected, sign), expected, standard))
-        .collect()
+    for &sign in side.signs() {
+        let target = Target { samples, grid: &grid, sign };
+        let level = candidates(&places(samples, &grid, &features, expected, sign), expected, standard);
+        let promising: Vec<&Candidate> = level.iter().filter(|c| c.cost(standard).total() < MOST_COST).collect();
+        let fits: Vec<Fit> = promising.par_iter().map(|candidate| first_look(&target, candidate, standard)).collect();
+        finalists.extend(fits.into_iter().map(|fit| Finalist { fit, sign }));
+        found.extend(level);
+    }
+}
+
+fn first_look(target: &Target, candidate: &Candidate, standard: &Standard) -> Fit {
+    let start =
+        Similarity::of_triangles(&standard.detected, &standard.outward, &candidate.triangle(), &candidate.outward());
+    let pose = fit_pose(target, template::face(), &start, &FIRST_LOOK);
+    score(target, template::face(), FIRST_LOOK.points, &pose)
+}
+
+/// The best of the second looks at the best of the first, ties by order.
+fn verified(surface: &Oriented, mut finalists: Vec<Finalist>) -> Option<Fit> {
+    finalists.sort_by(|a, b| a.fit.residual_mm.total_cmp(&b.fit.residual_mm));
+    finalists.truncate(FINALISTS);
+    let fits = finalists.iter().map(|finalist| second_look(surface, finalist));
+    fits.reduce(|best, next| if next.residual_mm < best.residual_mm { next } else { best })
+}
+
+fn second_look(surface: &Oriented, finalist: &Finalist) -> Fit {
+    let start = finalist.fit.pose;
+    let spacing = FINE_SPACING_MM * start.scale;
+    let center = start.point(&Point3::new(0.0, 20.0, 100.0));
+    let samples = surface.sampled_around(&center, FINE_REACH_MM * start.scale, spacing);
+    let grid = CellGrid::new(&samples.points, 2.0 * spacing);
+    let target = Target { samples: &samples, grid: &grid, sign: finalist.sign };
+    let pose = fit_pose(&target, template::face(), &start, &SECOND_LOOK);
+    score(&target, template::face(), SECOND_LOOK.points, &pose)
 }

@@ -8,9 +8,14 @@ pub mod candidates;
 pub mod detection;
 pub mod features;
 pub mod judgement;
+pub mod relief;
+mod relief_table;
 pub mod signature;
+pub mod similarity;
 pub mod standard;
+pub mod template;
 pub mod triangle;
+pub mod verification;
 
 pub use alignment::sum_of_distances;
 pub use candidates::{Candidate, Cost};
@@ -56,10 +61,10 @@ pub fn describe(surface: &Surface, unit: Unit, progress: &Progress) -> Result<Si
     progress.check()?;
     progress.report(Stage::Describing, 0.4);
     let oriented = detection::Oriented { mesh: &mesh, normals: &normals, side };
-    let mut candidates = detection::detect(&oriented, unit, &standard::face(), progress)?;
-    candidates.truncate(MOST_FACIAL_TRIANGLES);
+    let mut detection = detection::detect(&oriented, unit, &standard::face(), progress)?;
+    detection.candidates.truncate(MOST_FACIAL_TRIANGLES);
     progress.report(Stage::Describing, 1.0);
-    Ok(Signature::new(bounds, rms_radius(&curved), unit, &regions, &candidates))
+    Ok(Signature::new(bounds, rms_radius(&curved), unit, &regions, &detection))
 }
 
 /// A mesh without faces stands for a bare cloud.
@@ -168,6 +173,38 @@ pub(crate) mod tests {
         let bare = Surface { cloud: mask().cloud, ..Surface::default() };
         let verdict = judged(&bare, Unit::Mm);
         assert!(verdict.score > 0.5 && is_at_its_places(&verdict, &Motion::identity()), "{verdict:?}");
+    }
+
+    /// The built-in face itself as an open mesh of 1.5 mm squares.
+    fn relief_mesh() -> Surface {
+        let (columns, rows) = (75, 68);
+        let points = (0..columns * rows)
+            .map(|k| (f64::from(k % columns) * 1.5 - 55.5, f64::from(k / columns) * 1.5 - 29.0))
+            .map(|(x, y)| relief::at(x, y).0)
+            .collect();
+        let corners = (0..rows - 1).flat_map(|row| (0..columns - 1).map(move |column| (row * columns + column) as u32));
+        let (right, up) = (1, columns as u32);
+        let faces = corners.flat_map(|a| [[a, a + right, a + up + right], [a, a + up + right, a + up]]).collect();
+        Surface { cloud: Cloud::from_points(points), faces, ..Surface::default() }
+    }
+
+    #[test]
+    fn the_built_in_face_passes_its_own_check_where_the_standard_says() {
+        let signature = describe(&relief_mesh(), Unit::Mm, &Progress::silent()).expect("a sound surface");
+        let standard = standard::face();
+        let verdict = judge(&signature, &standard, MatchMethod::Verified);
+        assert!(verdict.score > 0.99, "{verdict:?}");
+        let fit = verdict.fit.expect("the dense check was made");
+        assert!(fit.residual_mm < 0.8 && fit.observed > 0.99, "{fit:?}");
+        let corners = verdict.triangle.expect("a face was found");
+        for (found, annotated) in corners.iter().zip(&standard.annotated.corners) {
+            assert!((found - annotated).norm() < 1.0, "{found} {annotated}");
+        }
+        let best = signature.candidates().next().expect("a triangle was found");
+        // the cap's peak wanders over the nose with the scale level, by some 7 mm
+        for (found, annotated) in best.corners.iter().zip(&standard.annotated.corners) {
+            assert!((found - annotated).norm() < 8.0, "{found} {annotated}");
+        }
     }
 
     #[test]

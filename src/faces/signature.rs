@@ -1,7 +1,10 @@
 //! What is stored of a model for retrieval, and its bytes.
 
 use super::candidates::Candidate;
-use crate::geometry::{Bounds, Point3, Unit, Vector3};
+use super::detection::Detection;
+use super::similarity::Similarity;
+use super::verification::Fit;
+use crate::geometry::{Bounds, Motion, Point3, Unit, Vector3};
 use crate::saliency::Region;
 
 /// What is stored of a model for retrieval: its salient regions and its facial triangles.
@@ -16,12 +19,16 @@ pub struct Signature {
     unit_mm: f32,
     regions: Vec<StoredRegion>,
     triangles: Vec<StoredTriangle>,
+    /// One, or none.
+    fits: Vec<StoredFit>,
 }
 
 /// centre, normal, strength, mean curvature
 type StoredRegion = [f32; 8];
 /// three corners, three normals, three strengths, the level's expected inner-eye distance
 type StoredTriangle = [f32; 22];
+/// residual, observed, scale, rotation (i, j, k, w), translation, stretch
+type StoredFit = [f32; 13];
 
 /// What the API shows of a signature.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -54,16 +61,10 @@ const MOST_ENTRIES: usize = 4096;
 
 impl Signature {
     /// The version of the operator that makes signatures; stored beside each.
-    pub const VERSION: u32 = 1;
+    pub const VERSION: u32 = 2;
 
     /// The signature of a model with this box and radius (see [`Signature::radius`]), these regions and facial triangles.
-    pub(super) fn new(
-        bounds: Bounds,
-        radius: f64,
-        unit: Unit,
-        regions: &[Region],
-        candidates: &[Candidate],
-    ) -> Signature {
+    pub(super) fn new(bounds: Bounds, radius: f64, unit: Unit, regions: &[Region], detection: &Detection) -> Signature {
         let origin = bounds.center();
         let relative = |p: &Point3| (p - origin).cast::<f32>();
         let regions = regions
@@ -73,7 +74,8 @@ impl Signature {
                 [c.x, c.y, c.z, n.x, n.y, n.z, r.strength as f32, r.mean_curvature as f32]
             })
             .collect();
-        let triangles = candidates
+        let triangles = detection
+            .candidates
             .iter()
             .map(|candidate| {
                 let mut stored = [0.0; 22];
@@ -93,6 +95,7 @@ impl Signature {
             unit_mm: unit.in_mm().unwrap_or(0.0) as f32,
             regions,
             triangles,
+            fits: detection.fit.iter().map(|fit| stored_fit(fit, &origin)).collect(),
         }
     }
 
@@ -120,6 +123,17 @@ impl Signature {
         })
     }
 
+    /// The best fit of the standard face's surface, if any place was worth a closer look.
+    pub fn fit(&self) -> Option<Fit> {
+        let f = self.fits.first()?.map(f64::from);
+        let quaternion = nalgebra::Quaternion::new(f[6], f[3], f[4], f[5]);
+        let rotation = nalgebra::UnitQuaternion::try_new(quaternion, 1e-6)?;
+        let translation = Vector3::new(f[7], f[8], f[9]) + Vector3::from(self.origin);
+        let stretch = Vector3::new(f[10], f[11], f[12]);
+        let pose = Similarity { scale: f[2], stretch, motion: Motion::from_parts(translation.into(), rotation) };
+        Some(Fit { pose, residual_mm: f[0], observed: f[1] })
+    }
+
     /// The diagonal of the model's bounding box, in its unit.
     pub fn diagonal(&self) -> f64 {
         f64::from(self.diagonal)
@@ -136,8 +150,8 @@ impl Signature {
         SignatureSummary { version: Self::VERSION, regions: self.regions.len(), triangles: self.triangles.len() }
     }
 
-    /// One BLOB, little-endian: magic, version, origin (f64 x 3), diagonal, radius, unit in mm or 0, then counted regions
-    /// and counted triangles (f32).
+    /// One BLOB, little-endian: magic, version, origin (f64 x 3), diagonal, radius, unit in mm or 0, then counted regions,
+    /// triangles and fits (f32).
     pub fn to_bytes(&self) -> Vec<u8> {
         let mut bytes = Vec::with_capacity(48 + self.regions.len() * 32 + self.triangles.len() * 88);
         bytes.extend(MAGIC);
@@ -148,6 +162,7 @@ impl Signature {
         bytes.extend(self.unit_mm.to_le_bytes());
         write_list(&mut bytes, &self.regions);
         write_list(&mut bytes, &self.triangles);
+        write_list(&mut bytes, &self.fits);
         bytes
     }
 
@@ -170,14 +185,24 @@ impl Signature {
         let unit_mm = reader.float("unit")?;
         let regions = reader.list("regions")?;
         let triangles = reader.list("triangles")?;
+        let fits: Vec<StoredFit> = reader.list("fit")?;
+        if fits.len() > 1 {
+            return Err(SignatureError::Damaged(format!("{} fits", fits.len())));
+        }
         if !reader.bytes.is_empty() {
             return Err(SignatureError::Damaged(format!("{} bytes too many", reader.bytes.len())));
         }
         if origin.iter().any(|x| !x.is_finite()) {
             return Err(SignatureError::Damaged("the origin is not finite".into()));
         }
-        Ok(Signature { origin, diagonal, radius, unit_mm, regions, triangles })
+        Ok(Signature { origin, diagonal, radius, unit_mm, regions, triangles, fits })
     }
+}
+
+fn stored_fit(fit: &Fit, origin: &Point3) -> StoredFit {
+    let (q, t) = (fit.pose.motion.rotation.coords, fit.pose.motion.translation.vector - origin.coords);
+    let (s, pose) = (fit.pose.stretch, &fit.pose);
+    [fit.residual_mm, fit.observed, pose.scale, q.x, q.y, q.z, q.w, t.x, t.y, t.z, s.x, s.y, s.z].map(|x| x as f32)
 }
 
 fn vector(stored: &[f32]) -> Vector3 {
@@ -249,7 +274,13 @@ pub(crate) mod tests {
             expected: 4.0,
         };
         let bounds = Bounds { min: Point3::new(-10.0, -10.0, -10.0), max: Point3::new(10.0, 10.0, 10.0) };
-        Signature::new(bounds, 8.0, Unit::Cm, &regions, &[candidate])
+        let pose = Similarity {
+            scale: 0.1,
+            stretch: Vector3::repeat(1.0),
+            motion: Motion::new(Vector3::new(1.0, 2.0, 3.0), Vector3::new(0.1, 0.2, 0.3)),
+        };
+        let fit = Some(Fit { pose, residual_mm: 1.5 + seed.sin(), observed: 0.9 });
+        Signature::new(bounds, 8.0, Unit::Cm, &regions, &Detection { candidates: vec![candidate], fit })
     }
 
     #[test]
@@ -257,7 +288,7 @@ pub(crate) mod tests {
         let signature = example(0.3, 10);
         let bytes = signature.to_bytes();
         assert_eq!(Signature::from_bytes(&bytes), Ok(signature));
-        assert_eq!(bytes.len(), 44 + 4 + 10 * 32 + 4 + 88);
+        assert_eq!(bytes.len(), 44 + 4 + 10 * 32 + 4 + 88 + 4 + 52);
     }
 
     #[test]
@@ -265,9 +296,21 @@ pub(crate) mod tests {
         let far = Point3::new(4.5e6, -7.1e6, 1.0e6);
         let region = Region { center: far, normal: Vector3::x(), strength: 1.0, mean_curvature: 0.1 };
         let bounds = Bounds { min: far, max: far + Vector3::new(0.1, 0.1, 0.1) };
-        let signature = Signature::new(bounds, 0.05, Unit::M, &[region], &[]);
+        let signature =
+            Signature::new(bounds, 0.05, Unit::M, &[region], &Detection { candidates: Vec::new(), fit: None });
         let back = signature.regions().next().expect("one region");
         assert!((back.center - far).norm() < 1e-8);
+    }
+
+    #[test]
+    fn the_fit_comes_back() {
+        let signature = example(0.3, 3);
+        let fit = signature.fit().expect("the example has one");
+        let p = Point3::new(10.0, 20.0, 100.0);
+        let expected =
+            Motion::new(Vector3::new(1.0, 2.0, 3.0), Vector3::new(0.1, 0.2, 0.3)) * Point3::from(p.coords * 0.1);
+        assert!((fit.pose.point(&p) - expected).norm() < 1e-4);
+        assert!((fit.observed - 0.9).abs() < 1e-6);
     }
 
     #[test]

@@ -28,7 +28,7 @@ pub struct NewJobBody {
 #[schema(as = JobOptions)]
 #[expect(dead_code, reason = "only describes `pipeline::Options`; a test holds them against each other")]
 pub struct OptionsView {
-    /// The registration method: `ma-aticp`.
+    /// The registration method: one of those that `GET /v1/info` lists.
     #[schema(required = false, example = "ma-aticp")]
     method: String,
     /// Worker threads; capped by the server's own number.

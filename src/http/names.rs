@@ -1,6 +1,7 @@
 //! Names that users give. They are shown and compared, never used as paths; still, nothing odd comes in.
 
 use super::problem::{Code, Problem};
+use crate::formats::{self, FormatError};
 
 /// The longest file name, in bytes: what file systems allow.
 const LONGEST_FILE_NAME: usize = 255;
@@ -30,6 +31,16 @@ pub fn file_name(name: &str) -> Result<String, Problem> {
         return refused("begins or ends with a blank");
     }
     Ok(name.to_owned())
+}
+
+/// The file name of a scan or model, whose ending tells a format that is read here.
+pub fn surface_file_name(name: &str) -> Result<String, Problem> {
+    let name = file_name(name)?;
+    let extension = name.rsplit_once('.').map_or("", |(_, extension)| extension).to_ascii_lowercase();
+    if formats::EXTENSIONS.contains(&extension.as_str()) {
+        return Ok(name);
+    }
+    Err(Problem::unreadable(&name, &FormatError::UnknownExtension { extension }))
 }
 
 /// A name or label: short, in one line.
@@ -65,6 +76,14 @@ mod tests {
         let long = "x".repeat(256);
         for name in ["", ".", "..", "../a.ply", "/etc/passwd", "a\\b.ply", "a\0.ply", "a\n.ply", " a.ply", &long] {
             assert_eq!(file_name(name).expect_err(name).code(), Code::InvalidName);
+        }
+    }
+
+    #[test]
+    fn the_ending_tells_the_format() {
+        assert_eq!(surface_file_name("a.b.PLY").expect("read here"), "a.b.PLY");
+        for name in ["photo.jpg", "ply", "a.ply.gz"] {
+            assert_eq!(surface_file_name(name).expect_err(name).code(), Code::UnsupportedFormat);
         }
     }
 

@@ -36,8 +36,11 @@ pub fn router() -> OpenApiRouter<AppState> {
 #[schema(as = MatchMethod)]
 #[serde(rename_all = "snake_case")]
 pub enum MethodView {
-    /// Triangles of salient regions with roles, chirality and normals.
+    /// Triangles of salient regions with roles, chirality and normals find the place; then the standard's surface is
+    /// fitted there, and its residual decides.
     #[default]
+    Verified,
+    /// The triangles alone.
     Descriptors,
     /// The paper's triangle alone: finds faces on anything; kept for comparison.
     Literal,
@@ -46,6 +49,7 @@ pub enum MethodView {
 impl From<MethodView> for MatchMethod {
     fn from(method: MethodView) -> Self {
         match method {
+            MethodView::Verified => MatchMethod::Verified,
             MethodView::Descriptors => MatchMethod::Descriptors,
             MethodView::Literal => MatchMethod::Literal,
         }
@@ -313,9 +317,10 @@ mod tests {
 
     #[test]
     fn methods_are_named_as_in_retrieval() {
-        for method in [MethodView::Descriptors, MethodView::Literal] {
+        for method in [MethodView::Verified, MethodView::Descriptors, MethodView::Literal] {
             let ours = serde_json::to_value(method).expect("plain data");
             assert_eq!(ours, serde_json::to_value(MatchMethod::from(method)).expect("plain data"));
         }
+        assert_eq!(MatchMethod::from(MethodView::default()), MatchMethod::default());
     }
 }

@@ -227,7 +227,7 @@ async fn put_scan(
     request: Request,
 ) -> Result<(StatusCode, Json<ScanView>), Problem> {
     let id = parse_id(&id)?;
-    let name = names::file_name(&name)?;
+    let name = names::surface_file_name(&name)?;
     // before megabytes are sent in vain
     state.shop.store.scan_set(id).await?;
     let headers = request.headers().clone();

@@ -79,8 +79,8 @@ impl Server {
 
 /// Opens the data folder and picks up what a crash left.
 async fn open(config: &Arc<ServerConfig>, engine: Arc<dyn Engine>) -> Result<Workshop, StartError> {
-    let folder = config.data_dir.clone();
-    let blobs = Arc::new(tokio::task::spawn_blocking(move || Blobs::open(&folder)).await??);
+    let (folder, patience) = (config.data_dir.clone(), config.lock_patience);
+    let blobs = Arc::new(tokio::task::spawn_blocking(move || Blobs::open(&folder, patience)).await??);
     let store = Store::open(&blobs.database()).await?;
     // the folder is ours alone: whatever runs in the table ran in a process that is dead
     let reclaimed = store.reclaim_jobs(config.queue.max_attempts).await?;

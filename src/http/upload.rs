@@ -126,7 +126,7 @@ async fn read_part(state: &AppState, rules: &FormRules, field: Field<'_>, form: 
             let detail = format!("at most {} file(s) may be sent as {part}", rules.most_files);
             return Err(Problem::new(Code::TooManyScans, detail, "send fewer files; GET /v1/info states the limits"));
         }
-        let name = names::file_name(field.file_name().unwrap_or_default())?;
+        let name = names::surface_file_name(field.file_name().unwrap_or_default())?;
         if form.files.iter().any(|file| file.name == name) {
             let detail = format!("two files are named {name}");
             return Err(Problem::new(Code::DuplicateScan, detail, "give each scan a name of its own").scan(name));

@@ -24,7 +24,7 @@ pub struct OptionInfo {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub choices: Option<Vec<Value>>,
     /// What is used when it is not given; null if the data decides.
-    #[schema(value_type = Object)]
+    #[schema(value_type = Value)]
     pub default: Value,
     /// What it does.
     pub help: &'static str,

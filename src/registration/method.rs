@@ -10,7 +10,7 @@ use crate::progress::{Canceled, Progress};
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Method {
-    /// Coarse ma-aticp, then all poses refined together on all correspondences: no averaging error is left.
+    /// All poses refined together on all correspondences, coarse to fine: no averaging error is left.
     #[default]
     Joint,
     /// Algorithm 1 of the paper: trimmed ICP with the adaptive threshold, motion averaging, repeat.
@@ -26,6 +26,14 @@ impl Method {
         match self {
             Method::Joint => "joint",
             Method::MaAticp => "ma-aticp",
+        }
+    }
+
+    /// What its levels run with, for reports.
+    pub fn levels(self) -> serde_json::Value {
+        match self {
+            Method::Joint => serde_json::json!(joint::PASSES),
+            Method::MaAticp => serde_json::json!(multiview::LEVELS),
         }
     }
 

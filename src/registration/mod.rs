@@ -7,6 +7,7 @@ pub mod joint;
 pub mod method;
 pub mod motion_averaging;
 pub mod multiview;
+pub mod objective;
 pub mod overlap;
 pub mod quality;
 pub mod report;

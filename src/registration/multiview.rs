@@ -44,6 +44,8 @@ pub struct Level {
     pub max_iterations: usize,
     /// Rounds end when no view turns by more than moves its own points by this much.
     pub settled: f64,
+    /// Pairs that a view gets even if none of them exceeds xi_0.
+    pub partners: usize,
     /// Whether ICP finds the share to keep itself, since overlaps at rough poses say little.
     pub search_trim: bool,
 }
@@ -58,6 +60,7 @@ pub const LEVELS: [Level; 2] = [
         reach: 6.0,
         max_iterations: 40,
         settled: 0.5,
+        partners: 0,
         search_trim: true,
     },
     Level {
@@ -68,6 +71,7 @@ pub const LEVELS: [Level; 2] = [
         reach: 2.0,
         max_iterations: 20,
         settled: 0.03,
+        partners: 0,
         search_trim: false,
     },
 ];
@@ -138,6 +142,19 @@ pub struct Multiview {
     pub rounds: Vec<Round>,
 }
 
+impl Multiview {
+    /// Nothing done yet.
+    pub(super) fn at(initial: &[Motion]) -> Self {
+        Multiview {
+            local_poses: initial.to_vec(),
+            placed: vec![true; initial.len()],
+            overlaps: OverlapMatrix::identity(initial.len()),
+            pairs: Vec::new(),
+            rounds: Vec::new(),
+        }
+    }
+}
+
 /// Registers `views` from `initial` poses (local frame to world). View 0 keeps its pose.
 pub fn ma_aticp(
     views: &[View],
@@ -146,13 +163,7 @@ pub fn ma_aticp(
     options: &MultiviewOptions,
     progress: &Progress,
 ) -> Result<Multiview, Canceled> {
-    let mut state = Multiview {
-        local_poses: initial.to_vec(),
-        placed: vec![true; views.len()],
-        overlaps: OverlapMatrix::identity(views.len()),
-        pairs: Vec::new(),
-        rounds: Vec::new(),
-    };
+    let mut state = Multiview::at(initial);
     for (index, level) in levels.iter().enumerate() {
         run_level(views, index, level, options, &mut state, progress)?;
     }
@@ -177,7 +188,7 @@ fn run_level(
     for round in 0..options.max_rounds {
         progress.report(Stage::Registering, expected_share(index, round));
         state.overlaps = overlaps(&targets, &samples, &state.local_poses, tolerance * spacing, progress)?;
-        let graph = ViewGraph::choose(&state.overlaps, options.min_overlap);
+        let graph = ViewGraph::choose(&state.overlaps, options.min_overlap, level.partners);
         let registered =
             register_pairs(views, &targets, &samples, &graph, level, tolerance * spacing, options, state, progress)?;
         let before = state.local_poses.clone();
@@ -226,7 +237,7 @@ fn register_pairs(
             let range_accuracy = options.range_accuracy.unwrap_or(views[i].range_accuracy.max(views[j].range_accuracy));
             let threshold = adaptive_threshold(overlap_j_i, spacing, range_accuracy);
             let icp_options = IcpOptions {
-                trim: if level.search_trim { Trim::Search { least: 0.3 } } else { Trim::Share(overlap_j_i) },
+                trim: if level.search_trim { Trim::Search { least: 0.5 } } else { Trim::Share(overlap_j_i) },
                 max_distance: level.reach * tolerance,
                 threshold,
                 max_iterations: level.max_iterations,

@@ -51,15 +51,9 @@ mod limits {
     pub const RESIDUAL: f64 = 1.5;
 }
 
-/// Judges a registration. `samples[i]` are points of view i spread evenly over its surface, in its local frame.
-pub fn judge(
-    views: &[View],
-    samples: &[Vec<LocalPoint>],
-    result: &Multiview,
-    spacing: f64,
-    names: &[String],
-) -> Verdict {
-    let sharpness = sharpness(views, samples, result, spacing);
+/// Judges a registration of the views with these names.
+pub fn judge(views: &[View], result: &Multiview, spacing: f64, names: &[String]) -> Verdict {
+    let sharpness = sharpness(views, result, spacing);
     let mut verdict = Verdict { quality: Quality::Good, reasons: Vec::new(), sharpness };
     judge_placement(result, names, &mut verdict);
     judge_sharpness(names, &mut verdict);
@@ -128,7 +122,7 @@ fn judge_pairs(result: &Multiview, spacing: f64, names: &[String], verdict: &mut
 const MAX_SAMPLES: usize = 400;
 
 /// Sharpness of each view against all placed views that overlap it, together.
-pub fn sharpness(views: &[View], samples: &[Vec<LocalPoint>], result: &Multiview, spacing: f64) -> Vec<Option<f64>> {
+pub fn sharpness(views: &[View], result: &Multiview, spacing: f64) -> Vec<Option<f64>> {
     let near2 = (NEAR * spacing).powi(2) as f32;
     let touching2 = (TOUCHING * spacing).powi(2) as f32;
     (0..views.len())
@@ -144,7 +138,8 @@ pub fn sharpness(views: &[View], samples: &[Vec<LocalPoint>], result: &Multiview
             let motions: Vec<nalgebra::Isometry3<f32>> =
                 others.iter().map(|&j| result.local_poses[j].inv_mul(&result.local_poses[i]).cast()).collect();
             let (mut near, mut touching) = (0usize, 0usize);
-            for sample in samples[i].iter().step_by(samples[i].len().div_ceil(MAX_SAMPLES).max(1)) {
+            let points = views[i].points();
+            for sample in points.iter().step_by(points.len().div_ceil(MAX_SAMPLES)) {
                 let nearest2 = others.iter().zip(&motions).fold(near2, |bound, (j, motion)| {
                     let moved: LocalPoint = (motion * nalgebra::Point3::from(*sample)).coords.into();
                     views[*j].indexed.tree.nearest(&moved, bound).map_or(bound, |n| n.distance2)

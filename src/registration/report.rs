@@ -4,6 +4,7 @@
 
 use serde::Serialize;
 
+use super::method::Method;
 use super::multiview::{self, Multiview};
 use super::quality::Verdict;
 use super::trimmed_icp::IcpEnd;
@@ -26,8 +27,8 @@ pub struct RegistrationReport {
     pub pairs: Vec<PairReport>,
     /// `overlaps[i][j]`: the share of view i's points that have a counterpart in view j.
     pub overlaps: Vec<Vec<f64>>,
-    /// The levels from coarse to fine.
-    pub levels: Vec<multiview::Level>,
+    /// What each level of the method ran with, coarse to fine.
+    pub levels: serde_json::Value,
     /// All rounds of overlap, ICP and averaging.
     pub rounds: Vec<RoundReport>,
 }
@@ -91,7 +92,7 @@ pub struct RoundReport {
     pub min_overlap: f64,
     /// ICP fits over all pairs.
     pub icp_iterations: usize,
-    /// Linear solves of motion averaging.
+    /// Linear solves: of motion averaging, or Gauss-Newton steps of `joint`.
     pub averaging_rounds: usize,
     /// e^k: largest change of a view's rotation, radians.
     pub rotation_change: f64,
@@ -100,7 +101,7 @@ pub struct RoundReport {
 impl RegistrationReport {
     /// Gathers the report of a finished registration.
     pub fn new(
-        method: &'static str,
+        method: Method,
         unit: &'static str,
         names: &[String],
         views: &[View],
@@ -109,14 +110,14 @@ impl RegistrationReport {
     ) -> Self {
         let spacing = multiview::common_spacing(views);
         RegistrationReport {
-            method,
+            method: method.name(),
             unit,
             spacing,
             verdict,
             views: (0..views.len()).map(|view| view_report(view, names, views, result, spacing)).collect(),
             pairs: pair_reports(result),
             overlaps: result.overlaps.rows().to_vec(),
-            levels: multiview::LEVELS.to_vec(),
+            levels: method.levels(),
             rounds: round_reports(result),
         }
     }

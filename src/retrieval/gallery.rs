@@ -17,6 +17,7 @@ use crate::geometry::{Point3, Vector3};
 pub(super) struct Entry {
     pub triangles: Vec<IndexedTriangle>,
     descriptors: Verdict,
+    verified: Verdict,
     literal: Verdict,
 }
 
@@ -26,6 +27,7 @@ impl Entry {
         Entry {
             triangles: triangles_of(signature),
             descriptors: faces::judge(signature, &face, MatchMethod::Descriptors),
+            verified: faces::judge(signature, &face, MatchMethod::Verified),
             literal: faces::judge(signature, &face, MatchMethod::Literal),
         }
     }
@@ -33,13 +35,14 @@ impl Entry {
     fn verdict(&self, method: MatchMethod) -> &Verdict {
         match method {
             MatchMethod::Descriptors => &self.descriptors,
+            MatchMethod::Verified => &self.verified,
             MatchMethod::Literal => &self.literal,
         }
     }
 
     /// How surely it is a face, in [0, 1].
     pub(super) fn face_score(&self) -> f64 {
-        self.descriptors.score
+        self.verified.score
     }
 }
 
@@ -54,6 +57,7 @@ type Ranked = (Reverse<u64>, ModelId);
 pub struct Gallery {
     entries: BTreeMap<ModelId, Entry>,
     by_descriptors: BTreeSet<Ranked>,
+    by_fit: BTreeSet<Ranked>,
     by_literal: BTreeSet<Ranked>,
     index: TriangleIndex,
     /// The models of the index by place, ascending.
@@ -122,6 +126,7 @@ impl Gallery {
         let threshold = threshold.unwrap_or(judgement::MATCH_SCORE);
         let ranking = match method {
             MatchMethod::Descriptors => &self.by_descriptors,
+            MatchMethod::Verified => &self.by_fit,
             MatchMethod::Literal => &self.by_literal,
         };
         let best = ranking.iter().take(limit).map(|(_, id)| *id);
@@ -213,6 +218,7 @@ impl Gallery {
 
     fn rank(&mut self, id: ModelId, entry: &Entry) {
         self.by_descriptors.insert((Reverse(entry.descriptors.score.to_bits()), id));
+        self.by_fit.insert((Reverse(entry.verified.score.to_bits()), id));
         self.by_literal.insert((Reverse(entry.literal.score.to_bits()), id));
     }
 
@@ -220,6 +226,7 @@ impl Gallery {
     fn forget(&mut self, id: ModelId) -> bool {
         let Some(entry) = self.entries.remove(&id) else { return false };
         self.by_descriptors.remove(&(Reverse(entry.descriptors.score.to_bits()), id));
+        self.by_fit.remove(&(Reverse(entry.verified.score.to_bits()), id));
         self.by_literal.remove(&(Reverse(entry.literal.score.to_bits()), id));
         if !self.fresh.remove(&id)
             && let Ok(place) = self.indexed.binary_search(&id)
@@ -283,7 +290,7 @@ mod tests {
         assert!(!gallery.fresh.is_empty() && gallery.gone > 0, "the test must meet a delta and tombstones");
         let anew = Gallery::build(truth.iter().map(|(id, s)| (*id, s.clone())).collect());
         assert_eq!(gallery.len(), truth.len());
-        for method in [MatchMethod::Descriptors, MatchMethod::Literal] {
+        for method in [MatchMethod::Descriptors, MatchMethod::Verified, MatchMethod::Literal] {
             let ranked = gallery.by_standard("face", method, 1000, None);
             assert_eq!(ranked, anew.by_standard("face", method, 1000, None));
             assert_eq!(ranked.expect("the face is built in").len(), truth.len());

@@ -20,7 +20,7 @@ pub struct RegionOptions {
     pub cluster_distance_in_xi: f64,
     /// N: how many regions are kept.
     ///
-    /// 10: with all C(N, 3) triangles a larger N finds the standard triangle on anything (DESIGN section 5).
+    /// 10: with all C(N, 3) triangles a larger N finds the standard triangle on anything (docs/ALGORITHM.md).
     pub strongest: usize,
 }
 

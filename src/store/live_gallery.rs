@@ -16,7 +16,7 @@ enum Change {
 #[derive(Debug)]
 enum State {
     Loading(Vec<Change>),
-    Ready(Gallery),
+    Ready(Box<Gallery>),
 }
 
 /// The index over all stored signatures. Cheap to clone; readers don't wait for each other.
@@ -55,7 +55,7 @@ impl LiveGallery {
             }
         }
         let models = gallery.len();
-        *state = State::Ready(gallery);
+        *state = State::Ready(Box::new(gallery));
         Ok(models)
     }
 

@@ -30,6 +30,7 @@ pub fn config(folder: &Path) -> ServerConfig {
     let mut config = ServerConfig::new(SocketAddr::from(([127, 0, 0, 1], 0)), folder);
     config.threads = 2;
     config.queue.heartbeat = Duration::from_millis(50);
+    config.lock_patience = Duration::from_millis(100);
     config.shutdown_deadline = Duration::from_secs(3);
     config
 }

@@ -16,6 +16,9 @@ const DISTURBED_MM: f64 = 6.0;
 /// Everything random in the demo follows from this.
 const SEED: u64 = 1;
 
+/// How an object is made.
+type Recipe = fn() -> Specimen;
+
 /// An object with its scans and the truth about it.
 pub struct Exhibit {
     /// What it is called.
@@ -34,7 +37,7 @@ pub struct Exhibit {
 
 /// Makes all exhibits: a head with a face, a head with bumps in its place, and a jug.
 pub fn make() -> Vec<Exhibit> {
-    let objects: [(&str, &str, fn() -> Specimen); 3] = [
+    let objects: [(&str, &str, Recipe); 3] = [
         ("head", "a head with a face, its proportions not the standard's", || head(&Proportions::of(SEED))),
         ("decoy", "a head with three bumps in place of the face", objects::head_with_bumps),
         ("jug", "a jug", objects::jug),

@@ -105,7 +105,8 @@ impl Finding {
                 if self.is_face { "no face" } else { "a face" }
             ));
         }
-        if let Some(distance) = self.corner_distance_mm().filter(|distance| !(*distance <= MOST_CORNER_MM)) {
+        let beside = |distance: &f64| distance.is_nan() || *distance > MOST_CORNER_MM;
+        if let Some(distance) = self.corner_distance_mm().filter(beside) {
             complaints.push(format!("the face of the {} is found {distance:.1} mm beside its place", self.name));
         }
         complaints

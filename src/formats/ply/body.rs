@@ -16,9 +16,11 @@ impl Fault {
     /// The error with its place: the row of an element, and the line or byte.
     #[cold]
     pub(super) fn at(self, element: &str, row: usize, declared: u64, body: &impl Body) -> FormatError {
-        let place = format!("{element} {row} ({})", body.place());
+        // names of elements come from the file: short and printable before they go into a message
+        let element = quote(element.as_bytes());
+        let place = format!("{} {row} ({})", element.trim_matches('"'), body.place());
         match self {
-            Fault::End => FormatError::Truncated { declared: format!("{declared} rows of {element:?}"), found: place },
+            Fault::End => FormatError::Truncated { declared: format!("{declared} rows of {element}"), found: place },
             Fault::Wrong(problem) => FormatError::malformed(place, problem, "repair the file or export it again"),
         }
     }

@@ -214,7 +214,14 @@ struct Column {
 impl Column {
     fn of(property: &Property) -> Self {
         let name = property.name.to_ascii_lowercase();
-        let name = name.strip_prefix("diffuse_").or(name.strip_prefix("scalar_")).unwrap_or(&name);
+        // other programs' names for the same things
+        let name = match name.as_str() {
+            "diffuse_red" => "red",
+            "diffuse_green" => "green",
+            "diffuse_blue" => "blue",
+            "scalar_intensity" => "intensity",
+            name => name,
+        };
         let slot = match property.kind {
             Kind::Scalar(_) => SLOT_NAMES.iter().position(|slot| *slot == name).unwrap_or(UNUSED),
             Kind::List { .. } => UNUSED,

@@ -36,14 +36,12 @@ pub(super) fn read(text: &str) -> Result<PoseFile, Fault> {
 /// A 4x4 matrix, whether as four lists of four or as one list of sixteen.
 fn rows(node: &Node) -> Option<[[f64; 4]; 4]> {
     let Node::List(items) = node else { return None };
+    let is_row = |node: &Node| matches!(node, Node::List(row) if row.len() == 4);
     let flat: Vec<&Node> = match items.len() {
-        4 => items.iter().flat_map(|row| if let Node::List(row) = row { row.as_slice() } else { &[] }).collect(),
-        _ => items.iter().collect(),
+        4 if items.iter().all(is_row) => items.iter().flat_map(Node::items).collect(),
+        16 => items.iter().collect(),
+        _ => return None,
     };
-    let row_lengths_fit = items.iter().all(|row| !matches!(row, Node::List(row) if row.len() != 4));
-    if flat.len() != 16 || !row_lengths_fit {
-        return None;
-    }
     let mut rows = [[0.0; 4]; 4];
     for (slot, node) in rows.as_flattened_mut().iter_mut().zip(flat) {
         let Node::Number(value) = node else { return None };
@@ -60,6 +58,13 @@ enum Node {
     Map(Vec<(String, Node)>),
     /// A string or a truth value: no part of a pose.
     Other,
+}
+
+impl Node {
+    /// The items of a list; nothing for anything else.
+    fn items(&self) -> &[Node] {
+        if let Node::List(items) = self { items } else { &[] }
+    }
 }
 
 impl<'de> Deserialize<'de> for Node {

@@ -2,7 +2,7 @@
 //!
 //! Registration asks millions of times for the one nearest point within a distance, mostly with a good guess at
 //! hand. No crate offers that bounded search without allocating, and the bound matters more than the tree
-//! (docs/PERFORMANCE.md), so the tree is our own; tests hold it against kiddo and brute force.
+//! (docs/ARCHITECTURE.md), so the tree is our own; tests hold it against kiddo and brute force.
 
 mod collect;
 mod kdtree;

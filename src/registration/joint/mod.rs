@@ -1,10 +1,12 @@
-//! `joint`, the default method: ma-aticp on a coarse level to get near, then all poses refined together over the
-//! correspondences of all overlapping pairs.
+//! `joint`, the default method: all poses refined together over the correspondences of all overlapping pairs, coarse to
+//! fine.
 //!
 //! Each correspondence asks that two surface patches lie in one plane: its residual is the distance along the mean of
 //! both normals (symmetric point-to-plane; Rusinkiewicz, "A symmetric objective function for ICP", SIGGRAPH 2019),
 //! exact for surfaces of second order. Sparse Gauss-Newton over 6(N-1) unknowns with robust weights; correspondences
-//! are renewed in every step, pairs are chosen anew before each pass. No averaging error is left.
+//! are renewed in every step, pairs are chosen anew before each pass. No averaging error is left. A coarse level of
+//! pairwise ICP and averaging before it was tried and left out: a view that first hangs on one pair goes wherever that
+//! pair goes (one start of 45 was lost so), while here all its neighbours hold it at once.
 
 mod normal_equations;
 mod refine;
@@ -14,7 +16,7 @@ use rayon::prelude::*;
 
 use self::refine::{RefineOptions, refine};
 use self::surfels::Surfels;
-use super::multiview::{self, Level, Multiview, MultiviewOptions, PairOutcome, Round};
+use super::multiview::{self, Multiview, MultiviewOptions, PairOutcome, Round};
 use super::overlap::overlaps;
 use super::trimmed_icp::{IcpEnd, IcpOptions, IcpResult, Trim, trimmed_icp};
 use super::view::View;
@@ -23,43 +25,65 @@ use crate::geometry::Motion;
 use crate::geometry::neighbours::{IndexedPoints, LocalPoint};
 use crate::progress::{Canceled, Progress, Stage};
 
-/// The level on which ma-aticp gets near. Lengths in spacings.
-pub const NEAR: Level = Level {
-    query_edge: 10.0,
-    thin_targets: true,
-    tolerance: 10.0,
-    least_tolerance: 7.0,
-    reach: 6.0,
-    max_iterations: 30,
-    settled: 1.0,
-    search_trim: true,
-};
-
-/// A pass of the refinement. Lengths in spacings.
+/// A pass of the refinement.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Pass {
-    /// Edge of the voxels that surfels stand for.
-    pub edge: f64,
-    /// Tolerance of the overlap by which its pairs are chosen.
+    /// About how many surfels stand for a view: that fixes the edge of their voxels.
+    pub surfels: f64,
+    /// The largest edge in spacings, however many points a scan has.
+    pub coarsest_edge: f64,
+    /// Tolerance of the overlap by which its pairs are chosen, in edges.
     pub tolerance: f64,
-    /// Largest distance of a correspondence in the first step.
+    /// Largest distance of a correspondence in the first step, in edges.
     pub first_distance: f64,
-    /// Largest distance of a correspondence in the last step.
+    /// Largest distance of a correspondence in the last step, in edges.
     pub last_distance: f64,
-    /// A step that moves nothing farther ends the pass.
+    /// A step that moves nothing farther (in spacings) ends the pass.
     pub settled: f64,
 }
 
-/// The passes, coarse to fine.
+/// The passes, coarse to fine. The first reaches as far as rough poses are wrong, some 0.4 of an object's radius; the
+/// last is fine enough that finer ones change the objective by less than 0.1 %.
 pub const PASSES: [Pass; 2] = [
-    Pass { edge: 8.0, tolerance: 8.0, first_distance: 16.0, last_distance: 6.0, settled: 0.05 },
-    Pass { edge: 6.0, tolerance: 6.0, first_distance: 6.0, last_distance: 4.0, settled: 0.002 },
+    Pass {
+        surfels: 500.0,
+        coarsest_edge: 14.0,
+        tolerance: 1.15,
+        first_distance: 2.9,
+        last_distance: 1.0,
+        settled: 0.5,
+    },
+    Pass {
+        surfels: 1500.0,
+        coarsest_edge: 8.0,
+        tolerance: 0.63,
+        first_distance: 1.5,
+        last_distance: 0.63,
+        settled: 0.005,
+    },
 ];
+
+/// A voxel narrower than this (in spacings) holds too few points to average.
+const FINEST_EDGE: f64 = 2.5;
+/// A view of n points has about `n (EDGE_FACTOR / edge)^2` voxels of an edge given in spacings.
+const EDGE_FACTOR: f64 = 1.7;
+
+impl Pass {
+    /// The edge of the voxels, in the unit of the scans.
+    fn edge(&self, views: &[View], spacing: f64) -> f64 {
+        let points = views.iter().map(|view| view.points().len() as f64).sum::<f64>() / views.len() as f64;
+        let edge = EDGE_FACTOR * (points / self.surfels).sqrt();
+        spacing * edge.clamp(FINEST_EDGE, self.coarsest_edge)
+    }
+}
 
 const MAX_STEPS: usize = 50;
 /// Pairs take part down to this share of xi_0: less overlap than ICP of one pair needs is still worth having when all
 /// pairs hold each other.
 const OVERLAP_SHARE: f64 = 0.6;
+
+/// Pairs that a view gets even if they overlap less.
+const PARTNERS: usize = 2;
 
 /// Registers `views` from `initial` poses (local frame to world). View 0 keeps its pose.
 pub fn joint(
@@ -69,11 +93,12 @@ pub fn joint(
     progress: &Progress,
 ) -> Result<Multiview, Canceled> {
     let spacing = multiview::common_spacing(views);
-    let mut state = multiview::ma_aticp(views, initial, &[NEAR], options, progress)?;
+    let mut state = Multiview::at(initial);
     for (index, pass) in PASSES.iter().enumerate() {
-        progress.report(Stage::Registering, 0.5 + 0.25 * index as f64);
-        let surfels: Vec<Surfels> = views.par_iter().map(|view| Surfels::new(view, pass.edge * spacing)).collect();
-        run_pass(&surfels, index, pass, spacing, options, &mut state, progress)?;
+        progress.report(Stage::Registering, index as f64 / PASSES.len() as f64);
+        let edge = pass.edge(views, spacing);
+        let surfels: Vec<Surfels> = views.par_iter().map(|view| Surfels::new(view, edge)).collect();
+        run_pass(&surfels, index, pass, (edge, spacing), options, &mut state, progress)?;
         if index + 1 == PASSES.len() {
             measure_pairs(views, &surfels, spacing, &mut state, progress)?;
         }
@@ -81,30 +106,40 @@ pub fn joint(
     Ok(state)
 }
 
+/// Surfels by which pairs are chosen, at most: a share to about 2 %.
+const OVERLAP_SAMPLES: usize = 500;
+
+/// Surfels spread evenly over a view (they are stored along a space-filling curve).
+fn sampled(surfels: &Surfels) -> Vec<LocalPoint> {
+    let points = &surfels.indexed.points;
+    points.iter().step_by(points.len().div_ceil(OVERLAP_SAMPLES).max(1)).copied().collect()
+}
+
 fn run_pass(
     surfels: &[Surfels],
     index: usize,
     pass: &Pass,
-    spacing: f64,
+    (edge, spacing): (f64, f64),
     options: &MultiviewOptions,
     state: &mut Multiview,
     progress: &Progress,
 ) -> Result<(), Canceled> {
     let targets: Vec<&IndexedPoints> = surfels.iter().map(|s| &s.indexed).collect();
-    let samples: Vec<&[LocalPoint]> = surfels.iter().map(|s| s.indexed.points.as_slice()).collect();
-    state.overlaps = overlaps(&targets, &samples, &state.local_poses, pass.tolerance * spacing, progress)?;
-    let graph = ViewGraph::choose(&state.overlaps, OVERLAP_SHARE * options.min_overlap);
+    let samples: Vec<Vec<LocalPoint>> = surfels.iter().map(sampled).collect();
+    let samples: Vec<&[LocalPoint]> = samples.iter().map(Vec::as_slice).collect();
+    state.overlaps = overlaps(&targets, &samples, &state.local_poses, pass.tolerance * edge, progress)?;
+    let graph = ViewGraph::choose(&state.overlaps, OVERLAP_SHARE * options.min_overlap, PARTNERS);
     let anchors = multiview::first_of_each_piece(&graph.pieces);
     let refine_options = RefineOptions {
-        first_distance: pass.first_distance * spacing,
-        last_distance: pass.last_distance * spacing,
+        first_distance: pass.first_distance * edge,
+        last_distance: pass.last_distance * edge,
         max_steps: MAX_STEPS,
         settled: pass.settled * spacing,
     };
     let refined = refine(surfels, &state.local_poses, &graph.pairs, &anchors, &refine_options, progress)?;
     state.rounds.push(Round {
-        level: 1 + index,
-        tolerance: pass.tolerance * spacing,
+        level: index,
+        tolerance: pass.tolerance * edge,
         pairs: graph.pairs.len(),
         min_overlap: graph.min_overlap,
         icp_iterations: 0,

@@ -1,0 +1,29 @@
+# Build with the toolchain that Cargo.toml asks for; run on a small image without a shell's worth of tools.
+FROM rust:1.95-slim-bookworm AS build
+# the slim image has the C compiler that SQLite and BLAKE3 need
+WORKDIR /src
+# dependencies first: they change seldom
+COPY Cargo.toml Cargo.lock ./
+RUN mkdir src \
+    && echo 'fn main() {}' > src/main.rs \
+    && touch src/lib.rs \
+    && cargo build --profile dist --locked \
+    && rm -r src
+COPY migrations migrations
+COPY src src
+RUN touch src/lib.rs src/main.rs \
+    && cargo build --profile dist --locked \
+    && mkdir /data
+
+FROM gcr.io/distroless/cc-debian12:nonroot
+COPY --from=build /src/target/dist/visage /usr/local/bin/visage
+COPY --from=build --chown=nonroot:nonroot /data /data
+ENV VISAGE_ADDR=0.0.0.0:8080 \
+    VISAGE_DATA=/data \
+    VISAGE_LOG_FORMAT=json
+VOLUME /data
+EXPOSE 8080
+STOPSIGNAL SIGTERM
+HEALTHCHECK --interval=30s --timeout=5s --start-period=10s --retries=3 CMD ["/usr/local/bin/visage", "healthcheck"]
+ENTRYPOINT ["/usr/local/bin/visage"]
+CMD ["serve"]

@@ -1,0 +1,34 @@
+# What is done often; `just` lists it. .ci/run does all of it and the contract checks.
+
+# the folder of real data for the ignored tests
+export VISAGE_DATA := absolute_path(env("VISAGE_DATA", "../shared/data"))
+
+_list:
+    @just --list
+
+# formatting, lints, tests
+check:
+    cargo fmt --all --check
+    cargo clippy --all-targets --locked -- -D warnings
+    cargo test --locked
+
+# the tests, with code-made data only
+test *args:
+    cargo test --locked {{args}}
+
+# the tests on real data
+real *args:
+    cargo test --release --locked {{args}} -- --ignored --nocapture
+
+# write the contract anew after a change of the API
+openapi:
+    cargo run --release --locked --quiet -- openapi > openapi.yaml.new
+    mv openapi.yaml.new openapi.yaml
+
+# everything on code-made scans; `just demo --keep` leaves the server up
+demo *args:
+    cargo run --release --locked -- demo {{args}}
+
+# all that has to pass
+ci:
+    .ci/run

@@ -1,0 +1,311 @@
+//! The dense check: is the standard's surface really there? A trimmed, scaled point-to-plane ICP of the template,
+//! started where a facial triangle puts it, then the residual of what a surface with a rim could show of it.
+
+use super::similarity::Similarity;
+use super::template::Template;
+use crate::geometry::{Point3, Vector3};
+use crate::saliency::{CellGrid, Samples};
+
+/// Template points farther from the surface than this say no more than that it isn't there, mm.
+pub const FAR_MM: f64 = 12.0;
+/// The share of template points that the pose is fitted to, and that the residual counts.
+const KEPT_SHARE: f64 = 0.8;
+/// Template and surface must look the same way at least this much (cosine).
+const LEAST_COSINE: f64 = 0.3;
+/// A radian between the normals counts as much as this distance, mm: a nose-like lump in the right place has the wrong
+/// slopes.
+const NORMAL_LEVER_MM: f64 = 8.7;
+/// A point this far off, mm, most of it along the surface, beside a rim, is not seen rather than not there.
+const UNSEEN_MM: f64 = 2.5;
+const UNSEEN_TANGENTIAL: f64 = 0.6;
+/// A sample lies on a rim if its neighbours leave a sector this wide empty, radians.
+const RIM_SECTOR: f64 = 2.0 * std::f64::consts::FRAC_PI_3;
+/// Its neighbours are looked for within this, in spacings.
+const RIM_RADIUS: f64 = 3.2;
+/// Samples stand for the surface around them: a point that near along the surface, in spacings, is on it.
+const SAMPLE_REACH: f64 = 0.7;
+/// With a smaller share of the template seen there is no verdict.
+pub const LEAST_OBSERVED: f64 = 0.5;
+/// Below this share the residual is raised: what was not seen could not disagree.
+const FULLY_OBSERVED: f64 = 0.85;
+
+/// Samples of a model with their grid, normals as they are; `sign` turns them outward.
+#[derive(Debug, Clone, Copy)]
+pub struct Target<'a> {
+    /// The samples.
+    pub samples: &'a Samples,
+    /// Their grid.
+    pub grid: &'a CellGrid,
+    /// 1, or -1 if the samples' normals point inward.
+    pub sign: f64,
+}
+
+/// How well the standard's surface fits at a place.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Fit {
+    /// Where the standard lies in the model.
+    pub pose: Similarity,
+    /// Root mean square difference (distance, and angle by a lever of 8.7 mm) of the best 80 % of the template points
+    /// that could be seen, mm on the standard; raised where little could be seen.
+    pub residual_mm: f64,
+    /// The share of template points that could be seen.
+    pub observed: f64,
+}
+
+/// A template point's counterpart on the surface.
+#[derive(Debug, Clone, Copy)]
+struct Counterpart {
+    sample: usize,
+    point: Point3,
+    normal: Vector3,
+    squared: f64,
+}
+
+impl Target<'_> {
+    /// The nearest sample within `radius` that looks the way of `normal`.
+    fn counterpart(&self, point: &Point3, normal: &Vector3, radius: f64, least_cosine: f64) -> Option<Counterpart> {
+        let mut best: Option<(f64, usize)> = None;
+        self.grid.for_each_within(point, radius, |sample, squared| {
+            if best.is_none_or(|(least, _)| squared < least)
+                && self.samples.normals[sample].dot(normal) * self.sign > least_cosine
+            {
+                best = Some((squared, sample));
+            }
+        });
+        best.map(|(squared, sample)| Counterpart {
+            sample,
+            point: self.samples.points[sample],
+            normal: self.samples.normals[sample] * self.sign,
+            squared,
+        })
+    }
+
+    /// Whether the sample's neighbours leave a wide sector empty.
+    fn is_on_rim(&self, sample: usize) -> bool {
+        let (center, normal) = (self.samples.points[sample], self.samples.normals[sample]);
+        let [x, y] = crate::saliency::quadric::tangents(&normal);
+        let mut angles = Vec::new();
+        self.grid.for_each_within(&center, RIM_RADIUS * self.samples.spacing, |other, _| {
+            let offset = self.samples.points[other] - center;
+            if other != sample && self.samples.normals[other].dot(&normal) > 0.0 {
+                angles.push(offset.dot(&y).atan2(offset.dot(&x)));
+            }
+        });
+        angles.sort_by(f64::total_cmp);
+        let Some((first, last)) = angles.first().zip(angles.last()) else { return true };
+        let around = first + std::f64::consts::TAU - last;
+        angles.windows(2).map(|pair| pair[1] - pair[0]).fold(around, f64::max) > RIM_SECTOR
+    }
+}
+
+/// How a pose is looked for.
+#[derive(Debug, Clone, Copy)]
+pub struct Search {
+    /// How many of the template's points take part.
+    pub points: usize,
+    /// The most steps.
+    pub rounds: usize,
+    /// The scale stays within this factor of the start's.
+    pub most_growth: f64,
+    /// The weight of keeping the standard's proportions: see [`PROPORTION_WEIGHT`].
+    pub proportion_weight: f64,
+}
+
+/// With this weight width, height and depth may differ from the standard's by some 8 % (one standard deviation)
+/// before that costs as much as 1 mm over twenty independent points.
+pub const PROPORTION_WEIGHT: f64 = 1.25;
+/// With this weight proportions stay.
+pub const RIGID_PROPORTIONS: f64 = 1e4;
+
+/// Moves the template onto the surface by trimmed point-to-plane steps.
+pub fn fit_pose(target: &Target, template: &Template, start: &Similarity, search: &Search) -> Similarity {
+    let mut pose = *start;
+    let middle =
+        Point3::from(template.points[..search.points].iter().map(|p| p.coords).sum::<Vector3>() / search.points as f64);
+    for _ in 0..search.rounds {
+        let Some(step) = pose_step(target, template, search, &middle, &pose) else { break };
+        let turn = step.fixed_rows::<3>(0).into_owned();
+        let growth = step.fixed_rows::<3>(3).map(|g| 1.0 + g.clamp(-0.2, 0.2));
+        let shift = step.fixed_rows::<3>(6).into_owned() * lever(&pose);
+        let grown = pose.nudged(&middle, &turn, &growth, &shift);
+        let allowed = grown.scale.clamp(start.scale / search.most_growth, start.scale * search.most_growth);
+        pose = grown.nudged(&middle, &Vector3::zeros(), &Vector3::repeat(allowed / grown.scale), &Vector3::zeros());
+        if step.norm() < 1e-4 {
+            break;
+        }
+    }
+    pose
+}
+
+/// The length, in the model's unit, that makes shifts comparable with angles and growth.
+fn lever(pose: &Similarity) -> f64 {
+    50.0 * pose.scale
+}
+
+/// One Gauss-Newton step (turn, growth along the standard's axes, shift in levers); `None` if too little is near.
+fn pose_step(
+    target: &Target,
+    template: &Template,
+    search: &Search,
+    middle: &Point3,
+    pose: &Similarity,
+) -> Option<nalgebra::SVector<f64, 9>> {
+    let mut pairs: Vec<(usize, Point3, Counterpart)> = (0..search.points)
+        .filter_map(|k| {
+            let (point, normal) = (pose.point(&template.points[k]), pose.normal(&template.normals[k]));
+            Some((k, point, target.counterpart(&point, &normal, FAR_MM * pose.scale, LEAST_COSINE)?))
+        })
+        .collect();
+    pairs.sort_by(|a, b| a.2.squared.total_cmp(&b.2.squared).then(a.0.cmp(&b.0)));
+    pairs.truncate((KEPT_SHARE * search.points as f64) as usize);
+    if pairs.len() * 3 < search.points {
+        return None;
+    }
+    let (center, unit) = (pose.point(middle), lever(pose));
+    let mut matrix = nalgebra::SMatrix::<f64, 9, 9>::identity() * 1e-6 * pairs.len() as f64;
+    let mut right = nalgebra::SVector::<f64, 9>::zeros();
+    for (k, point, counterpart) in &pairs {
+        let n = counterpart.normal;
+        let turning = ((point - center) / unit).cross(&n);
+        let arm = (template.points[*k] - middle).component_mul(&pose.stretch) * (pose.scale / unit);
+        let growing = (pose.motion.rotation.inverse() * n).component_mul(&arm);
+        let row = [turning, growing, n].map(<[f64; 3]>::from).concat();
+        let row = nalgebra::SVector::<f64, 9>::from_row_slice(&row);
+        matrix += row * row.transpose();
+        right += row * n.dot(&(counterpart.point - point)) / unit;
+    }
+    // the prior: the logarithms of the three factors should be equal
+    let weight = search.proportion_weight;
+    for axis in 0..3 {
+        for other in 0..3 {
+            matrix[(3 + axis, 3 + other)] += weight * (f64::from(u8::from(axis == other)) - 1.0 / 3.0);
+        }
+        right[3 + axis] -= weight * pose.stretch[axis].ln();
+    }
+    Some(matrix.cholesky()?.solve(&right))
+}
+
+/// The residual of a pose over the first `count` template points.
+pub fn score(target: &Target, template: &Template, count: usize, pose: &Similarity) -> Fit {
+    let mut squares = Vec::with_capacity(count);
+    for (p, n) in template.points[..count].iter().zip(&template.normals) {
+        squares.extend(squared_mm(target, &pose.point(p), &pose.normal(n), pose.scale));
+    }
+    let observed = squares.len() as f64 / count as f64;
+    squares.sort_by(f64::total_cmp);
+    squares.truncate((KEPT_SHARE * squares.len() as f64).ceil() as usize);
+    let mean = squares.iter().sum::<f64>() / squares.len().max(1) as f64;
+    let residual = if observed < LEAST_OBSERVED { FAR_MM } else { mean.sqrt() };
+    Fit { pose: *pose, residual_mm: residual * (1.0 + 0.5 * (FULLY_OBSERVED - observed).max(0.0)), observed }
+}
+
+/// How far a posed template point is from the surface, in place and direction, squared mm on the standard; `None` if
+/// a rim hides it.
+fn squared_mm(target: &Target, point: &Point3, normal: &Vector3, scale: f64) -> Option<f64> {
+    let radius = FAR_MM * scale;
+    let near = target.counterpart(point, normal, radius, LEAST_COSINE);
+    let Some(near) = near.or_else(|| beyond(target, point, normal, radius)) else {
+        return Some(FAR_MM * FAR_MM);
+    };
+    let offset = point - near.point;
+    let height = offset.dot(&near.normal);
+    let along = (offset.norm_squared() - height * height).max(0.0).sqrt();
+    let distance = offset.norm() / scale;
+    if distance > UNSEEN_MM && along > UNSEEN_TANGENTIAL * offset.norm() && target.is_on_rim(near.sample) {
+        return None;
+    }
+    let beside = (along - SAMPLE_REACH * target.samples.spacing).max(0.0);
+    // 2 (1 - cos) is the squared angle
+    let angle2 = 2.0 * (1.0 - near.normal.dot(normal));
+    let place2 = (height * height + beside * beside) / (scale * scale);
+    Some((place2 + NORMAL_LEVER_MM * NORMAL_LEVER_MM * angle2).min(FAR_MM * FAR_MM))
+}
+
+/// The nearest sample farther off than `radius`, if there is none of any direction inside: perhaps a rim's.
+fn beyond(target: &Target, point: &Point3, normal: &Vector3, radius: f64) -> Option<Counterpart> {
+    target.counterpart(point, normal, radius, -2.0).is_none().then_some(())?;
+    [2.0, 4.0, 8.0].into_iter().find_map(|factor| target.counterpart(point, normal, factor * radius, LEAST_COSINE))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::faces::template;
+    use crate::geometry::Motion;
+
+    /// The built-in face as samples 3 mm apart, posed.
+    fn posed(pose: &Similarity, keep: impl Fn(f64, f64) -> bool) -> Samples {
+        let places = (0..38 * 34).map(|k| (f64::from(k % 38) * 3.0 - 55.5, f64::from(k / 38) * 3.0 - 29.0));
+        let mut samples = Samples { spacing: 3.0 * pose.scale, ..Samples::default() };
+        for (x, y) in places.filter(|&(x, y)| keep(x, y)) {
+            let (point, normal) = crate::faces::relief::at(x, y);
+            samples.points.push(pose.point(&point));
+            samples.normals.push(pose.normal(&normal));
+            samples.areas.push(1.0);
+        }
+        samples
+    }
+
+    fn truth() -> Similarity {
+        Similarity {
+            scale: 0.02,
+            stretch: Vector3::repeat(1.0),
+            motion: Motion::new(Vector3::new(5.0, 1.0, -2.0), Vector3::new(0.5, -2.0, 0.3)),
+        }
+    }
+
+    fn start() -> Similarity {
+        let center = Point3::new(0.0, 20.0, 100.0);
+        truth().nudged(
+            &center,
+            &Vector3::new(0.08, -0.1, 0.06),
+            &Vector3::new(1.15, 1.08, 1.0),
+            &Vector3::new(0.06, -0.04, 0.05),
+        )
+    }
+
+    fn search(points: usize, rounds: usize) -> Search {
+        Search { points, rounds, most_growth: 1.3, proportion_weight: PROPORTION_WEIGHT }
+    }
+
+    #[test]
+    fn a_disturbed_pose_finds_back() {
+        let samples = posed(&truth(), |_, _| true);
+        let grid = CellGrid::new(&samples.points, 2.0 * samples.spacing);
+        let target = Target { samples: &samples, grid: &grid, sign: 1.0 };
+        let before = score(&target, template::face(), 300, &start());
+        let pose = fit_pose(&target, template::face(), &start(), &search(300, 30));
+        let after = score(&target, template::face(), 300, &pose);
+        assert!(before.residual_mm > 2.0 && after.residual_mm < 0.4, "{before:?} {after:?}");
+        assert!((pose.scale / 0.02 - 1.0).abs() < 0.02);
+        let nose = Point3::new(0.0, 4.0, 131.0);
+        assert!((pose.point(&nose) - truth().point(&nose)).norm() < 0.02 * 2.0);
+    }
+
+    #[test]
+    fn what_lies_beyond_a_rim_is_not_counted_against_it() {
+        let samples = posed(&truth(), |x, _| x < 16.0);
+        let grid = CellGrid::new(&samples.points, 2.0 * samples.spacing);
+        let target = Target { samples: &samples, grid: &grid, sign: 1.0 };
+        let fit = score(&target, template::face(), 300, &truth());
+        assert!((0.6..0.75).contains(&fit.observed) && fit.residual_mm < 1.0, "{fit:?}");
+    }
+
+    #[test]
+    fn an_inside_out_surface_does_not_fit() {
+        let samples = posed(&truth(), |_, _| true);
+        let grid = CellGrid::new(&samples.points, 2.0 * samples.spacing);
+        let target = Target { samples: &samples, grid: &grid, sign: -1.0 };
+        assert!(score(&target, template::face(), 300, &truth()).residual_mm >= 8.0);
+    }
+
+    #[test]
+    fn far_from_any_surface_nothing_moves() {
+        let samples = posed(&truth(), |_, _| true);
+        let grid = CellGrid::new(&samples.points, 2.0 * samples.spacing);
+        let target = Target { samples: &samples, grid: &grid, sign: 1.0 };
+        let astray = Similarity { motion: Motion::translation(900.0, 0.0, 0.0), ..truth() };
+        assert_eq!(fit_pose(&target, template::face(), &astray, &search(90, 5)), astray);
+        assert_eq!(score(&target, template::face(), 90, &astray).residual_mm, FAR_MM);
+    }
+}

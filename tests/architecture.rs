@@ -1,0 +1,419 @@
+//! The layers of `src/lib.rs` as law: who may use whom, who may use which crate, and what the pure modules must not see.
+//!
+//! Sources are read as tokens, so comments and strings don't count, and grouped imports do (`use std::{fs, io}`).
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// The modules of the crate, each with those it may use. Arrows point one way: to modules further up.
+const LAYERS: &[(&str, &[&str])] = &[
+    // pure
+    ("geometry", &[]),
+    ("progress", &[]),
+    ("registration", &["geometry", "progress"]),
+    ("reconstruction", &["geometry", "registration", "progress"]),
+    ("saliency", &["geometry", "progress"]),
+    ("faces", &["geometry", "saliency", "progress"]),
+    ("retrieval", &["geometry", "faces", "progress"]),
+    ("synthetic", &["geometry"]),
+    ("pipeline", &["geometry", "registration", "reconstruction", "saliency", "faces", "progress"]),
+    // around them
+    ("formats", &["geometry"]),
+    ("config", &["formats"]),
+    ("telemetry", &[]),
+    // scans, poses and options as values; the gallery index, which it keeps current
+    ("store", &["geometry", "pipeline", "faces", "retrieval"]),
+    // ids, and which files a sweep must leave
+    ("blobs", &["store"]),
+    ("jobs", &["geometry", "formats", "faces", "pipeline", "progress", "config", "telemetry", "store", "blobs"]),
+    (
+        "http",
+        &[
+            "geometry",
+            "formats",
+            "faces",
+            "retrieval",
+            "pipeline",
+            "progress",
+            "config",
+            "telemetry",
+            "store",
+            "blobs",
+            "jobs",
+        ],
+    ),
+    ("cli", &["geometry", "formats", "synthetic", "pipeline", "progress", "config", "telemetry", "jobs", "http"]),
+];
+
+/// Algorithms: no HTTP, SQL, files, network, clock, environment, processes or printing.
+const PURE: &[&str] = &[
+    "geometry",
+    "progress",
+    "registration",
+    "reconstruction",
+    "saliency",
+    "faces",
+    "retrieval",
+    "synthetic",
+    "pipeline",
+];
+
+/// What pure modules must not name.
+const IMPURE_PATHS: &[&str] = &[
+    "tokio",
+    "axum",
+    "sqlx",
+    "reqwest",
+    "tracing",
+    "tempfile",
+    "std::fs",
+    "std::env",
+    "std::io::stdin",
+    "std::io::stdout",
+    "std::io::stderr",
+    "std::net",
+    "std::os",
+    "std::process",
+    "std::thread",
+    "std::time::Instant",
+    "std::time::SystemTime",
+];
+/// The same, however they were imported.
+const IMPURE_NAMES: &[&str] = &["Instant", "SystemTime"];
+const PRINTING: &[&str] = &["print", "println", "eprint", "eprintln", "dbg"];
+
+/// Outside of the pure modules: the only users of a path.
+const ONLY_IN: &[(&str, &[&str])] = &[
+    ("sqlx", &["store"]),
+    ("axum", &["http"]),
+    ("reqwest", &["cli"]),
+    ("indicatif", &["cli"]),
+    // `blobs` keeps the service's files; `cli` reads and writes the folders that its user names
+    ("std::fs", &["blobs", "cli"]),
+    ("tokio::fs", &["blobs", "cli"]),
+    ("std::process", &["cli", "main"]),
+];
+
+const MOST_LINES: usize = 450;
+
+/// A path as it stands in the source, a grouped import unfolded.
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct Named {
+    line: usize,
+    segments: Vec<String>,
+    /// Whether it is a macro that is called.
+    is_macro: bool,
+}
+
+impl Named {
+    fn path(&self) -> String {
+        self.segments.join("::")
+    }
+
+    /// Whether the path is `prefix` or something in it.
+    fn is_in(&self, prefix: &str) -> bool {
+        let mut segments = self.segments.iter();
+        prefix.split("::").all(|wanted| segments.next().is_some_and(|segment| segment == wanted))
+    }
+}
+
+/// Words and signs of a source text with their lines; comments, strings and characters left out.
+fn tokens(source: &str) -> Vec<(usize, String)> {
+    let text: Vec<char> = source.chars().collect();
+    let at = |index: usize| text.get(index).copied().unwrap_or('\0');
+    let (mut tokens, mut line, mut k) = (Vec::new(), 1, 0);
+    while k < text.len() {
+        let end = match (at(k), at(k + 1)) {
+            ('/', '/') => until(&text, k, |i| at(i) == '\n'),
+            ('/', '*') => end_of_block_comment(&text, k),
+            ('"', _) => end_of_string(&text, k),
+            ('r', '"' | '#') | ('b', '"' | 'r' | '\'') if is_literal(&text, k) => end_of_prefixed(&text, k),
+            ('\'', _) => end_of_quote(&text, k),
+            (':', ':') => {
+                tokens.push((line, "::".to_owned()));
+                k + 2
+            }
+            (c, _) if c.is_alphanumeric() || c == '_' => {
+                let end = until(&text, k, |i| !(at(i).is_alphanumeric() || at(i) == '_'));
+                tokens.push((line, text[k..end].iter().collect()));
+                end
+            }
+            (c, _) => {
+                if !c.is_whitespace() {
+                    tokens.push((line, c.to_string()));
+                }
+                k + 1
+            }
+        };
+        line += text[k..end.min(text.len())].iter().filter(|c| **c == '\n').count();
+        k = end;
+    }
+    tokens
+}
+
+/// The first index from `start` on at which `stop` holds, or the end.
+fn until(text: &[char], start: usize, stop: impl Fn(usize) -> bool) -> usize {
+    (start..text.len()).find(|&index| stop(index)).unwrap_or(text.len())
+}
+
+fn end_of_block_comment(text: &[char], start: usize) -> usize {
+    let (mut depth, mut k) = (0, start);
+    while k + 1 < text.len() {
+        match (text[k], text[k + 1]) {
+            ('/', '*') => (depth, k) = (depth + 1, k + 2),
+            ('*', '/') => (depth, k) = (depth - 1, k + 2),
+            _ => k += 1,
+        }
+        if depth == 0 {
+            return k;
+        }
+    }
+    text.len()
+}
+
+/// The index after a string that begins with the quote at `start`.
+fn end_of_string(text: &[char], start: usize) -> usize {
+    let mut k = start + 1;
+    while k < text.len() && text[k] != '"' {
+        k += if text[k] == '\\' { 2 } else { 1 };
+    }
+    k + 1
+}
+
+/// Whether an `r` or `b` begins a literal, and not a word.
+fn is_literal(text: &[char], start: usize) -> bool {
+    let follows_a_word = start > 0 && (text[start - 1].is_alphanumeric() || text[start - 1] == '_');
+    let quote = until(text, start, |i| !matches!(text[i], 'r' | 'b' | '#'));
+    !follows_a_word && quote - start <= 10 && matches!(text.get(quote), Some('"' | '\''))
+}
+
+/// The index after a literal such as `r#"..."#`, `b"..."` or `b'x'`.
+fn end_of_prefixed(text: &[char], start: usize) -> usize {
+    let quote = until(text, start, |i| matches!(text[i], '"' | '\''));
+    let prefix = &text[start..quote];
+    if text[quote] == '\'' {
+        return end_of_quote(text, quote);
+    }
+    if !prefix.contains(&'r') {
+        return end_of_string(text, quote);
+    }
+    let hashes = prefix.iter().filter(|c| **c == '#').count();
+    let closes =
+        |i: usize| text[i] == '"' && text[i + 1..].iter().take(hashes).filter(|c| **c == '#').count() == hashes;
+    until(text, quote + 1, closes) + 1 + hashes
+}
+
+/// The index after a character literal; after the quote alone if it is a lifetime.
+fn end_of_quote(text: &[char], start: usize) -> usize {
+    match (text.get(start + 1), text.get(start + 2)) {
+        (Some('\\'), _) => until(text, start + 3, |i| text[i] == '\'') + 1,
+        (Some(_), Some('\'')) => start + 3,
+        _ => start + 1,
+    }
+}
+
+/// All paths of a source text.
+fn paths(source: &str) -> Vec<Named> {
+    let tokens = tokens(source);
+    let mut found = Vec::new();
+    let mut k = 0;
+    while k < tokens.len() {
+        k = if is_word(&tokens[k].1) { read_path(&tokens, k, &[], &mut found) } else { k + 1 };
+    }
+    found
+}
+
+fn is_word(token: &str) -> bool {
+    token.starts_with(|c: char| c.is_alphabetic() || c == '_')
+}
+
+/// Reads the path that begins at `start`, unfolds its groups, and gives the index after it.
+fn read_path(tokens: &[(usize, String)], start: usize, prefix: &[String], found: &mut Vec<Named>) -> usize {
+    let token = |index: usize| tokens.get(index).map_or("", |(_, text)| text.as_str());
+    let mut segments = prefix.to_vec();
+    let mut k = start;
+    loop {
+        if token(k) == "{" {
+            k += 1;
+            while k < tokens.len() && token(k) != "}" {
+                k = if is_word(token(k)) { read_path(tokens, k, &segments, found) } else { k + 1 };
+            }
+            return k + 1;
+        }
+        if !is_word(token(k)) {
+            break;
+        }
+        segments.push(token(k).to_owned());
+        k += 1;
+        if token(k) != "::" {
+            break;
+        }
+        k += 1;
+    }
+    let is_macro = token(k) == "!" && matches!(token(k + 1), "(" | "[" | "{");
+    found.push(Named { line: tokens[start].0, segments, is_macro });
+    k
+}
+
+/// The module of the crate that a path leads to, if it starts from the crate's root. `depth` is the number of names
+/// in the module path of the file.
+fn module_named(named: &Named, depth: usize) -> Option<&str> {
+    let first = named.segments.first()?;
+    let supers = named.segments.iter().take_while(|segment| *segment == "super").count();
+    let from_root = if first == "crate" || first == "visage" {
+        1
+    } else if supers == depth && supers > 0 {
+        supers
+    } else {
+        return None;
+    };
+    let module = named.segments.get(from_root)?;
+    LAYERS.iter().map(|(name, _)| *name).find(|name| name == module)
+}
+
+/// What is wrong in a file of `module`, one line each: `line: complaint`.
+fn complaints(module: &str, depth: usize, source: &str) -> Vec<String> {
+    let allowed = LAYERS.iter().find(|(name, _)| *name == module).map(|(_, allowed)| *allowed);
+    let is_pure = PURE.contains(&module);
+    let mut complaints = Vec::new();
+    for named in paths(source) {
+        let mut complain = |what: String| complaints.push(format!("{}: {what}", named.line));
+        if let Some(used) = module_named(&named, depth)
+            && used != module
+            && !allowed.is_none_or(|allowed| allowed.contains(&used))
+        {
+            complain(format!("{module} must not use {used} ({})", named.path()));
+        }
+        let impure = IMPURE_PATHS.iter().any(|path| named.is_in(path))
+            || named.segments.iter().any(|segment| IMPURE_NAMES.contains(&segment.as_str()));
+        if is_pure && impure {
+            complain(format!("{module} is pure and must not use {}", named.path()));
+        }
+        let prints = named.is_macro && named.segments.last().is_some_and(|name| PRINTING.contains(&name.as_str()));
+        if prints && module != "cli" {
+            complain(format!("{module} must not print ({}!)", named.path()));
+        }
+        for (path, users) in ONLY_IN {
+            if named.is_in(path) && !is_pure && !users.contains(&module) {
+                complain(format!("{} belongs to {}, not to {module}", named.path(), users.join(" and ")));
+            }
+        }
+    }
+    complaints
+}
+
+/// All source files with their path below `src`.
+fn sources() -> Vec<(PathBuf, String)> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let mut folders = vec![root.clone()];
+    let mut files = Vec::new();
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(&folder).expect("a folder of sources") {
+            let path = entry.expect("an entry").path();
+            if path.is_dir() {
+                folders.push(path);
+            } else if path.extension().is_some_and(|extension| extension == "rs") {
+                let text = std::fs::read_to_string(&path).expect("UTF-8");
+                files.push((path.strip_prefix(&root).expect("below the root").to_owned(), text));
+            }
+        }
+    }
+    files.sort();
+    files
+}
+
+/// The names in the module path of a file: `jobs/mod.rs` is `[jobs]`, `jobs/work.rs` is `[jobs, work]`.
+fn module_path(file: &Path) -> Vec<String> {
+    let names = file.with_extension("");
+    let names = names.iter().map(|name| name.to_string_lossy().into_owned());
+    names.filter(|name| name != "mod").collect()
+}
+
+#[test]
+fn layers_point_one_way() {
+    let mut all = Vec::new();
+    for (file, source) in sources() {
+        let names = module_path(&file);
+        let found = complaints(&names[0], names.len(), &source);
+        all.extend(found.into_iter().map(|complaint| format!("src/{}:{complaint}", file.display())));
+    }
+    assert!(all.is_empty(), "{} places break the layers:\n{}", all.len(), all.join("\n"));
+}
+
+#[test]
+fn every_module_has_its_place() {
+    let mut files: BTreeMap<String, usize> = BTreeMap::new();
+    for (file, _) in sources() {
+        *files.entry(module_path(&file)[0].clone()).or_default() += 1;
+    }
+    for name in files.keys().filter(|name| !["lib", "main"].contains(&name.as_str())) {
+        assert!(LAYERS.iter().any(|(known, _)| known == name), "src/{name} is in no layer: add it to LAYERS");
+    }
+    for (index, (name, allowed)) in LAYERS.iter().enumerate() {
+        assert!(files.contains_key(*name), "LAYERS knows {name}, which isn't there any more");
+        for used in *allowed {
+            let place = LAYERS.iter().position(|(known, _)| known == used);
+            assert!(place.is_some_and(|place| place < index), "{name} -> {used} does not point to a layer below");
+            let keeps_pure = !PURE.contains(name) || PURE.contains(used);
+            assert!(keeps_pure, "{name} is pure and can't use {used}");
+        }
+    }
+}
+
+#[test]
+fn files_stay_short() {
+    let long: Vec<String> = sources()
+        .iter()
+        .map(|(file, source)| (file, source.lines().count()))
+        .filter(|(_, lines)| *lines > MOST_LINES)
+        .map(|(file, lines)| format!("src/{}: {lines} lines", file.display()))
+        .collect();
+    assert!(long.is_empty(), "split these (at most {MOST_LINES} lines): {}", long.join(", "));
+}
+
+#[test]
+fn the_reader_finds_what_is_forbidden() {
+    for (source, complaint) in [
+        ("use std::fs;", "1: geometry is pure and must not use std::fs"),
+        ("use std::{io, fs::{self, File}};", "1: geometry is pure and must not use std::fs::self"),
+        ("\nfn f() { std::env::var(\"A\"); }", "2: geometry is pure and must not use std::env::var"),
+        ("use std::time::{Duration, Instant};", "1: geometry is pure and must not use std::time::Instant"),
+        ("fn f() { let t = Instant::now(); }", "1: geometry is pure and must not use Instant::now"),
+        ("use tokio::sync::Mutex;", "1: geometry is pure and must not use tokio::sync::Mutex"),
+        ("fn f() { println!(\"{}\", 1) }", "1: geometry must not print (println!)"),
+        (
+            "use crate::registration::view::View;",
+            "1: geometry must not use registration (crate::registration::view::View)",
+        ),
+        ("use crate::{progress, http::Server};", "1: geometry must not use http (crate::http::Server)"),
+        ("use super::super::store::Store;", "1: geometry must not use store (super::super::store::Store)"),
+    ] {
+        let found = complaints("geometry", 2, source);
+        assert!(found.iter().any(|found| found == complaint), "{source:?}: {found:?}");
+    }
+    assert_eq!(
+        complaints("http", 2, "let p: sqlx::SqlitePool;"),
+        ["1: sqlx::SqlitePool belongs to store, not to http"]
+    );
+    assert_eq!(
+        complaints("jobs", 2, "use tokio::{fs, sync::Notify};"),
+        ["1: tokio::fs belongs to blobs and cli, not to jobs"]
+    );
+}
+
+#[test]
+fn the_reader_passes_over_what_only_looks_so() {
+    for source in [
+        "//! std::fs, tokio and crate::http are for others",
+        "/* use std::fs; /* nested */ println!() */ fn f() {}",
+        "const A: &str = \"use std::fs; \\\" crate::http::x\";",
+        "const A: &str = r#\"use \"std::fs\"\"#; const B: &[u8] = b\"tokio::fs\";",
+        "fn f<'a>(c: &'a str) -> bool { c.starts_with('\"') || c.ends_with('\\'') }",
+        "use super::Motion; fn f() { a != b; std::time::Duration::from_secs(1); }",
+        "use crate::geometry::{Motion, Point3};",
+        "mod tokio_like {} struct SystemTimer; fn instant() {}",
+    ] {
+        let found = complaints("geometry", 2, source);
+        assert!(found.is_empty(), "{source:?}: {found:?}");
+    }
+}
