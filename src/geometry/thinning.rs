@@ -29,34 +29,54 @@ pub fn thin(points: &[LocalPoint], edge: f32) -> Thinned {
     }
     let extent = (0..3).map(|axis| max[axis] - min[axis]).fold(0.0, f32::max);
     let inverse = 1.0 / edge.max(extent / (AXIS_CELLS - 2.0)).max(f32::MIN_POSITIVE);
-    let mut keyed: Vec<(u64, u32)> = points
-        .iter()
-        .enumerate()
-        .map(|(index, point)| {
-            let cell = |axis: usize| ((point[axis] - min[axis]) * inverse) as u64;
-            (morton(cell(0), cell(1), cell(2)), index as u32)
-        })
-        .collect();
-    keyed.sort_unstable();
+    let cell = |point: &LocalPoint| [0, 1, 2].map(|axis| ((point[axis] - min[axis]) * inverse) as u64);
+    let mut runs = runs(points, cell);
+    runs.sort_unstable_by_key(|run| (run.key, run.start));
 
     let mut thinned = Thinned::default();
-    for voxel in keyed.chunk_by(|a, b| a.0 == b.0) {
+    for voxel in runs.chunk_by(|a, b| a.key == b.key) {
+        let members = || voxel.iter().flat_map(|run| run.start..run.end);
+        let count = members().count();
         let mut sum = [0.0f64; 3];
-        for &(_, index) in voxel {
+        for index in members() {
             for axis in 0..3 {
                 sum[axis] += f64::from(points[index as usize][axis]);
             }
         }
-        let centroid = sum.map(|s| (s / voxel.len() as f64) as f32);
-        let nearest = voxel
-            .iter()
-            .map(|&(_, index)| (super::neighbours::distance2(&points[index as usize], &centroid), index))
+        let centroid = sum.map(|s| (s / count as f64) as f32);
+        let nearest = members()
+            .map(|index| (super::neighbours::distance2(&points[index as usize], &centroid), index))
             .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         thinned.centroids.push(centroid);
         thinned.representatives.extend(nearest.map(|(_, index)| index));
-        thinned.counts.push(voxel.len() as u32);
+        thinned.counts.push(count as u32);
     }
     thinned
+}
+
+/// Points that follow each other in one voxel: scanners write neighbours one after the other, so there are far fewer of
+/// these to sort than points.
+struct Run {
+    /// The voxel's place on a space-filling curve.
+    key: u64,
+    /// The first point.
+    start: u32,
+    /// One past the last.
+    end: u32,
+}
+
+fn runs(points: &[LocalPoint], cell: impl Fn(&LocalPoint) -> [u64; 3]) -> Vec<Run> {
+    let mut runs: Vec<Run> = Vec::new();
+    let mut last = None;
+    for (index, point) in (0u32..).zip(points) {
+        let cell = cell(point);
+        match runs.last_mut() {
+            Some(run) if last == Some(cell) => run.end = index + 1,
+            _ => runs.push(Run { key: morton(cell[0], cell[1], cell[2]), start: index, end: index + 1 }),
+        }
+        last = Some(cell);
+    }
+    runs
 }
 
 /// The place of a cell on the Z-order curve: cells that follow each other lie side by side, which keeps searches in

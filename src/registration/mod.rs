@@ -3,6 +3,7 @@
 //! [`method`] chooses between [`joint`] and the paper's family; [`multiview`] is Algorithm 1 of the paper; the other
 //! modules are their parts.
 
+pub mod candidates;
 pub mod joint;
 pub mod method;
 pub mod motion_averaging;

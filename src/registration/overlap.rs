@@ -2,8 +2,10 @@
 
 use rayon::prelude::*;
 
+use super::candidates::candidate_pairs;
+use crate::geometry::Motion;
 use crate::geometry::neighbours::{IndexedPoints, LocalPoint};
-use crate::geometry::{Motion, Vector3};
+
 use crate::progress::{Canceled, Progress};
 
 /// `xi[i][j]`: the share of view i's points that have a counterpart in view j; 1 on the diagonal.
@@ -48,7 +50,7 @@ impl OverlapMatrix {
 /// Overlaps of all pairs at `local_poses` (local frame to world).
 ///
 /// `targets[i]` are the points of view i, `queries[i]` points spread evenly over its surface, both in its local frame.
-/// A query has a counterpart if a target of the other view lies nearer than `tolerance`. Pairs whose bounding spheres are apart cost nothing.
+/// A query has a counterpart if a target of the other view lies nearer than `tolerance`. Pairs that can't have counterparts cost nothing ([`candidate_pairs`]).
 pub fn overlaps(
     targets: &[&IndexedPoints],
     queries: &[&[LocalPoint]],
@@ -57,13 +59,8 @@ pub fn overlaps(
     progress: &Progress,
 ) -> Result<OverlapMatrix, Canceled> {
     let n = targets.len();
-    let bounds: Vec<f64> = targets.iter().map(|target| bounding_radius(&target.points)).collect();
-    let near = |i: usize, j: usize| {
-        let centers: Vector3 = local_poses[i].translation.vector - local_poses[j].translation.vector;
-        centers.norm() < bounds[i] + bounds[j] + tolerance
-    };
-    let pairs: Vec<(usize, usize)> =
-        (0..n).flat_map(|i| (0..n).map(move |j| (i, j))).filter(|&(i, j)| i != j && near(i, j)).collect();
+    let target_points: Vec<&[LocalPoint]> = targets.iter().map(|target| target.points.as_slice()).collect();
+    let pairs = candidate_pairs(&target_points, queries, local_poses, tolerance);
     let shares: Vec<f64> = pairs
         .par_iter()
         .map(|&(i, j)| {
@@ -94,11 +91,6 @@ fn directed_overlap(view_j: &IndexedPoints, queries: &[LocalPoint], motion_j_i: 
         })
         .count();
     hits as f64 / queries.len() as f64
-}
-
-fn bounding_radius(points: &[LocalPoint]) -> f64 {
-    let largest2 = points.iter().map(|p| p[0] * p[0] + p[1] * p[1] + p[2] * p[2]).fold(0.0, f32::max);
-    f64::from(largest2).sqrt()
 }
 
 #[cfg(test)]

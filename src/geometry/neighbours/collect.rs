@@ -34,6 +34,32 @@ impl Collect for Nearest {
     }
 }
 
+/// Keeps the nearest and the distance of the second nearest.
+pub(super) struct NearestTwo {
+    pub best: Neighbour,
+    pub rival_distance2: f32,
+}
+
+impl Collect for NearestTwo {
+    #[inline]
+    fn bound(&self) -> f32 {
+        self.rival_distance2
+    }
+
+    #[inline]
+    fn offer(&mut self, candidate: Neighbour) {
+        if candidate.index == self.best.index {
+            return;
+        }
+        if candidate.distance2 < self.best.distance2 {
+            self.rival_distance2 = self.best.distance2;
+            self.best = candidate;
+        } else {
+            self.rival_distance2 = candidate.distance2;
+        }
+    }
+}
+
 /// Keeps the `k` nearest, sorted by distance.
 pub(super) struct KNearest<'a> {
     pub k: usize,

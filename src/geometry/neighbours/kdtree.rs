@@ -1,13 +1,10 @@
 //! A balanced kd-tree with leaves of sixteen points, stored so that a leaf is compared without branches.
 
-use super::collect::{Collect, KNearest, Nearest, Neighbour, Within};
+use super::collect::{Collect, KNearest, Nearest, NearestTwo, Neighbour, Within};
 use super::{LocalPoint, distance2};
 
 /// Points in a leaf: four SSE registers a coordinate; eight were slower far from the surface.
 const LEAF: usize = 16;
-
-/// Cells are skipped by a bound computed in f32; this keeps rounding from skipping the true nearest point.
-const ROUNDING: f32 = 1.0 - 1e-6;
 
 /// An inner node: the axis and the coordinate at which it divides its points.
 #[derive(Debug, Clone, Copy)]
@@ -16,14 +13,19 @@ struct Split {
     value: f32,
 }
 
+/// A point on its way into a leaf: building moves the positions themselves, so that it reads memory in order.
+#[derive(Clone, Copy)]
+struct Entry {
+    position: LocalPoint,
+    index: u32,
+}
+
 /// A part of the tree that is still to be visited.
 #[derive(Clone, Copy)]
 struct Cell {
     node: usize,
-    /// Squared distance of the query from the cell.
+    /// A squared distance that all of the part has from the query, at least.
     distance2: f32,
-    /// How far the query lies outside the cell along each axis.
-    offsets: [f32; 3],
 }
 
 /// Fewer than 2^32 points make fewer than 30 levels; one cell waits on each.
@@ -49,14 +51,15 @@ pub struct KdTree {
 impl KdTree {
     /// Builds the tree in O(n log n). The points must be finite and fewer than 2^32.
     pub fn new(points: &[LocalPoint]) -> Self {
-        let mut order: Vec<u32> = (0..points.len() as u32).collect();
+        let mut entries: Vec<Entry> =
+            (0u32..).zip(points).map(|(index, &position)| Entry { position, index }).collect();
         let leaf_count = points.len().div_ceil(LEAF).next_power_of_two();
         let mut tree = KdTree {
             splits: vec![Split { axis: 0, value: 0.0 }; leaf_count],
             leaves: Vec::with_capacity(leaf_count),
             len: points.len(),
         };
-        tree.divide(points, 1, &mut order);
+        tree.divide(1, &mut entries);
         tree
     }
 
@@ -70,23 +73,23 @@ impl KdTree {
         self.len == 0
     }
 
-    fn divide(&mut self, points: &[LocalPoint], node: usize, order: &mut [u32]) {
+    fn divide(&mut self, node: usize, entries: &mut [Entry]) {
         if node >= self.splits.len() {
-            self.leaves.push(Leaf::of(points, order));
+            self.leaves.push(Leaf::of(entries));
             return;
         }
-        let axis = widest_axis(points, order);
-        let middle = order.len() / 2;
+        let axis = widest_axis(entries);
+        let middle = entries.len() / 2;
         let mut value = 0.0;
-        if middle < order.len() {
-            let coordinate = |i: &u32| points[*i as usize][axis];
-            order.select_nth_unstable_by(middle, |a, b| coordinate(a).total_cmp(&coordinate(b)));
-            value = coordinate(&order[middle]);
+        if middle < entries.len() {
+            let (_, median, _) =
+                entries.select_nth_unstable_by(middle, |a, b| a.position[axis].total_cmp(&b.position[axis]));
+            value = median.position[axis];
         }
         self.splits[node] = Split { axis: axis as u32, value };
-        let (left, right) = order.split_at_mut(middle);
-        self.divide(points, 2 * node, left);
-        self.divide(points, 2 * node + 1, right);
+        let (left, right) = entries.split_at_mut(middle);
+        self.divide(2 * node, left);
+        self.divide(2 * node + 1, right);
     }
 
     /// The nearest point at a squared distance below `max_distance2`; `None` if there is none.
@@ -110,6 +113,22 @@ impl KdTree {
         Some(nearest.best)
     }
 
+    /// The nearest point below `max_distance2`, and the squared distance of the second nearest (`max_distance2` if
+    /// there is none below it). `guess` is a point of the tree with its squared distance.
+    #[inline]
+    pub fn nearest_two(
+        &self,
+        query: &LocalPoint,
+        guess: Option<Neighbour>,
+        max_distance2: f32,
+    ) -> (Option<Neighbour>, f32) {
+        let nobody = Neighbour { index: u32::MAX, distance2: max_distance2 };
+        let best = guess.filter(|guess| guess.distance2 < max_distance2).unwrap_or(nobody);
+        let mut two = NearestTwo { best, rival_distance2: max_distance2 };
+        self.search(query, &mut two);
+        ((two.best.index != u32::MAX).then_some(two.best), two.rival_distance2)
+    }
+
     /// The `k` nearest points at squared distances below `max_distance2`, nearest first, into `found`.
     pub fn k_nearest(&self, query: &LocalPoint, k: usize, max_distance2: f32, found: &mut Vec<Neighbour>) {
         found.clear();
@@ -128,23 +147,22 @@ impl KdTree {
     #[inline]
     fn search(&self, query: &LocalPoint, collect: &mut impl Collect) {
         let inner_end = self.splits.len();
-        let mut postponed = [Cell { node: 1, distance2: 0.0, offsets: [0.0; 3] }; MAX_DEPTH];
+        let mut postponed = [Cell { node: 1, distance2: 0.0 }; MAX_DEPTH];
         let mut waiting = 1;
         while waiting > 0 {
             waiting -= 1;
-            let Cell { mut node, distance2: cell2, offsets } = postponed[waiting];
-            if cell2 * ROUNDING >= collect.bound() {
+            let Cell { mut node, distance2: cell2 } = postponed[waiting];
+            if cell2 >= collect.bound() {
                 continue;
             }
             while node < inner_end {
                 let Split { axis, value } = self.splits[node];
                 let difference = query[axis as usize] - value;
                 let right_first = usize::from(difference >= 0.0);
-                let mut beyond = offsets;
-                beyond[axis as usize] = difference;
-                let beyond2 = beyond[0] * beyond[0] + beyond[1] * beyond[1] + beyond[2] * beyond[2];
-                if beyond2 * ROUNDING < collect.bound() {
-                    postponed[waiting] = Cell { node: 2 * node + 1 - right_first, distance2: beyond2, offsets: beyond };
+                // the axes' distances are not summed: keeping them apart costs more than the leaves it would spare
+                let beyond2 = cell2.max(difference * difference);
+                if beyond2 < collect.bound() {
+                    postponed[waiting] = Cell { node: 2 * node + 1 - right_first, distance2: beyond2 };
                     waiting += 1;
                 }
                 node = 2 * node + right_first;
@@ -155,11 +173,11 @@ impl KdTree {
 }
 
 impl Leaf {
-    fn of(points: &[LocalPoint], order: &[u32]) -> Self {
+    fn of(entries: &[Entry]) -> Self {
         let mut leaf = Leaf { coordinates: [[f32::INFINITY; LEAF]; 3], indices: [u32::MAX; LEAF] };
-        for (place, &index) in order.iter().enumerate() {
-            leaf.indices[place] = index;
-            for (along, coordinate) in leaf.coordinates.iter_mut().zip(points[index as usize]) {
+        for (place, entry) in entries.iter().enumerate() {
+            leaf.indices[place] = entry.index;
+            for (along, coordinate) in leaf.coordinates.iter_mut().zip(entry.position) {
                 along[place] = coordinate;
             }
         }
@@ -182,14 +200,13 @@ impl Leaf {
     }
 }
 
-fn widest_axis(points: &[LocalPoint], order: &[u32]) -> usize {
+fn widest_axis(entries: &[Entry]) -> usize {
     let mut min = [f32::INFINITY; 3];
     let mut max = [f32::NEG_INFINITY; 3];
-    for &index in order {
-        let point = &points[index as usize];
+    for Entry { position, .. } in entries {
         for axis in 0..3 {
-            min[axis] = min[axis].min(point[axis]);
-            max[axis] = max[axis].max(point[axis]);
+            min[axis] = min[axis].min(position[axis]);
+            max[axis] = max[axis].max(position[axis]);
         }
     }
     (0..3).max_by(|&a, &b| (max[a] - min[a]).total_cmp(&(max[b] - min[b]))).unwrap_or(0)

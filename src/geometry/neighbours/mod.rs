@@ -6,9 +6,11 @@
 
 mod collect;
 mod kdtree;
+mod pursuit;
 
 pub use collect::Neighbour;
 pub use kdtree::KdTree;
+pub use pursuit::Pursuit;
 
 /// A position relative to its cloud's own center: f32 is exact enough there and halves the memory traffic.
 pub type LocalPoint = [f32; 3];

@@ -94,15 +94,14 @@ pub fn joint(
 ) -> Result<Multiview, Canceled> {
     let spacing = multiview::common_spacing(views);
     let mut state = Multiview::at(initial);
-    for (index, pass) in PASSES.iter().enumerate() {
+    let [coarse, fine] = PASSES.map(|pass| pass.edge(views, spacing));
+    let surfels: Vec<Surfels> = views.par_iter().map(|view| Surfels::new(view, fine)).collect();
+    let few: Vec<Surfels> = surfels.par_iter().map(|surfels| surfels.thinned(coarse)).collect();
+    for (index, (surfels, edge)) in [(&few, coarse), (&surfels, fine)].into_iter().enumerate() {
         progress.report(Stage::Registering, index as f64 / PASSES.len() as f64);
-        let edge = pass.edge(views, spacing);
-        let surfels: Vec<Surfels> = views.par_iter().map(|view| Surfels::new(view, edge)).collect();
-        run_pass(&surfels, index, pass, (edge, spacing), options, &mut state, progress)?;
-        if index + 1 == PASSES.len() {
-            measure_pairs(views, &surfels, spacing, &mut state, progress)?;
-        }
+        run_pass(surfels, index, &PASSES[index], (edge, spacing), options, &mut state, progress)?;
     }
+    measure_pairs(views, &surfels, spacing, &mut state, progress)?;
     Ok(state)
 }
 

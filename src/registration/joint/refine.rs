@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use super::normal_equations::{PairBlock, PairSums, columns, solve};
 use super::surfels::Surfels;
+use crate::geometry::neighbours::Pursuit;
 use crate::geometry::se3::{self, Twist};
 use crate::geometry::{Motion, Vector3};
 use crate::progress::{Canceled, Progress};
@@ -100,8 +101,8 @@ fn displacement(twist: &Twist, pose: &Motion, radius: f64) -> f64 {
 
 /// What a directed pair remembers from step to step.
 struct Search {
-    /// For each surfel of view a its last nearest surfel in view b.
-    last: Vec<u32>,
+    /// For each surfel of view a its pursuit of the nearest surfel in view b.
+    pursuits: Vec<Pursuit>,
     /// The surfels that had a neighbour when all were last asked.
     active: Vec<u32>,
     /// The relative motion at which all were last asked.
@@ -110,7 +111,7 @@ struct Search {
 
 impl Search {
     fn new(len: usize) -> Self {
-        Search { last: vec![u32::MAX; len], active: Vec::new(), asked_at: None }
+        Search { pursuits: vec![Pursuit::new(); len], active: Vec::new(), asked_at: None }
     }
 
     /// All surfels are asked again once the views have moved so far that one without a neighbour may have got one.
@@ -136,13 +137,12 @@ fn assemble(a: &Surfels, b: &Surfels, motion_b_a: &Motion, distance: f64, scale:
     let search_distance2 = (MARGIN * distance).powi(2) as f32;
     let distance2 = (distance * distance) as f32;
     let scale2 = (scale * scale) as f32;
-    let last = &mut search.last;
+    let pursuits = &mut search.pursuits;
     let mut sums = PairSums::default();
     search.active.retain(|&index| {
         let index = index as usize;
         let moved = rotation * nalgebra::Vector3::from(a.indexed.points[index]) + shift;
-        let nearest = b.indexed.nearest_from(&moved.into(), last[index], search_distance2);
-        last[index] = nearest.map_or(u32::MAX, |n| n.index);
+        let nearest = pursuits[index].nearest(&b.indexed, &moved.into(), search_distance2);
         let Some(nearest) = nearest else { return !ask_all };
         let target = nearest.index as usize;
         let normal_a = rotation * nalgebra::Vector3::from(a.normals[index]);

@@ -41,9 +41,24 @@ impl Surfels {
             })
             .collect();
         let (normals, is_inner): (Vec<_>, Vec<bool>) = fitted.into_iter().unzip();
+        Surfels::of(centroids, normals, is_inner)
+    }
+
+    /// One of these surfels for each voxel of edge `edge`: that nearest to the mean.
+    pub fn thinned(&self, edge: f64) -> Self {
+        let kept = thin(&self.indexed.points, edge as f32).representatives;
+        let kept = || kept.iter().map(|index| *index as usize);
+        Surfels::of(
+            kept().map(|index| self.indexed.points[index]).collect(),
+            kept().map(|index| self.normals[index]).collect(),
+            kept().map(|index| self.is_inner[index]).collect(),
+        )
+    }
+
+    fn of(points: Vec<LocalPoint>, normals: Vec<[f32; 3]>, is_inner: Vec<bool>) -> Self {
         let inner = (0..is_inner.len() as u32).filter(|index| is_inner[*index as usize]).collect();
-        let radius = centroids.iter().map(|c| nalgebra::Vector3::from(*c).norm()).fold(0.0f32, f32::max).into();
-        Surfels { indexed: IndexedPoints::new(centroids), normals, is_inner, inner, radius }
+        let radius = points.iter().map(|c| nalgebra::Vector3::from(*c).norm()).fold(0.0f32, f32::max).into();
+        Surfels { indexed: IndexedPoints::new(points), normals, is_inner, inner, radius }
     }
 
     /// The number of surfels.
