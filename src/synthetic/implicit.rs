@@ -33,6 +33,31 @@ pub fn ring(p: &Point3, center: [f64; 3], radius: f64, tube: f64) -> f64 {
     (q.x.hypot(q.y) - radius).hypot(q.z) - tube
 }
 
+/// The field of a box around `center` with these half-edges along the coordinate axes.
+pub fn cuboid(p: &Point3, center: [f64; 3], halves: [f64; 3]) -> f64 {
+    let beyond = Vector3::from_fn(|axis, _| (p[axis] - center[axis]).abs() - halves[axis]);
+    beyond.map(|d| d.max(0.0)).norm() + beyond.max().min(0.0)
+}
+
+/// The field of a solid of revolution with flat ends: about the segment from `a` to `b` its radius goes from
+/// `radius_a` to `radius_b`. With equal radii a cylinder.
+pub fn frustum(p: &Point3, a: [f64; 3], b: [f64; 3], radius_a: f64, radius_b: f64) -> f64 {
+    let (a, b) = (Point3::from(a), Point3::from(b));
+    let length = (b - a).norm();
+    let axis = (b - a) / length;
+    let along = (p - a).dot(&axis);
+    let across = (p - a - axis * along).norm();
+    let slope = (radius_b - radius_a) / length;
+    let side = (across - radius_a - slope * along.clamp(0.0, length)) / slope.hypot(1.0);
+    let end = (along - 0.5 * length).abs() - 0.5 * length;
+    side.max(0.0).hypot(end.max(0.0)) + side.max(end).min(0.0)
+}
+
+/// The field of the solid below the plane at `height` along the unit vector `normal`.
+pub fn below(p: &Point3, normal: &Vector3, height: f64) -> f64 {
+    p.coords.dot(normal) - height
+}
+
 /// Both solids, the seam between them filled over a width `k`.
 pub fn join(a: f64, b: f64, k: f64) -> f64 {
     let h = (k - (a - b).abs()).max(0.0) / k;
@@ -86,6 +111,17 @@ mod tests {
         let limb = |y: f64| limb(&Point3::new(2.0, y, 0.0), [0.0; 3], [0.0, 10.0, 0.0], 1.0, 3.0);
         assert!((limb(0.0) - 1.0).abs() < 1e-12 && limb(5.0).abs() < 1e-12 && (limb(10.0) + 1.0).abs() < 1e-12);
         assert!((ring(&Point3::new(0.0, 7.0, 0.0), [0.0; 3], 5.0, 1.0) - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn boxes_and_frustums_measure_distance() {
+        let cuboid = |x: f64, y: f64| cuboid(&Point3::new(x, y, 0.0), [1.0, 0.0, 0.0], [2.0, 3.0, 4.0]);
+        assert_eq!((cuboid(5.0, 0.0), cuboid(1.0, 0.0), cuboid(6.0, 7.0)), (2.0, -2.0, 5.0));
+        let tube = |x: f64, y: f64| frustum(&Point3::new(x, y, 0.0), [0.0; 3], [0.0, 10.0, 0.0], 2.0, 2.0);
+        assert_eq!((tube(5.0, 5.0), tube(0.0, 12.0), tube(0.0, 5.0), tube(5.0, 14.0)), (3.0, 2.0, -2.0, 5.0));
+        let cone = |x: f64, y: f64| frustum(&Point3::new(x, y, 0.0), [0.0; 3], [0.0, 4.0, 0.0], 3.0, 0.0);
+        assert!(cone(1.5, 2.0).abs() < 1e-12 && cone(0.0, 1.0) < 0.0 && cone(3.0, 3.0) > 0.0);
+        assert_eq!(below(&Point3::new(0.0, 3.0, 0.0), &Vector3::y(), 1.0), 2.0);
     }
 
     #[test]

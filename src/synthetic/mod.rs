@@ -3,6 +3,7 @@
 //! - [`implicit`], [`surface_nets`]: solids as signed fields, and their surfaces as meshes
 //! - [`head`]: heads with a face, each seed another person
 //! - [`objects`]: things that are no face: a head with bumps for a face, a jug, a smooth blob
+//! - [`shapes`]: a catalogue of thirty kinds of things, each by seed, to scan and register with an exact truth
 //! - [`scanner`]: range scans by ray casting
 //! - [`truth`]: disturbing true poses, and how far estimated ones are from the truth
 //!
@@ -12,6 +13,7 @@ pub mod head;
 pub mod implicit;
 pub mod objects;
 pub mod scanner;
+pub mod shapes;
 pub mod surface_nets;
 pub mod truth;
 

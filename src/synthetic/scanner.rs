@@ -48,11 +48,18 @@ impl Scanner {
     /// Scans `mesh` (wound outward) from all sides, beginning in front (+z) and going round towards +x. The noise is
     /// seeded: the same arguments give the same scans.
     pub fn scan_set(&self, mesh: &Mesh, seed: u64) -> ScanSet {
+        let center = mesh.bounds().map_or(Point3::origin(), |bounds| bounds.center());
+        let poses = (0..self.views).map(|view| self.pose(view, &center)).collect();
+        self.scan_from(mesh, poses, seed)
+    }
+
+    /// Scans `mesh` (wound outward) from these true `poses_world`, whatever `views` says. A pose should look at the
+    /// middle of the mesh's box from `distance`.
+    pub fn scan_from(&self, mesh: &Mesh, poses: Vec<Motion>, seed: u64) -> ScanSet {
         let Some(bounds) = mesh.bounds() else {
             return ScanSet { scans: Vec::new(), poses: Vec::new() };
         };
         let target = Target::new(mesh);
-        let poses: Vec<Motion> = (0..self.views).map(|view| self.pose(view, &bounds.center())).collect();
         let half_width = 0.5 * bounds.diagonal();
         let scan = |(view, pose): (usize, &Motion)| {
             let mut rng = ChaCha8Rng::seed_from_u64(seed);
