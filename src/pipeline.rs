@@ -172,6 +172,14 @@ fn check_input(
             hint: "split the set".into(),
         });
     }
+    if let Some(exact) = options.method.exact_scans().filter(|exact| *exact != scans.len()) {
+        return Err(PipelineError::Unusable {
+            code: "wrong_scan_count",
+            scan: None,
+            message: format!("{} scans given, method {} takes exactly {exact}", scans.len(), options.method),
+            hint: "choose two scans, or a method for several such as joint".into(),
+        });
+    }
     if !(options.min_overlap > 0.0 && options.min_overlap < 1.0) {
         return Err(bad_option("min_overlap", "a share between 0 and 1, such as 0.5"));
     }

@@ -1,7 +1,8 @@
 //! The registration methods a caller may choose.
 
 use super::joint;
-use super::multiview::{self, Multiview, MultiviewOptions};
+use super::multiview::{self, Multiview, MultiviewOptions, Recipe};
+use super::pairwise::{self, Pairwise};
 use super::view::View;
 use crate::geometry::Motion;
 use crate::progress::{Canceled, Progress};
@@ -15,17 +16,38 @@ pub enum Method {
     Joint,
     /// Algorithm 1 of the paper: trimmed ICP with the adaptive threshold, motion averaging, repeat.
     MaAticp,
+    /// The paper's first baseline: plain ICP, motion averaging, repeat.
+    MaIcp,
+    /// The paper's second baseline: trimmed ICP, low-rank and sparse decomposition, repeat.
+    LrsL1alm,
+    /// Trimmed ICP of two scans.
+    Tricp,
+    /// Plain ICP of two scans.
+    Icp,
 }
 
 impl Method {
     /// Every method, the default first.
-    pub const ALL: [Method; 2] = [Method::Joint, Method::MaAticp];
+    pub const ALL: [Method; 6] =
+        [Method::Joint, Method::MaAticp, Method::MaIcp, Method::LrsL1alm, Method::Tricp, Method::Icp];
 
     /// The name used in options, reports and messages.
     pub fn name(self) -> &'static str {
         match self {
             Method::Joint => "joint",
             Method::MaAticp => "ma-aticp",
+            Method::MaIcp => "ma-icp",
+            Method::LrsL1alm => "lrs-l1alm",
+            Method::Tricp => "tricp",
+            Method::Icp => "icp",
+        }
+    }
+
+    /// The number of scans it takes, if it does not take any number.
+    pub fn exact_scans(self) -> Option<usize> {
+        match self {
+            Method::Joint | Method::MaAticp | Method::MaIcp | Method::LrsL1alm => None,
+            Method::Tricp | Method::Icp => Some(pairwise::SCANS),
         }
     }
 
@@ -33,7 +55,11 @@ impl Method {
     pub fn levels(self) -> serde_json::Value {
         match self {
             Method::Joint => serde_json::json!(joint::PASSES),
-            Method::MaAticp => serde_json::json!(multiview::LEVELS),
+            Method::MaAticp => serde_json::json!(Recipe::MA_ATICP.levels),
+            Method::MaIcp => serde_json::json!(Recipe::MA_ICP.levels),
+            Method::LrsL1alm => serde_json::json!(Recipe::LRS_L1ALM.levels),
+            Method::Tricp => serde_json::json!([Pairwise::TRICP]),
+            Method::Icp => serde_json::json!([Pairwise::ICP]),
         }
     }
 
@@ -47,7 +73,11 @@ impl Method {
     ) -> Result<Multiview, Canceled> {
         match self {
             Method::Joint => joint::joint(views, initial, options, progress),
-            Method::MaAticp => multiview::ma_aticp(views, initial, &multiview::LEVELS, options, progress),
+            Method::MaAticp => multiview::register(&Recipe::MA_ATICP, views, initial, options, progress),
+            Method::MaIcp => multiview::register(&Recipe::MA_ICP, views, initial, options, progress),
+            Method::LrsL1alm => multiview::register(&Recipe::LRS_L1ALM, views, initial, options, progress),
+            Method::Tricp => Pairwise::TRICP.register(views, initial, progress),
+            Method::Icp => Pairwise::ICP.register(views, initial, progress),
         }
     }
 }

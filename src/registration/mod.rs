@@ -5,11 +5,14 @@
 
 pub mod candidates;
 pub mod joint;
+pub mod low_rank;
 pub mod method;
 pub mod motion_averaging;
 pub mod multiview;
 pub mod objective;
 pub mod overlap;
+pub mod paper_objective;
+pub mod pairwise;
 pub mod quality;
 pub mod report;
 pub mod rigid_fit;

@@ -81,22 +81,26 @@ pub fn average(
     let mut rounds = 0;
     loop {
         let corrections: Vec<Twist> = relative.iter().map(|pair| correction(&poses, pair)).collect();
-        let disagreements: Vec<f64> = corrections.iter().map(|dv| twist_length(dv, options.radius)).collect();
+        let lengths: Vec<f64> = corrections.iter().map(|dv| twist_length(dv, options.radius)).collect();
         let mut settled = true;
         if options.robust {
-            (scale2, settled) = next_scale2(scale2, &disagreements, options.noise);
-            for (trust, r) in trusts.iter_mut().zip(&disagreements) {
+            (scale2, settled) = next_scale2(scale2, &lengths, options.noise);
+            for (trust, r) in trusts.iter_mut().zip(&lengths) {
                 *trust = (scale2 / (scale2 + r * r)).powi(2);
             }
         }
         let largest = step(&mut poses, relative, &corrections, &trusts, &columns, options.radius)?;
         rounds += 1;
         if (settled && largest < 1e-9 * options.radius) || rounds == MAX_ROUNDS {
-            let disagreements =
-                relative.iter().map(|pair| twist_length(&correction(&poses, pair), options.radius)).collect();
+            let disagreements = disagreements(&poses, relative, options.radius);
             return Ok(Averaging { poses, disagreements, trusts, rounds });
         }
     }
+}
+
+/// How far each relative motion disagrees with the poses, a length: its translation, and its rotation times `radius`.
+pub fn disagreements(poses: &[Motion], relative: &[RelativeMotion], radius: f64) -> Vec<f64> {
+    relative.iter().map(|pair| twist_length(&correction(poses, pair), radius)).collect()
 }
 
 /// [P3], [P4], [P5]: `log(M_i M_ij M_j^-1)`.

@@ -71,8 +71,8 @@ pub struct PairReport {
     pub iterations: usize,
     /// How ICP ended.
     pub end: IcpEnd,
-    /// The adaptive threshold, a squared length.
-    pub e_thr: f64,
+    /// The threshold that was to end its ICP, a squared length; null if none was.
+    pub e_thr: Option<f64>,
     /// How far the pair disagrees with the averaged poses.
     pub disagreement: f64,
     /// Robust weight in averaging, in (0, 1].
@@ -92,7 +92,8 @@ pub struct RoundReport {
     pub min_overlap: f64,
     /// ICP fits over all pairs.
     pub icp_iterations: usize,
-    /// Linear solves: of motion averaging, or Gauss-Newton steps of `joint`.
+    /// Linear solves: of motion averaging (0 if the motions could not be made to agree), steps of the low-rank and
+    /// sparse decomposition, or Gauss-Newton steps of `joint`.
     pub averaging_rounds: usize,
     /// e^k: largest change of a view's rotation, radians.
     pub rotation_change: f64,

@@ -1,0 +1,131 @@
+//! Multi-view registration: Algorithm 1 of the paper, coarse to fine.
+//!
+//! A round is: directed overlaps, pairs above xi_0, ICP of each pair from the current poses, agreement of the relative
+//! motions. Rounds repeat until no view turns any more. The members of the family differ in what ICP keeps, when it
+//! ends and how motions are made to agree: a [`Recipe`]. The paper runs on all points; here the *queries* are thinned to
+//! voxels (targets keep all points), the first level is coarse, and searches are bounded: all of it is reported.
+
+mod agreement;
+mod recipe;
+mod rounds;
+
+pub use self::recipe::{Agreement, Level, Reach, Recipe, StopRule, TrimRule};
+pub use self::rounds::register;
+use super::overlap::OverlapMatrix;
+use super::trimmed_icp::{IcpEnd, IcpResult};
+use super::view::View;
+use crate::geometry::{Motion, se3};
+
+/// What the caller may set.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MultiviewOptions {
+    /// xi_0: pairs with a smaller mutual overlap are not registered, unless the views would fall into pieces.
+    pub min_overlap: f64,
+    /// R_e in the scans' unit; each view's own estimate when absent.
+    pub range_accuracy: Option<f64>,
+    /// Rounds at most, on each level.
+    pub max_rounds: usize,
+}
+
+/// One registered pair of the last round.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PairOutcome {
+    /// The target view.
+    pub i: usize,
+    /// The view that ICP moved.
+    pub j: usize,
+    /// ICP's result, in local frames.
+    pub icp: IcpResult,
+    /// The threshold it ran with, a squared length; `None` if no threshold was to end it.
+    pub threshold: Option<f64>,
+    /// How far the pair disagrees with the averaged poses, a length.
+    pub disagreement: f64,
+    /// Robust weight in averaging, in (0, 1].
+    pub trust: f64,
+}
+
+impl PairOutcome {
+    /// A pair of which only the relative motion is known (local frame of j to local frame of i).
+    pub(super) fn unmeasured(i: usize, j: usize, motion_i_j: Motion) -> Self {
+        let icp = IcpResult {
+            motion: motion_i_j,
+            correspondences: 0,
+            share: 0.0,
+            mean_distance2: f64::INFINITY,
+            iterations: 0,
+            end: IcpEnd::NoCorrespondences,
+        };
+        PairOutcome { i, j, icp, threshold: None, disagreement: 0.0, trust: 1.0 }
+    }
+}
+
+/// What one round did.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Round {
+    /// Index into the method's levels.
+    pub level: usize,
+    /// Overlap tolerance, a length.
+    pub tolerance: f64,
+    /// Pairs registered.
+    pub pairs: usize,
+    /// The overlap a pair had to exceed in the end.
+    pub min_overlap: f64,
+    /// ICP fits over all pairs.
+    pub icp_iterations: usize,
+    /// Linear solves of averaging, or steps of the decomposition; 0 if the motions could not be made to agree, and the
+    /// poses stayed as they were.
+    pub averaging_rounds: usize,
+    /// e^k: the largest change of a view's rotation, radians.
+    pub rotation_change: f64,
+}
+
+/// Registered views.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Multiview {
+    /// Local frame to world.
+    pub local_poses: Vec<Motion>,
+    /// For each view whether it hangs together with view 0.
+    pub placed: Vec<bool>,
+    /// Overlaps at the last round's start.
+    pub overlaps: OverlapMatrix,
+    /// The pairs of the last round.
+    pub pairs: Vec<PairOutcome>,
+    /// All rounds.
+    pub rounds: Vec<Round>,
+}
+
+impl Multiview {
+    /// Nothing done yet.
+    pub(super) fn at(initial: &[Motion]) -> Self {
+        Multiview {
+            local_poses: initial.to_vec(),
+            placed: vec![true; initial.len()],
+            overlaps: OverlapMatrix::identity(initial.len()),
+            pairs: Vec::new(),
+            rounds: Vec::new(),
+        }
+    }
+}
+
+/// The view that keeps its pose in each connected piece: the first.
+pub(super) fn first_of_each_piece(pieces: &[usize]) -> Vec<usize> {
+    (0..pieces.len()).filter(|&view| !pieces[..view].contains(&pieces[view])).collect()
+}
+
+/// The median spacing of the views: the length to which tolerances are tied.
+pub fn common_spacing(views: &[View]) -> f64 {
+    let mut spacings: Vec<f64> = views.iter().map(|view| view.spacing).collect();
+    spacings.sort_by(f64::total_cmp);
+    spacings.get(spacings.len() / 2).copied().unwrap_or(0.0)
+}
+
+/// The largest of the views' radii: turned into a length by it, a turn moves no typical point farther.
+fn largest_radius(views: &[View]) -> f64 {
+    views.iter().map(|view| view.radius).fold(0.0, f64::max)
+}
+
+/// e^k of Algorithm 1: the largest angle between a view's rotation before and after, radians.
+pub(super) fn largest_turn(before: &[Motion], after: &[Motion]) -> f64 {
+    let angles = before.iter().zip(after).map(|(a, b)| se3::rotation_angle(&a.rotation.rotation_to(&b.rotation)));
+    angles.fold(0.0, f64::max)
+}
