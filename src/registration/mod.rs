@@ -16,6 +16,7 @@ pub mod pairwise;
 pub mod quality;
 pub mod report;
 pub mod rigid_fit;
+pub mod rough;
 pub mod sensor;
 pub mod threshold;
 pub mod trimmed_icp;

@@ -49,12 +49,17 @@ pub fn viewing_axis(view: &View) -> Vector3 {
     let samples: Vec<Vector3> =
         points.iter().step_by(step).map(|p| nalgebra::Vector3::from(*p).cast::<f64>()).collect();
     // cells wide enough to hold several samples of a sheet that is seen head-on
-    let cell = view.spacing * (step as f64).sqrt() * 3.0;
-    let cost = |direction: &Vector3| mean_depth_range(&samples, direction, cell);
+    sheet_axis(&samples, view.spacing * (step as f64).sqrt() * 3.0, DIRECTIONS)
+}
+
+/// The axis along which `samples` of a surface are most nearly one sheet, of about `directions` over the half sphere;
+/// side by side are those within `cell`.
+pub(super) fn sheet_axis(samples: &[Vector3], cell: f64, directions: usize) -> Vector3 {
+    let cost = |direction: &Vector3| mean_depth_range(samples, direction, cell);
     let cheapest = |directions: &mut dyn Iterator<Item = Vector3>| {
         directions.map(|d| (cost(&d), d)).min_by(|a, b| a.0.total_cmp(&b.0)).map_or_else(Vector3::z, |(_, d)| d)
     };
-    let mut best = cheapest(&mut half_sphere(DIRECTIONS));
+    let mut best = cheapest(&mut half_sphere(directions));
     for degrees in REFINEMENTS {
         best = cheapest(&mut std::iter::once(best).chain(cone(best, f64::to_radians(degrees))));
     }

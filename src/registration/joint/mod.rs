@@ -8,7 +8,7 @@
 //! pairwise ICP and averaging before it was tried and left out: a view that first hangs on one pair goes wherever that
 //! pair goes (one start of 45 was lost so), while here all its neighbours hold it at once.
 
-mod normal_equations;
+pub(super) mod normal_equations;
 mod refine;
 mod surfels;
 

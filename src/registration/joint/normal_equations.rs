@@ -51,17 +51,17 @@ impl PairSums {
         self.weight += weight;
     }
 
+    /// The twist that moves view a onto view b, both in the frame of the sums; `None` if nothing holds it.
+    pub fn step(&self) -> Option<Twist> {
+        let information = self.information();
+        let damping = Matrix6::from_diagonal_element(DAMPING * information.trace() / 6.0);
+        let twist = -(information + damping).cholesky()?.solve(&Vector6::from(self.gradient));
+        twist.iter().all(|x| x.is_finite()).then_some(twist)
+    }
+
     /// The block for twists of the world, if the sums were taken in the frame that `pose` maps into the world.
     pub fn into_world(self, pose: &Motion) -> PairBlock {
-        let mut local = Matrix6::zeros();
-        let mut k = 0;
-        for i in 0..6 {
-            for j in i..6 {
-                local[(i, j)] = self.upper[k];
-                local[(j, i)] = self.upper[k];
-                k += 1;
-            }
-        }
+        let local = self.information();
         let adjoint = adjoint(&pose.inverse());
         PairBlock {
             information: adjoint.transpose() * local * adjoint,
@@ -69,6 +69,20 @@ impl PairSums {
             cost: self.cost,
             weight: self.weight,
         }
+    }
+
+    /// Sum of `w J J'` in the frame of the sums.
+    pub fn information(&self) -> Matrix6<f64> {
+        let mut information = Matrix6::zeros();
+        let mut k = 0;
+        for i in 0..6 {
+            for j in i..6 {
+                information[(i, j)] = self.upper[k];
+                information[(j, i)] = self.upper[k];
+                k += 1;
+            }
+        }
+        information
     }
 }
 

@@ -1,0 +1,44 @@
+//! A proposal drawn onto the surface: a few point-to-plane steps on surfels.
+
+use super::sketch::Sketch;
+use crate::geometry::{Motion, se3};
+use crate::registration::joint::normal_equations::PairSums;
+
+/// Search distances of the steps, in edges.
+const REACHES: [f64; 6] = [3.0, 2.5, 2.0, 1.5, 1.2, 1.0];
+/// Surfels that are moved, at most.
+const SAMPLES: usize = 350;
+/// Normals farther apart don't belong to one surface.
+const LEAST_COSINE: f32 = 0.6;
+
+/// Improves `motion_i_j`, which maps view j's local frame into view i's.
+pub fn align(i: &Sketch, j: &Sketch, motion_i_j: &Motion, edge: f64) -> Motion {
+    let step = j.inner.len().div_ceil(SAMPLES).max(1);
+    let mut motion = *motion_i_j;
+    let mut last = vec![u32::MAX; j.inner.len()];
+    for reach in REACHES {
+        let reach = reach * edge;
+        let moved_by = motion.cast::<f32>();
+        let (rotation, shift) = (moved_by.rotation.to_rotation_matrix(), moved_by.translation.vector);
+        let scale2 = (0.5 * reach as f32).powi(2);
+        let mut sums = PairSums::default();
+        for (k, &index) in j.inner.iter().enumerate().step_by(step) {
+            let index = index as usize;
+            let moved = rotation * j.position(index) + shift;
+            let nearest = i.indexed.nearest_from(&moved.into(), last[k], (reach * reach) as f32);
+            last[k] = nearest.map_or(u32::MAX, |n| n.index);
+            let Some(target) = nearest.map(|n| n.index as usize) else { continue };
+            let (normal_j, normal_i) = (rotation * j.normals[index], i.normals[target]);
+            if !i.is_inner[target] || normal_j.dot(&normal_i) < LEAST_COSINE {
+                continue;
+            }
+            let normal = (normal_i + normal_j).normalize();
+            let residual = normal.dot(&(moved - i.position(target)));
+            let robust = scale2 / (scale2 + residual * residual);
+            sums.add(&normal.cast(), &moved.cast(), residual.into(), f64::from(robust * robust));
+        }
+        let Some(twist) = sums.step() else { break };
+        motion = se3::exp(&twist) * motion;
+    }
+    motion
+}

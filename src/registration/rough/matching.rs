@@ -1,0 +1,66 @@
+//! Which surfels of two views look alike: the raw material of hypotheses, right in a third of the cases or less.
+
+use super::descriptor::Descriptor;
+use super::sketch::Sketch;
+
+/// A surfel of view i and one of view j that look alike.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Match {
+    /// Surfel of view i.
+    pub of_i: u32,
+    /// Surfel of view j.
+    pub of_j: u32,
+    /// Distance of the descriptions in that of the next best elsewhere: the lower the more telling.
+    pub ratio: f32,
+}
+
+/// Surfels of a view for which a counterpart is sought, at most.
+const KEYPOINTS: usize = 500;
+/// Matches of a pair that are kept, at most.
+pub const MATCHES: usize = 448;
+/// The next best is looked for at least this far from the best, in edges.
+const ELSEWHERE: f32 = 4.0;
+
+/// The most telling matches between two views, found from both sides.
+pub fn matches(i: &Sketch, j: &Sketch, edge: f64) -> Vec<Match> {
+    let mut found = one_sided(i, j, edge);
+    let back = one_sided(j, i, edge);
+    found.extend(back.into_iter().map(|m| Match { of_i: m.of_j, of_j: m.of_i, ratio: m.ratio }));
+    found.sort_by(|a, b| a.ratio.total_cmp(&b.ratio).then((a.of_i, a.of_j).cmp(&(b.of_i, b.of_j))));
+    found.dedup_by_key(|m| (m.of_i, m.of_j));
+    found.truncate(MATCHES);
+    found
+}
+
+fn one_sided(from: &Sketch, to: &Sketch, edge: f64) -> Vec<Match> {
+    let elsewhere2 = (ELSEWHERE * edge as f32).powi(2);
+    let step = from.inner.len().div_ceil(KEYPOINTS).max(1);
+    let mut distances = vec![0.0f32; to.descriptors.len()];
+    (0..from.inner.len())
+        .step_by(step)
+        .filter_map(|k| {
+            for (distance, descriptor) in distances.iter_mut().zip(&to.descriptors) {
+                *distance = unlikeness(&from.descriptors[k], descriptor);
+            }
+            let (best, nearest) = least(distances.iter().copied().enumerate())?;
+            let place = to.position(to.inner[best] as usize);
+            let others = distances.iter().copied().enumerate().filter(|(l, d)| {
+                // few are so near that their places have to be looked at
+                *d < 4.0 * nearest && (to.position(to.inner[*l] as usize) - place).norm_squared() > elsewhere2
+            });
+            let second = least(others).map_or(4.0 * nearest, |(_, d)| d);
+            let ratio = nearest / second.max(f32::MIN_POSITIVE);
+            Some(Match { of_i: from.inner[k], of_j: to.inner[best], ratio })
+        })
+        .collect()
+}
+
+fn least(values: impl Iterator<Item = (usize, f32)>) -> Option<(usize, f32)> {
+    values.min_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)))
+}
+
+/// Squared distance of two descriptions.
+#[inline]
+fn unlikeness(a: &Descriptor, b: &Descriptor) -> f32 {
+    a.iter().zip(b).map(|(x, y)| (x - y) * (x - y)).sum()
+}

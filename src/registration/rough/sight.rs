@@ -1,0 +1,102 @@
+//! What a scanner saw in each direction: where it saw surface, nothing can stand in front.
+
+use crate::geometry::neighbours::LocalPoint;
+use crate::registration::sensor::Sensor;
+
+/// A depth picture of a view: for each cell across the line of sight, how near the nearest surface is.
+#[derive(Debug, Clone)]
+pub struct SightMap {
+    /// Rows: across, upward, towards the scanner.
+    frame: nalgebra::Matrix3<f32>,
+    /// Where the scanner stood, if near enough to matter.
+    eye: Option<nalgebra::Vector3<f32>>,
+    cell: f32,
+    origin: [f32; 2],
+    columns: usize,
+    rows: usize,
+    /// Greatest height towards the scanner seen in the cell or one of its neighbours; -infinity where nothing was seen.
+    nearest: Vec<f32>,
+}
+
+impl SightMap {
+    /// The picture that `points` make, in cells of side `cell`.
+    pub fn new(points: &[LocalPoint], sensor: &Sensor, cell: f64) -> Self {
+        let toward = sensor.direction_from(&[0.0; 3]).normalize().cast::<f32>();
+        let mut least = nalgebra::Vector3::zeros();
+        least[toward.iamin()] = 1.0;
+        let across = toward.cross(&least).normalize();
+        let upward = toward.cross(&across);
+        let frame = nalgebra::Matrix3::from_rows(&[across.transpose(), upward.transpose(), toward.transpose()]);
+        let eye = match sensor {
+            Sensor::At(position) => Some(position.cast::<f32>()),
+            Sensor::Toward(_) => None,
+        };
+        let mut map =
+            SightMap { frame, eye, cell: cell as f32, origin: [0.0; 2], columns: 0, rows: 0, nearest: Vec::new() };
+        let seen: Vec<nalgebra::Vector3<f32>> = points.iter().map(|p| map.project(&(*p).into())).collect();
+        let bound = |axis: usize, fold: fn(f32, f32) -> f32, start| seen.iter().map(|s| s[axis]).fold(start, fold);
+        map.origin = [bound(0, f32::min, f32::INFINITY), bound(1, f32::min, f32::INFINITY)];
+        let extent = |axis: usize| {
+            let last = bound(axis, f32::max, f32::NEG_INFINITY);
+            ((last - map.origin[axis]) / map.cell).max(0.0).min(4096.0) as usize + 1
+        };
+        (map.columns, map.rows) = (extent(0), extent(1));
+        let mut own = vec![f32::NEG_INFINITY; map.columns * map.rows];
+        for place in &seen {
+            if let Some(index) = map.index(place) {
+                own[index] = own[index].max(place.z);
+            }
+        }
+        map.nearest = map.widened(&own);
+        map
+    }
+
+    /// Each cell's greatest value among itself and its eight neighbours; empty cells stay empty.
+    fn widened(&self, own: &[f32]) -> Vec<f32> {
+        let at = |column: usize, row: usize| own[row * self.columns + column];
+        let mut wide = Vec::with_capacity(own.len());
+        for row in 0..self.rows {
+            for column in 0..self.columns {
+                let mut value = at(column, row);
+                if value > f32::NEG_INFINITY {
+                    for r in row.saturating_sub(1)..(row + 2).min(self.rows) {
+                        for c in column.saturating_sub(1)..(column + 2).min(self.columns) {
+                            value = value.max(at(c, r));
+                        }
+                    }
+                }
+                wide.push(value);
+            }
+        }
+        wide
+    }
+
+    /// Across, upward, and height towards the scanner, of a point of the view's local frame.
+    fn project(&self, point: &nalgebra::Vector3<f32>) -> nalgebra::Vector3<f32> {
+        match self.eye {
+            None => self.frame * point,
+            Some(eye) => {
+                // scaled so that cells have their size at the view's middle
+                let ray = self.frame * (point - eye);
+                let depth = (-ray.z).max(f32::MIN_POSITIVE);
+                let middle = eye.norm();
+                nalgebra::Vector3::new(ray.x / depth * middle, ray.y / depth * middle, ray.z + middle)
+            }
+        }
+    }
+
+    fn index(&self, place: &nalgebra::Vector3<f32>) -> Option<usize> {
+        let column = ((place.x - self.origin[0]) / self.cell).floor();
+        let row = ((place.y - self.origin[1]) / self.cell).floor();
+        let inside = column >= 0.0 && row >= 0.0 && (column as usize) < self.columns && (row as usize) < self.rows;
+        inside.then(|| row as usize * self.columns + column as usize)
+    }
+
+    /// How far a point stands in front of what was seen in its direction (negative: behind); `None` where nothing was.
+    #[inline]
+    pub fn height_above_seen(&self, point: &nalgebra::Vector3<f32>) -> Option<f32> {
+        let place = self.project(point);
+        let nearest = self.nearest[self.index(&place)?];
+        (nearest > f32::NEG_INFINITY).then(|| place.z - nearest)
+    }
+}

@@ -1,0 +1,106 @@
+//! Whether two views can lie as a motion says: the surface itself is asked, descriptions only propose.
+
+use super::sketch::Sketch;
+use crate::geometry::Motion;
+
+/// What the surfels of one view say when they are put into another.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Testimony {
+    /// Surfels asked.
+    pub asked: usize,
+    /// Those that lie on the other view's surface, and look the same way.
+    pub agree: usize,
+    /// Those that lie where the other view's scanner has looked through.
+    pub in_sight: usize,
+    /// Those near the other view's surface that cross it or look another way.
+    pub cross: usize,
+    /// Sum of the squared distances, along the normal, of those that agree.
+    pub squares: f64,
+}
+
+/// Both directions.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Evidence {
+    /// View j's surfels in view i.
+    pub j_in_i: Testimony,
+    /// View i's surfels in view j.
+    pub i_in_j: Testimony,
+}
+
+/// A surfel agrees within this distance along the normal, in edges,
+const ON: f32 = 0.35;
+/// and this cosine of the normals.
+const LIKE: f32 = 0.85;
+/// It is near a surface within this distance, in edges.
+const NEAR: f32 = 1.6;
+/// It stands in front of a surface from this distance on, in edges.
+const IN_FRONT: f32 = 2.0;
+
+impl Testimony {
+    /// Share of the surfels asked that agree.
+    pub fn overlap(&self) -> f64 {
+        self.agree as f64 / self.asked.max(1) as f64
+    }
+}
+
+impl Evidence {
+    /// The smaller share.
+    pub fn overlap(&self) -> f64 {
+        self.j_in_i.overlap().min(self.i_in_j.overlap())
+    }
+
+    /// Surfels that agree, both ways.
+    pub fn agree(&self) -> f64 {
+        (self.j_in_i.agree + self.i_in_j.agree) as f64
+    }
+
+    /// Surfels that can't be where the motion puts them, both ways.
+    pub fn conflict(&self) -> f64 {
+        (self.j_in_i.in_sight + self.i_in_j.in_sight + self.j_in_i.cross + self.i_in_j.cross) as f64
+    }
+
+    /// Share of what speaks for the motion among all that speaks.
+    pub fn consistency(&self) -> f64 {
+        self.agree() / (self.agree() + self.conflict()).max(1.0)
+    }
+}
+
+/// Asks both views, at most about `samples` surfels each.
+pub fn verify(i: &Sketch, j: &Sketch, motion_i_j: &Motion, edge: f64, samples: usize) -> Evidence {
+    Evidence {
+        j_in_i: testify(j, i, motion_i_j, edge as f32, samples),
+        i_in_j: testify(i, j, &motion_i_j.inverse(), edge as f32, samples),
+    }
+}
+
+/// Puts surfels of `view` into `other`; `motion` maps the frame of the first into that of the second.
+fn testify(view: &Sketch, other: &Sketch, motion: &Motion, edge: f32, samples: usize) -> Testimony {
+    let motion = motion.cast::<f32>();
+    let (rotation, shift) = (motion.rotation.to_rotation_matrix(), motion.translation.vector);
+    let step = view.inner.len().div_ceil(samples).max(1);
+    let mut testimony = Testimony::default();
+    for &index in view.inner.iter().step_by(step) {
+        let index = index as usize;
+        testimony.asked += 1;
+        let moved = rotation * view.position(index) + shift;
+        let nearest = other.indexed.tree.nearest(&moved.into(), (NEAR * edge).powi(2));
+        let Some(target) = nearest.map(|n| n.index as usize) else {
+            let height = other.sight.height_above_seen(&moved);
+            testimony.in_sight += usize::from(height.is_some_and(|height| height > IN_FRONT * edge));
+            continue;
+        };
+        let normal = rotation * view.normals[index];
+        let other_normal = other.normals[target];
+        let cosine = normal.dot(&other_normal);
+        let offset = moved - other.position(target);
+        let mean = normal + other_normal;
+        let along = if cosine > -0.9 { mean.dot(&offset) / mean.norm() } else { normal.dot(&offset) };
+        if cosine > LIKE && along.abs() < ON * edge {
+            testimony.agree += 1;
+            testimony.squares += f64::from(along * along);
+        } else if other.is_inner[target] {
+            testimony.cross += 1;
+        }
+    }
+    testimony
+}
