@@ -13,6 +13,47 @@ pub const LENGTH: usize = 3 * BINS;
 /// One description.
 pub type Descriptor = [f32; LENGTH];
 
+/// Descriptions number by number, so that one is compared with all in vector code.
+#[derive(Debug, Clone)]
+pub struct Descriptors {
+    /// `LENGTH` columns of `len` numbers.
+    columns: Vec<f32>,
+    len: usize,
+}
+
+impl Descriptors {
+    fn new(rows: &[Descriptor]) -> Self {
+        let columns = (0..LENGTH).flat_map(|column| rows.iter().map(move |row| row[column])).collect();
+        Descriptors { columns, len: rows.len() }
+    }
+
+    /// The number of descriptions.
+    pub fn len(&self) -> usize {
+        self.len
+    }
+
+    /// One of them.
+    pub fn get(&self, index: usize) -> Descriptor {
+        std::array::from_fn(|column| self.columns[column * self.len + index])
+    }
+
+    /// The squared distances of some descriptions from each of these: one row of `len` for each asked.
+    pub fn distances2<const ASKED: usize>(&self, asked: &[Descriptor; ASKED], rows: &mut [Vec<f32>; ASKED]) {
+        for row in rows.iter_mut() {
+            row.clear();
+            row.resize(self.len, 0.0);
+        }
+        for (number, column) in self.columns.chunks_exact(self.len.max(1)).enumerate() {
+            for (row, descriptor) in rows.iter_mut().zip(asked) {
+                let value = descriptor[number];
+                for (sum, other) in row.iter_mut().zip(column) {
+                    *sum += (value - other) * (value - other);
+                }
+            }
+        }
+    }
+}
+
 /// Radius of the neighbourhood described, in edges.
 pub const REACH: f64 = 5.0;
 
@@ -22,7 +63,7 @@ pub fn describe(
     normals: &[nalgebra::Vector3<f32>],
     at: &[u32],
     edge: f64,
-) -> Vec<Descriptor> {
+) -> Descriptors {
     let reach2 = (REACH * edge).powi(2) as f32;
     let mut neighbours: Vec<(u32, f32)> = Vec::new();
     let mut starts = vec![0usize];
@@ -42,7 +83,8 @@ pub fn describe(
         simple.push(histogram);
         starts.push(neighbours.len());
     }
-    at.iter()
+    let described: Vec<Descriptor> = at
+        .iter()
         .map(|&index| {
             let index = index as usize;
             let around = &neighbours[starts[index]..starts[index + 1]];
@@ -59,7 +101,8 @@ pub fn describe(
             }
             sum.map(|s| s.max(0.0).sqrt())
         })
-        .collect()
+        .collect();
+    Descriptors::new(&described)
 }
 
 /// One pair's three angles in the Darboux frame of `normal`.

@@ -1,6 +1,5 @@
 //! Which surfels of two views look alike: the raw material of hypotheses, right in a third of the cases or less.
 
-use super::descriptor::Descriptor;
 use super::sketch::Sketch;
 
 /// A surfel of view i and one of view j that look alike.
@@ -20,6 +19,10 @@ const KEYPOINTS: usize = 500;
 pub const MATCHES: usize = 448;
 /// The next best is looked for at least this far from the best, in edges.
 const ELSEWHERE: f32 = 4.0;
+/// A next best whose squared distance is this many times the best's is as good as none.
+const CLEAR: f32 = 4.0;
+/// Keypoints compared in one go.
+const TOGETHER: usize = 4;
 
 /// The most telling matches between two views, found from both sides.
 pub fn matches(i: &Sketch, j: &Sketch, edge: f64) -> Vec<Match> {
@@ -35,32 +38,36 @@ pub fn matches(i: &Sketch, j: &Sketch, edge: f64) -> Vec<Match> {
 fn one_sided(from: &Sketch, to: &Sketch, edge: f64) -> Vec<Match> {
     let elsewhere2 = (ELSEWHERE * edge as f32).powi(2);
     let step = from.inner.len().div_ceil(KEYPOINTS).max(1);
-    let mut distances = vec![0.0f32; to.descriptors.len()];
-    (0..from.inner.len())
-        .step_by(step)
-        .filter_map(|k| {
-            for (distance, descriptor) in distances.iter_mut().zip(&to.descriptors) {
-                *distance = unlikeness(&from.descriptors[k], descriptor);
-            }
-            let (best, nearest) = least(distances.iter().copied().enumerate())?;
-            let place = to.position(to.inner[best] as usize);
-            let others = distances.iter().copied().enumerate().filter(|(l, d)| {
-                // few are so near that their places have to be looked at
-                *d < 4.0 * nearest && (to.position(to.inner[*l] as usize) - place).norm_squared() > elsewhere2
-            });
-            let second = least(others).map_or(4.0 * nearest, |(_, d)| d);
-            let ratio = nearest / second.max(f32::MIN_POSITIVE);
-            Some(Match { of_i: from.inner[k], of_j: to.inner[best], ratio })
-        })
-        .collect()
+    let keypoints: Vec<usize> = (0..from.inner.len()).step_by(step).collect();
+    let mut rows: [Vec<f32>; TOGETHER] = Default::default();
+    let mut found = Vec::with_capacity(keypoints.len());
+    for some in keypoints.chunks(TOGETHER) {
+        // a last chunk that is not full asks its last keypoint again
+        let at: [usize; TOGETHER] = std::array::from_fn(|k| some[k.min(some.len() - 1)]);
+        to.descriptors.distances2(&at.map(|k| from.descriptors.get(k)), &mut rows);
+        for (&k, distances2) in some.iter().zip(&rows) {
+            found.extend(best_of(distances2, to, elsewhere2).map(|(best, ratio)| Match {
+                of_i: from.inner[k],
+                of_j: to.inner[best],
+                ratio,
+            }));
+        }
+    }
+    found
+}
+
+/// The nearest description, and its squared distance in that of the next best elsewhere.
+fn best_of(distances2: &[f32], to: &Sketch, elsewhere2: f32) -> Option<(usize, f32)> {
+    let (best, nearest) = least(distances2.iter().copied().enumerate())?;
+    let place = to.position(to.inner[best] as usize);
+    let others = distances2.iter().copied().enumerate().filter(|(l, d)| {
+        // few are so near that their places have to be looked at
+        *d < CLEAR * nearest && (to.position(to.inner[*l] as usize) - place).norm_squared() > elsewhere2
+    });
+    let second = least(others).map_or(CLEAR * nearest, |(_, d)| d);
+    Some((best, nearest / second.max(f32::MIN_POSITIVE)))
 }
 
 fn least(values: impl Iterator<Item = (usize, f32)>) -> Option<(usize, f32)> {
     values.min_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)))
-}
-
-/// Squared distance of two descriptions.
-#[inline]
-fn unlikeness(a: &Descriptor, b: &Descriptor) -> f32 {
-    a.iter().zip(b).map(|(x, y)| (x - y) * (x - y)).sum()
 }

@@ -1,8 +1,92 @@
-//! Rough registration.
+//! Rough registration: from scans alone to poses that `joint` can start from.
+//!
+//! Each scan is thinned to oriented surfels that are described once ([`sketch`], [`descriptor`]). Of each pair the
+//! surfels that look alike are matched ([`matching`]), motions that many matches agree on are found ([`consensus`]), drawn
+//! onto the surface ([`alignment`]) and asked whether the surfaces bear them out ([`verification`]). Groups of views then
+//! grow by the best pairs that all their views bear out ([`assembly`]).
+
 pub mod alignment;
+pub mod assembly;
 pub mod consensus;
 pub mod descriptor;
 pub mod matching;
 pub mod sight;
 pub mod sketch;
 pub mod verification;
+
+use rayon::prelude::*;
+
+use self::assembly::{Group, Link, assemble};
+use self::sketch::{Sketch, sketch_all};
+use super::multiview;
+use super::sensor::Sensor;
+use super::view::View;
+use crate::progress::{Canceled, Progress, Stage};
+
+/// About how many surfels stand for a view.
+const SURFELS: f64 = 1500.0;
+/// A voxel narrower than this (in spacings) holds too few points to average.
+const FINEST_EDGE: f64 = 2.5;
+/// A view of n points has about `n (EDGE_FACTOR / edge)^2` voxels of an edge given in spacings.
+const EDGE_FACTOR: f64 = 1.7;
+/// Motions of a pair that are drawn onto the surface.
+const PROPOSALS: usize = 5;
+/// Of these the ones that take part further.
+const LINKS: usize = 3;
+/// Surfels of a view that are asked whether a motion is right.
+const SAMPLES: usize = 400;
+
+/// What rough registration found.
+#[derive(Debug, Clone)]
+pub struct Rough {
+    /// Groups of views that hang together; the largest first.
+    pub groups: Vec<Group>,
+    /// All pairs' candidates.
+    pub links: Vec<Link>,
+    /// Edge of the surfels' voxels, a length.
+    pub edge: f64,
+}
+
+/// The edge of the voxels, in the unit of the scans.
+pub fn edge_of(views: &[View]) -> f64 {
+    let points = views.iter().map(|view| view.points().len() as f64).sum::<f64>() / views.len().max(1) as f64;
+    multiview::common_spacing(views) * (EDGE_FACTOR * (points / SURFELS).sqrt()).max(FINEST_EDGE)
+}
+
+/// Finds poses for `views` from nothing. `sensors` tell where the scanner stood (local frame), where that is known.
+pub fn rough(views: &[View], sensors: &[Option<Sensor>], progress: &Progress) -> Result<Rough, Canceled> {
+    let edge = edge_of(views);
+    let sketches = sketch_all(views, edge, sensors);
+    progress.report(Stage::Registering, 0.05);
+    let pairs: Vec<(usize, usize)> =
+        (0..views.len()).flat_map(|i| (i + 1..views.len()).map(move |j| (i, j))).collect();
+    let links: Vec<Vec<Link>> = pairs
+        .par_iter()
+        .with_max_len(1)
+        .map(|&(i, j)| {
+            progress.check()?;
+            Ok(pair_links(&sketches, i, j, edge))
+        })
+        .collect::<Result<_, Canceled>>()?;
+    let links: Vec<Link> = links.into_iter().flatten().collect();
+    let groups = assemble(&sketches, &links, edge, progress)?;
+    Ok(Rough { groups, links, edge })
+}
+
+/// The best ways to lay two views on each other.
+fn pair_links(sketches: &[Sketch], i: usize, j: usize, edge: f64) -> Vec<Link> {
+    let (a, b) = (&sketches[i], &sketches[j]);
+    let matches = matching::matches(a, b, edge);
+    let mut links: Vec<Link> = Vec::new();
+    for proposal in consensus::proposals(a, b, &matches, edge, PROPOSALS) {
+        let motion_i_j = alignment::align(a, b, &proposal.motion_i_j, edge);
+        if links.iter().any(|link| consensus::alike(&link.motion_i_j, &motion_i_j, b.radius, 2.0 * edge)) {
+            continue;
+        }
+        let evidence = verification::verify(a, b, &motion_i_j, edge, SAMPLES);
+        links.push(Link { i, j, motion_i_j, evidence });
+    }
+    links.sort_by(|a, b| b.strength().total_cmp(&a.strength()));
+    links.truncate(LINKS);
+    links
+}

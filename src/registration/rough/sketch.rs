@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::descriptor::{Descriptor, describe};
+use super::descriptor::{Descriptors, describe};
 use super::sight::SightMap;
 use crate::geometry::Vector3;
 use crate::geometry::neighbours::{IndexedPoints, LocalPoint};
@@ -29,7 +29,7 @@ pub struct Sketch {
     /// The largest distance of a surfel from the view's centroid.
     pub radius: f64,
     /// What the surface looks like around each inner surfel.
-    pub descriptors: Vec<Descriptor>,
+    pub descriptors: Descriptors,
     /// What the scanner saw in each direction.
     pub sight: SightMap,
 }
