@@ -10,9 +10,9 @@ use crate::progress::{Canceled, Progress, Stage};
 pub use crate::reconstruction::merge::ModelCloud;
 use crate::reconstruction::merge::{PosedView, merge};
 pub use crate::registration::method::Method;
-use crate::registration::multiview::{self, Multiview, MultiviewOptions};
-use crate::registration::quality;
+use crate::registration::multiview::{Multiview, MultiviewOptions};
 use crate::registration::report::RegistrationReport;
+use crate::registration::rough::scan_set::{Registered, Set};
 use crate::registration::sensor::Sensor;
 use crate::registration::view::View;
 
@@ -84,7 +84,7 @@ pub enum PipelineError {
     /// The input can't be registered.
     #[error("{message}")]
     Unusable {
-        /// A stable machine-readable code, such as `too_few_scans`, `no_initial_poses`, `degenerate_scan`.
+        /// A stable machine-readable code, such as `too_few_scans`, `degenerate_scan`.
         code: &'static str,
         /// The scan concerned, if it is one.
         scan: Option<String>,
@@ -98,9 +98,10 @@ pub enum PipelineError {
 /// The least scans of a set.
 pub const MIN_SCANS: usize = 2;
 
-/// Registers the scans from the given poses and describes the model. Runs inside the caller's rayon pool.
+/// Registers the scans and describes the model. Runs inside the caller's rayon pool.
 ///
-/// `initial_poses` maps scan names to `pose_world`; every scan must have one. `unit` is that of the scans.
+/// `initial_poses` maps scan names to `pose_world`; scans without one are placed by their surface. `unit` is that of the
+/// scans.
 pub fn run(
     scans: Vec<NamedScan>,
     initial_poses: &BTreeMap<String, Motion>,
@@ -108,25 +109,27 @@ pub fn run(
     options: &Options,
     progress: &Progress,
 ) -> Result<Outcome, PipelineError> {
-    check_input(&scans, initial_poses, options)?;
+    check_input(&scans, options)?;
     let names: Vec<String> = scans.iter().map(|scan| scan.name.clone()).collect();
     let views = prepare(&scans, progress)?;
-    let initial: Vec<Motion> =
-        scans.iter().zip(&views).map(|(scan, view)| view.local_pose(&initial_poses[&scan.name])).collect();
+    let given: Vec<Option<Motion>> =
+        scans.iter().zip(&views).map(|(scan, view)| Some(view.local_pose(initial_poses.get(&scan.name)?))).collect();
 
     let multiview_options = MultiviewOptions {
         min_overlap: options.min_overlap,
         range_accuracy: options.range_accuracy,
         max_rounds: options.max_rounds,
     };
-    let result = options.method.register(&views, &initial, &multiview_options, progress)?;
-
-    progress.report(Stage::Judging, 0.0);
-    let spacing = multiview::common_spacing(&views);
-    let verdict = quality::judge(&views, &result, spacing, &names);
+    let sensors: Vec<Option<Sensor>> =
+        scans.iter().zip(&views).map(|(scan, view)| sensor_of(scan, view, options)).collect();
+    let refine = |views: &[View], initial: &[Motion]| {
+        options.method.register(views, initial, &multiview_options, progress)
+    };
+    let set = Set { names: &names, views: &views, given: &given, sensors: &sensors };
+    let Registered { result, verdict, placement } = set.register(&refine, progress)?;
     let report = RegistrationReport::new(options.method, unit.name(), &names, &views, &result, verdict);
 
-    let merged = merge_views(&scans, &views, &result, options, progress)?;
+    let merged = merge_views(&scans, &views, &sensors, &result, options, progress)?;
     let signature = match &merged {
         Some((cloud, _)) if options.signature => describe(cloud, unit, progress)?,
         _ => None,
@@ -142,6 +145,7 @@ pub fn run(
         message: format!("the report can't be written: {error}"),
         hint: "report this as a bug".into(),
     })?;
+    placement.write_into(&mut report, &names, &views);
     if let (Some((_, outward)), Some(views)) = (&merged, report["views"].as_array_mut()) {
         for (view, outward) in views.iter_mut().zip(outward) {
             view["normals_outward"] = (*outward).into();
@@ -151,11 +155,7 @@ pub fn run(
     Ok(Outcome { poses, report, cloud, signature })
 }
 
-fn check_input(
-    scans: &[NamedScan],
-    initial_poses: &BTreeMap<String, Motion>,
-    options: &Options,
-) -> Result<(), PipelineError> {
+fn check_input(scans: &[NamedScan], options: &Options) -> Result<(), PipelineError> {
     if scans.len() < MIN_SCANS {
         return Err(PipelineError::Unusable {
             code: "too_few_scans",
@@ -189,23 +189,7 @@ fn check_input(
     if !(1..=1000).contains(&options.max_rounds) {
         return Err(bad_option("max_rounds", "a number from 1 to 1000"));
     }
-    if initial_poses.is_empty() {
-        return Err(PipelineError::Unusable {
-            code: "no_initial_poses",
-            scan: None,
-            message: "no initial poses given".into(),
-            hint: "give a pose file (.conf, JSON or text blocks); registration without poses is not offered yet".into(),
-        });
-    }
-    match scans.iter().find(|scan| !initial_poses.contains_key(&scan.name)) {
-        None => Ok(()),
-        Some(scan) => Err(PipelineError::Unusable {
-            code: "missing_pose",
-            scan: Some(scan.name.clone()),
-            message: format!("{} has no initial pose", scan.name),
-            hint: "add it to the pose file, or leave the scan out".into(),
-        }),
-    }
+    Ok(())
 }
 
 fn bad_option(name: &str, remedy: &str) -> PipelineError {
@@ -237,6 +221,7 @@ fn prepare(scans: &[NamedScan], progress: &Progress) -> Result<Vec<View>, Pipeli
 fn merge_views(
     scans: &[NamedScan],
     views: &[View],
+    sensors: &[Option<Sensor>],
     result: &Multiview,
     options: &Options,
     progress: &Progress,
@@ -253,7 +238,7 @@ fn merge_views(
             scan: &scan.surface.cloud,
             local_pose: result.local_poses[index],
             placed: result.placed[index],
-            sensor: sensor_of(scan, view, options),
+            sensor: sensors[index],
         })
         .collect();
     Ok(Some(merge(&posed, progress)?))

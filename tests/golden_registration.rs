@@ -141,7 +141,6 @@ fn sets_that_cannot_be_registered_are_refused_with_a_code() {
     };
     let one = ScanSet { scans: set.scans[..1].to_vec(), poses: set.poses[..1].to_vec() };
     assert_eq!(refused(&one, &one.poses), "too_few_scans");
-    assert_eq!(refused(&set, &[]), "no_initial_poses");
     let mut degenerate = set.clone();
     let point = degenerate.scans[2].cloud.points[0];
     degenerate.scans[2].cloud.points.fill(point);

@@ -58,8 +58,8 @@ struct Order {
 
 /// Register a scan set.
 ///
-/// Accepted (202) only after it is durable. Refused at once when the scan set has fewer than two scans, or scans
-/// without an initial pose. As a form, scans and poses come in the same call.
+/// Accepted (202) only after it is durable. Refused at once when the scan set has fewer than two scans. Scans
+/// without an initial pose are placed by their surface. As a form, scans and poses come in the same call.
 #[utoipa::path(
     post, path = "/v1/jobs", tag = TAG, operation_id = "createJob",
     params(("Idempotency-Key" = Option<String>, Header, description = "Makes a repeated request harmless.")),

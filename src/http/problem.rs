@@ -65,8 +65,6 @@ codes! {
     TooManyPoints = "too_many_points", UNPROCESSABLE_ENTITY, "the file has more points than are allowed";
     TooManyScans = "too_many_scans", UNPROCESSABLE_ENTITY, "the scan set has more scans than are allowed";
     TooFewScans = "too_few_scans", UNPROCESSABLE_ENTITY, "there is nothing to register with each other";
-    NoInitialPoses = "no_initial_poses", UNPROCESSABLE_ENTITY, "initial poses are missing";
-    MissingPoses = "missing_poses", UNPROCESSABLE_ENTITY, "some scans have no initial pose";
     UnreadablePoses = "unreadable_poses", UNPROCESSABLE_ENTITY, "the pose file can't be read";
     KeyReused = "idempotency_key_reused", UNPROCESSABLE_ENTITY, "the idempotency key belongs to another request";
     UnknownStandard = "unknown_standard", UNPROCESSABLE_ENTITY, "there is no such standard";
@@ -103,9 +101,6 @@ pub struct ProblemBody {
     #[serde(skip_serializing_if = "Option::is_none", default)]
     #[schema(example = "bun045.ply")]
     pub scan: Option<String>,
-    /// All scans concerned, if there are several.
-    #[serde(skip_serializing_if = "Vec::is_empty", default)]
-    pub scans: Vec<String>,
     /// What to do about it.
     #[schema(example = "upload at least two scans that overlap")]
     pub hint: String,
@@ -120,7 +115,6 @@ struct Details {
     code: Code,
     detail: String,
     scan: Option<String>,
-    scans: Vec<String>,
     hint: String,
     retry_after: Option<Duration>,
     header: Option<(HeaderName, HeaderValue)>,
@@ -133,7 +127,6 @@ impl Problem {
             code,
             detail: detail.into(),
             scan: None,
-            scans: Vec::new(),
             hint: hint.into(),
             retry_after: None,
             header: None,
@@ -143,13 +136,6 @@ impl Problem {
     /// Names the scan concerned.
     pub fn scan(mut self, name: impl Into<String>) -> Self {
         self.0.scan = Some(name.into());
-        self
-    }
-
-    /// Names all scans concerned.
-    fn scans(mut self, names: Vec<String>) -> Self {
-        self.0.scan = names.first().cloned();
-        self.0.scans = names;
         self
     }
 
@@ -206,7 +192,7 @@ impl Problem {
 
 impl IntoResponse for Problem {
     fn into_response(self) -> Response {
-        let Details { code, detail, scan, scans, hint, retry_after, header } = *self.0;
+        let Details { code, detail, scan, hint, retry_after, header } = *self.0;
         let status = code.status();
         let body = ProblemBody {
             kind: format!("urn:visage:problem:{}", code.name()),
@@ -215,7 +201,6 @@ impl IntoResponse for Problem {
             code: code.name().to_owned(),
             detail,
             scan,
-            scans,
             hint,
         };
         let mut response = (status, axum::Json(body)).into_response();
@@ -283,19 +268,7 @@ impl From<AdmissionError> for Problem {
             AdmissionError::TooFewScans { .. } => {
                 Problem::new(Code::TooFewScans, detail, "upload at least two scans that overlap")
             }
-            AdmissionError::NoInitialPoses => Problem::new(
-                Code::NoInitialPoses,
-                detail,
-                "send them with PUT /v1/scan-sets/{id}/poses or as the part `poses`: a Stanford .conf, JSON \
-                 {\"scan name\": 4x4 scan-to-world}, or text blocks; registration without poses is not offered yet",
-            ),
             AdmissionError::Unreadable(error) => Problem::unreadable_poses(&error),
-            AdmissionError::MissingPoses { scans } => Problem::new(
-                Code::MissingPoses,
-                detail,
-                "name every scan in the pose file exactly as it was uploaded, or delete the scans without a pose",
-            )
-            .scans(scans),
         }
     }
 }

@@ -16,18 +16,9 @@ pub enum AdmissionError {
         /// How many there are.
         count: usize,
     },
-    /// No pose file was given.
-    #[error("the scan set has no initial poses")]
-    NoInitialPoses,
     /// The pose file can't be read.
     #[error(transparent)]
     Unreadable(#[from] FormatError),
-    /// Scans without a pose.
-    #[error("{} scan(s) have no initial pose: {}", scans.len(), listed(scans))]
-    MissingPoses {
-        /// Their names; at least one.
-        scans: Vec<String>,
-    },
 }
 
 /// How a pose file and the scans of a set fit together.
@@ -56,27 +47,28 @@ pub fn fit_poses(scans: &[&str], file: &PoseFile) -> Result<PoseFit, FormatError
     })
 }
 
-/// Whether scans of these names with this pose file can be registered.
+/// Whether scans of these names with this pose file can be registered. Scans without a pose are placed by their surface.
 pub fn admit(scans: &[&str], file: Option<&PoseFile>) -> Result<PoseFit, AdmissionError> {
     if scans.len() < MIN_SCANS {
         return Err(AdmissionError::TooFewScans { count: scans.len() });
     }
-    let fit = fit_poses(scans, file.ok_or(AdmissionError::NoInitialPoses)?)?;
-    if fit.scans_without_pose.is_empty() {
-        Ok(fit)
-    } else {
-        Err(AdmissionError::MissingPoses { scans: fit.scans_without_pose })
-    }
+    let mut fit = match file {
+        Some(file) => fit_poses(scans, file)?,
+        None => PoseFit {
+            poses: Vec::new(),
+            unknown_scans: Vec::new(),
+            scans_without_pose: scans.iter().map(|name| (*name).to_owned()).collect(),
+        },
+    };
+    fit.scans_without_pose.sort_by(|a, b| natord::compare(a, b));
+    Ok(fit)
 }
 
-/// The first few names, and how many more there are.
-fn listed(names: &[String]) -> String {
-    const SHOWN: usize = 5;
-    let mut text = names.iter().take(SHOWN).cloned().collect::<Vec<_>>().join(", ");
-    if names.len() > SHOWN {
-        text.push_str(&format!(" and {} more", names.len() - SHOWN));
+impl PoseFit {
+    /// The scans in the order of the views: as the pose file names them, then the others in natural order.
+    pub fn view_order(&self) -> impl Iterator<Item = &str> {
+        self.poses.iter().map(|(name, _)| name.as_str()).chain(self.scans_without_pose.iter().map(String::as_str))
     }
-    text
 }
 
 #[cfg(test)]
@@ -97,15 +89,13 @@ mod tests {
     }
 
     #[test]
-    fn poses_are_asked_for() {
-        assert_eq!(admit(&["a.ply", "b.ply"], None), Err(AdmissionError::NoInitialPoses));
-    }
-
-    #[test]
-    fn scans_without_a_pose_are_named() {
-        let refused = admit(&["a.ply", "b.ply"], Some(&poses(&["b.ply"]))).expect_err("a.ply has none");
-        assert_eq!(refused, AdmissionError::MissingPoses { scans: vec!["a.ply".to_owned()] });
-        assert!(refused.to_string().contains("a.ply"));
+    fn scans_without_a_pose_come_last_in_natural_order() {
+        let order = |file: Option<&PoseFile>| -> Vec<String> {
+            let fit = admit(&["s10.ply", "a.ply", "s9.ply"], file).expect("no pose is needed");
+            fit.view_order().map(str::to_owned).collect()
+        };
+        assert_eq!(order(None), ["a.ply", "s9.ply", "s10.ply"]);
+        assert_eq!(order(Some(&poses(&["s10.ply"]))), ["s10.ply", "a.ply", "s9.ply"]);
     }
 
     #[test]
@@ -114,11 +104,5 @@ mod tests {
         assert_eq!(fit.unknown_scans, ["c.ply"]);
         let views: Vec<&str> = fit.poses.iter().map(|(name, _)| name.as_str()).collect();
         assert_eq!(views, ["b.ply", "a.ply"], "the order of the file is the order of the views");
-    }
-
-    #[test]
-    fn long_lists_are_cut() {
-        let names: Vec<String> = (0..7).map(|i| format!("s{i}")).collect();
-        assert_eq!(listed(&names), "s0, s1, s2, s3, s4 and 2 more");
     }
 }

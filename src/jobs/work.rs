@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use rayon::prelude::*;
 
+use super::admission::PoseFit;
 use super::engine::Engine;
 use super::tracker::Tracker;
 use super::{admission, artifacts};
@@ -101,29 +102,29 @@ impl Work {
     }
 
     fn make(&self) -> Result<Made, WorkError> {
-        let poses = self.initial_poses()?;
-        let scans = self.load(&poses)?;
-        let poses: BTreeMap<String, Motion> = poses.into_iter().collect();
+        let fit = self.initial_poses()?;
+        let scans = self.load(&fit)?;
+        let poses: BTreeMap<String, Motion> = fit.poses.into_iter().collect();
         let outcome = self.engine.register(scans, &poses, self.set.unit, &self.job.options, &self.progress)?;
         self.progress.check()?;
         self.progress.report(Stage::Storing, 0.0);
         self.keep(outcome)
     }
 
-    /// The initial poses, in view order. They were checked when the job was accepted; the set can't have changed since.
-    fn initial_poses(&self) -> Result<Vec<(String, Motion)>, WorkError> {
+    /// The initial poses. They were checked when the job was accepted; the set can't have changed since.
+    fn initial_poses(&self) -> Result<PoseFit, WorkError> {
         let names: Vec<&str> = self.set.scans.iter().map(|scan| scan.name.as_str()).collect();
-        admission::admit(&names, self.set.poses.as_ref()).map(|fit| fit.poses).map_err(|error| {
-            failed("no_initial_poses", error.to_string(), None, "send the poses of all scans, then retry the job")
+        admission::admit(&names, self.set.poses.as_ref()).map_err(|error| {
+            failed("unusable_poses", error.to_string(), None, "send a sound pose file or none, then retry the job")
         })
     }
 
-    /// Reads all scans, in view order: that of the pose file.
-    fn load(&self, poses: &[(String, Motion)]) -> Result<Vec<NamedScan>, WorkError> {
+    /// Reads all scans, in view order.
+    fn load(&self, fit: &PoseFit) -> Result<Vec<NamedScan>, WorkError> {
         self.progress.report(Stage::Loading, 0.0);
         let stored: BTreeMap<&str, &ScanRecord> =
             self.set.scans.iter().map(|scan| (scan.name.as_str(), scan)).collect();
-        let views: Vec<&ScanRecord> = poses.iter().filter_map(|(name, _)| stored.get(name.as_str()).copied()).collect();
+        let views: Vec<&ScanRecord> = fit.view_order().filter_map(|name| stored.get(name).copied()).collect();
         let loaded = AtomicUsize::new(0);
         views
             .par_iter()

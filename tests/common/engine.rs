@@ -87,15 +87,16 @@ fn wait(time: Duration, progress: &Progress, listens: bool) -> Result<(), Pipeli
 }
 
 fn outcome(scans: &[NamedScan], poses: &BTreeMap<String, Motion>) -> Outcome {
+    let pose = |scan: &NamedScan| poses.get(&scan.name).copied().unwrap_or_default();
     let mut merged = ModelCloud { cloud: Cloud::default(), views: Vec::new() };
     for (index, scan) in scans.iter().enumerate() {
-        let moved = scan.surface.cloud.moved(&poses[&scan.name]);
+        let moved = scan.surface.cloud.moved(&pose(scan));
         merged.views.extend(std::iter::repeat_n(index as u16, moved.len()));
         merged.cloud.points.extend(moved.points);
     }
     let names: Vec<&str> = scans.iter().map(|scan| scan.name.as_str()).collect();
     Outcome {
-        poses: scans.iter().map(|scan| (scan.name.clone(), Some(poses[&scan.name]))).collect(),
+        poses: scans.iter().map(|scan| (scan.name.clone(), Some(pose(scan)))).collect(),
         report: serde_json::json!({"verdict": {"quality": "good"}, "views": names}),
         cloud: Some(merged),
         signature: None,

@@ -95,6 +95,11 @@ pub struct Multiview {
 }
 
 impl Multiview {
+    /// `n` views of which none hangs together with another; the first is where it is.
+    pub(super) fn alone(n: usize) -> Self {
+        Multiview { placed: (0..n).map(|view| view == 0).collect(), ..Multiview::at(&vec![Motion::identity(); n]) }
+    }
+
     /// Nothing done yet.
     pub(super) fn at(initial: &[Motion]) -> Self {
         Multiview {

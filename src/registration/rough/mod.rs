@@ -10,6 +10,9 @@ pub mod assembly;
 pub mod consensus;
 pub mod descriptor;
 pub mod matching;
+pub mod placement;
+pub mod report;
+pub mod scan_set;
 pub mod sight;
 pub mod sketch;
 pub mod verification;
@@ -21,6 +24,7 @@ use self::sketch::{Sketch, sketch_all};
 use super::multiview;
 use super::sensor::Sensor;
 use super::view::View;
+use crate::geometry::Motion;
 use crate::progress::{Canceled, Progress, Stage};
 
 /// About how many surfels stand for a view.
@@ -53,8 +57,14 @@ pub fn edge_of(views: &[View]) -> f64 {
     multiview::common_spacing(views) * (EDGE_FACTOR * (points / SURFELS).sqrt()).max(FINEST_EDGE)
 }
 
-/// Finds poses for `views` from nothing. `sensors` tell where the scanner stood (local frame), where that is known.
-pub fn rough(views: &[View], sensors: &[Option<Sensor>], progress: &Progress) -> Result<Rough, Canceled> {
+/// Finds poses for `views`. `given` are poses that are thought to be known (local frame to world): they propose, like
+/// matches do. `sensors` tell where the scanner stood (local frame), where that is known.
+pub fn rough(
+    views: &[View],
+    given: &[Option<Motion>],
+    sensors: &[Option<Sensor>],
+    progress: &Progress,
+) -> Result<Rough, Canceled> {
     let edge = edge_of(views);
     let sketches = sketch_all(views, edge, sensors);
     progress.report(Stage::Registering, 0.05);
@@ -65,7 +75,8 @@ pub fn rough(views: &[View], sensors: &[Option<Sensor>], progress: &Progress) ->
         .with_max_len(1)
         .map(|&(i, j)| {
             progress.check()?;
-            Ok(pair_links(&sketches, i, j, edge))
+            let told = given[i].zip(given[j]).map(|(pose_i, pose_j)| pose_i.inv_mul(&pose_j));
+            Ok(pair_links(&sketches, i, j, told, edge))
         })
         .collect::<Result<_, Canceled>>()?;
     let links: Vec<Link> = links.into_iter().flatten().collect();
@@ -73,13 +84,14 @@ pub fn rough(views: &[View], sensors: &[Option<Sensor>], progress: &Progress) ->
     Ok(Rough { groups, links, edge })
 }
 
-/// The best ways to lay two views on each other.
-fn pair_links(sketches: &[Sketch], i: usize, j: usize, edge: f64) -> Vec<Link> {
+/// The best ways to lay two views on each other; `told` is one that was given.
+fn pair_links(sketches: &[Sketch], i: usize, j: usize, told: Option<Motion>, edge: f64) -> Vec<Link> {
     let (a, b) = (&sketches[i], &sketches[j]);
     let matches = matching::matches(a, b, edge);
+    let proposals = consensus::proposals(a, b, &matches, edge, PROPOSALS);
     let mut links: Vec<Link> = Vec::new();
-    for proposal in consensus::proposals(a, b, &matches, edge, PROPOSALS) {
-        let motion_i_j = alignment::align(a, b, &proposal.motion_i_j, edge);
+    for proposed in told.into_iter().chain(proposals.into_iter().map(|proposal| proposal.motion_i_j)) {
+        let motion_i_j = alignment::align(a, b, &proposed, edge);
         if links.iter().any(|link| consensus::alike(&link.motion_i_j, &motion_i_j, b.radius, 2.0 * edge)) {
             continue;
         }

@@ -1,0 +1,141 @@
+//! Poses for all views of a set, whatever is known of them: given poses are starting points and witnesses, the rest is
+//! found.
+
+use super::assembly::Group;
+use super::rough;
+use crate::geometry::Motion;
+use crate::progress::{Canceled, Progress};
+use crate::registration::multiview::{Multiview, PairOutcome};
+use crate::registration::overlap::OverlapMatrix;
+use crate::registration::sensor::Sensor;
+use crate::registration::view::View;
+
+/// Where a view's pose came from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Origin {
+    /// It was given, and refined from there.
+    Given,
+    /// It was given, but lay too far off to be refined.
+    Corrected,
+    /// None was given.
+    Found,
+}
+
+/// A group of views with poses in a world of its own.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlacedGroup {
+    /// Its views, in order.
+    pub views: Vec<usize>,
+    /// For each of `views` its pose: local frame to the group's world, in which its first view stands at the identity.
+    pub local_poses: Vec<Motion>,
+}
+
+/// What became of a set.
+#[derive(Debug, Clone)]
+pub struct Placement {
+    /// All views; those that are not in the first group are unplaced.
+    pub result: Multiview,
+    /// For each view where its pose came from; `None` = unplaced.
+    pub origins: Vec<Option<Origin>>,
+    /// Groups of two views or more that hang together; the first is the one that is placed.
+    pub groups: Vec<PlacedGroup>,
+}
+
+/// Refines poses; see [`crate::registration::method::Method::register`].
+pub type Refine<'a> = dyn Fn(&[View], &[Motion]) -> Result<Multiview, Canceled> + 'a;
+
+/// A given pose that is off by less than this share of the view's size is one that refinement can start from.
+const NEAR: f64 = 0.3;
+
+/// Places all views. `given` are the poses that are known (local frame to world), `sensors` the scanner's places (local
+/// frame) where they are.
+pub fn place(
+    views: &[View],
+    given: &[Option<Motion>],
+    sensors: &[Option<Sensor>],
+    refine: &Refine,
+    progress: &Progress,
+) -> Result<Placement, Canceled> {
+    let rough = rough(views, given, sensors, progress)?;
+    let mut groups = Vec::new();
+    let mut placed: Option<Multiview> = None;
+    for group in rough.groups.iter().filter(|group| group.views.len() > 1) {
+        let members: Vec<View> = group.views.iter().map(|view| views[*view].clone()).collect();
+        let refined = refine(&members, &group.local_poses)?;
+        groups.extend(held_together(group, &refined));
+        placed.get_or_insert_with(|| spread(group, &refined, views.len()));
+    }
+    let mut result = placed.unwrap_or_else(|| Multiview::alone(views.len()));
+    let origins = settle_world(views, given, &mut result);
+    Ok(Placement { result, origins, groups })
+}
+
+/// The views of a refined group that still hang together, in the frame of the first.
+fn held_together(group: &Group, refined: &Multiview) -> Option<PlacedGroup> {
+    let kept: Vec<usize> = (0..group.views.len()).filter(|k| refined.placed[*k]).collect();
+    let world = refined.local_poses[*kept.first()?].inverse();
+    (kept.len() > 1).then(|| PlacedGroup {
+        views: kept.iter().map(|k| group.views[*k]).collect(),
+        local_poses: kept.iter().map(|k| world * refined.local_poses[*k]).collect(),
+    })
+}
+
+/// A group's registration as one of all `n` views.
+fn spread(group: &Group, refined: &Multiview, n: usize) -> Multiview {
+    let mut result = Multiview { rounds: refined.rounds.clone(), ..Multiview::alone(n) };
+    result.placed = vec![false; n];
+    let mut rows = OverlapMatrix::identity(n).rows().to_vec();
+    for (k, &view) in group.views.iter().enumerate() {
+        result.local_poses[view] = refined.local_poses[k];
+        result.placed[view] = refined.placed[k];
+        for (l, &other) in group.views.iter().enumerate() {
+            rows[view][other] = refined.overlaps.rows()[k][l];
+        }
+    }
+    result.overlaps = OverlapMatrix::from_rows(rows);
+    let renamed = |pair: &PairOutcome| PairOutcome { i: group.views[pair.i], j: group.views[pair.j], ..pair.clone() };
+    result.pairs = refined.pairs.iter().map(renamed).collect();
+    result
+}
+
+/// Moves the placed views into the world that most given poses agree on, else into the frame of the first; says where
+/// each pose came from.
+fn settle_world(views: &[View], given: &[Option<Motion>], result: &mut Multiview) -> Vec<Option<Origin>> {
+    let placed: Vec<usize> = (0..views.len()).filter(|view| result.placed[*view]).collect();
+    let near = |world: &Motion, view: usize| {
+        given[view].is_some_and(|pose| {
+            let difference = (world * result.local_poses[view]).inv_mul(&pose);
+            let moved = difference.translation.vector.norm() + difference.rotation.angle() * views[view].radius;
+            moved < NEAR * views[view].radius
+        })
+    };
+    let mut best: Option<(usize, Motion)> = None;
+    for &view in &placed {
+        let Some(pose) = given[view] else { continue };
+        let world = pose * result.local_poses[view].inverse();
+        let agreeing = placed.iter().filter(|other| near(&world, **other)).count();
+        if best.is_none_or(|(most, _)| agreeing > most) {
+            best = Some((agreeing, world));
+        }
+    }
+    let first = placed.first().map_or_else(Motion::identity, |view| views[*view].local_pose(&Motion::identity()));
+    let world = match (best, placed.first()) {
+        (Some((_, world)), _) => world,
+        (None, Some(view)) => first * result.local_poses[*view].inverse(),
+        (None, None) => Motion::identity(),
+    };
+    let origins = (0..views.len())
+        .map(|view| {
+            result.placed[view].then(|| match given[view] {
+                None => Origin::Found,
+                Some(_) if near(&world, view) => Origin::Given,
+                Some(_) => Origin::Corrected,
+            })
+        })
+        .collect();
+    for &view in &placed {
+        result.local_poses[view] = world * result.local_poses[view];
+    }
+    origins
+}

@@ -1,0 +1,66 @@
+//! A set of views from whatever poses it has to a verdict: refined from given poses as long as that ends well, placed by
+//! surface where it does not.
+
+use super::placement::{Refine, place};
+use super::report::PlacementReport;
+use crate::geometry::Motion;
+use crate::progress::{Canceled, Progress, Stage};
+use crate::registration::multiview::{self, Multiview};
+use crate::registration::quality::{self, Quality, Verdict};
+use crate::registration::sensor::Sensor;
+use crate::registration::view::View;
+
+/// Views and what is known of them; all slices have one entry a view.
+#[derive(Debug, Clone, Copy)]
+pub struct Set<'a> {
+    /// The scans' names.
+    pub names: &'a [String],
+    /// The prepared scans.
+    pub views: &'a [View],
+    /// Poses that were given: local frame to world.
+    pub given: &'a [Option<Motion>],
+    /// Where the scanner stood, where that is known.
+    pub sensors: &'a [Option<Sensor>],
+}
+
+/// A registered set.
+#[derive(Debug, Clone)]
+pub struct Registered {
+    /// Poses, pairs, overlaps.
+    pub result: Multiview,
+    /// How good they are.
+    pub verdict: Verdict,
+    /// How the views came to their poses.
+    pub placement: PlacementReport,
+}
+
+impl Set<'_> {
+    /// Registers the set. When all poses are given and refining them ends well, nothing else is tried.
+    pub fn register(&self, refine: &Refine, progress: &Progress) -> Result<Registered, Canceled> {
+        let all: Option<Vec<Motion>> = self.given.iter().copied().collect();
+        let Some(initial) = all else { return self.placed(refine, progress) };
+        let result = refine(self.views, &initial)?;
+        let verdict = self.judge(&result, progress);
+        let good = verdict.quality == Quality::Good;
+        let from_given =
+            Registered { placement: PlacementReport::of_given(&result), result, verdict };
+        if good {
+            return Ok(from_given);
+        }
+        let repaired = self.placed(refine, progress)?;
+        Ok(if repaired.verdict.quality < from_given.verdict.quality { repaired } else { from_given })
+    }
+
+    /// Places the views by their surface.
+    fn placed(&self, refine: &Refine, progress: &Progress) -> Result<Registered, Canceled> {
+        let placement = place(self.views, self.given, self.sensors, refine, progress)?;
+        let verdict = self.judge(&placement.result, progress);
+        let report = PlacementReport::of(&placement);
+        Ok(Registered { result: placement.result, verdict, placement: report })
+    }
+
+    fn judge(&self, result: &Multiview, progress: &Progress) -> Verdict {
+        progress.report(Stage::Judging, 0.0);
+        quality::judge(self.views, result, multiview::common_spacing(self.views), self.names)
+    }
+}
