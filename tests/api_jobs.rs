@@ -96,6 +96,9 @@ async fn what_can_not_be_registered_is_refused_at_the_door() {
         let response = server.post("/v1/jobs", &json!({"scan_set_id": set, "options": options})).await;
         expect_problem(response, 422, "invalid_options").await;
     }
+    let three = expect_json(server.post_form("/v1/scan-sets", scan_form(3)).await, StatusCode::CREATED).await;
+    let pairwise = json!({"scan_set_id": three["id"], "options": {"method": "tricp"}});
+    expect_problem(server.post("/v1/jobs", &pairwise).await, 422, "wrong_scan_count").await;
     let unknown = server.post("/v1/jobs", &json!({"scan_set_id": "0192f0c0-0000-7000-8000-000000000000"})).await;
     expect_problem(unknown, 404, "not_found").await;
     expect_problem(server.post("/v1/jobs", &json!({"scans": set})).await, 422, "invalid_field").await;

@@ -42,7 +42,22 @@ const LAYERS: &[(&str, &[&str])] = &[
             "jobs",
         ],
     ),
-    ("cli", &["geometry", "formats", "synthetic", "pipeline", "progress", "config", "telemetry", "jobs", "http"]),
+    (
+        "cli",
+        // of registration only what benches compare: recipes and figures of merit that no service needs
+        &[
+            "geometry",
+            "registration",
+            "formats",
+            "synthetic",
+            "pipeline",
+            "progress",
+            "config",
+            "telemetry",
+            "jobs",
+            "http",
+        ],
+    ),
 ];
 
 /// Algorithms: no HTTP, SQL, files, network, clock, environment, processes or printing.

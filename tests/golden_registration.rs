@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use visage::formats::{ply, poses};
 use visage::geometry::{Motion, Point3, Unit};
-use visage::pipeline::{self, NamedScan, Options, Outcome, PipelineError};
+use visage::pipeline::{self, Method, NamedScan, Options, Outcome, PipelineError};
 use visage::progress::Progress;
 use visage::synthetic::head::{Proportions, head};
 use visage::synthetic::scanner::{ScanSet, Scanner};
@@ -76,6 +76,33 @@ fn finer_scans_give_finer_poses() {
 }
 
 #[test]
+fn every_method_of_the_papers_family_registers() {
+    let set = SCANNER.scan_set(&objects::blob(1, 20_000).mesh, 1);
+    let initial = disturb(&set.poses, 0.04, 3.0, 1);
+    for (method, points_mm) in [(Method::MaAticp, 0.6), (Method::LrsL1alm, 0.6), (Method::MaIcp, 4.0)] {
+        let outcome = run(&set, &initial, 2, &Options { method, ..quick() }).expect("a sound set");
+        assert_accurate(method.name(), pose_error(&placed(&outcome), &set.poses, &samples(&set)), 6.0, points_mm);
+        assert!(outcome.report["levels"][0]["trim"].is_string() && outcome.report["pairs"][0]["e_thr"].is_f64());
+    }
+}
+
+#[test]
+fn two_scans_are_registered_by_icp_alone() {
+    let set = SCANNER.scan_set(&objects::blob(1, 20_000).mesh, 1);
+    let two = ScanSet { scans: set.scans[..2].to_vec(), poses: set.poses[..2].to_vec() };
+    let initial = disturb(&two.poses, 0.03, 2.0, 1);
+    let mut errors = Vec::new();
+    for method in [Method::Tricp, Method::Icp] {
+        let outcome = run(&two, &initial, 2, &Options { method, ..quick() }).expect("two sound scans");
+        errors.push(pose_error(&placed(&outcome), &two.poses, &samples(&two)).points_rms);
+        assert!(outcome.report["pairs"][0]["e_thr"].is_null());
+    }
+    println!("tricp {:.3}, icp {:.3} mm", errors[0], errors[1]);
+    assert!(errors[0] < 1.0, "tricp: {} mm", errors[0]);
+    assert!(errors[1] > errors[0], "untrimmed, the points that the other scan did not see pull");
+}
+
+#[test]
 fn view_0_keeps_its_pose_and_fixes_the_world() {
     let set = SCANNER.scan_set(&objects::blob(4, 20_000).mesh, 4);
     let outcome = run(&set, &disturb(&set.poses, 0.04, 3.0, 4), 2, &quick()).expect("a sound set");
@@ -141,6 +168,11 @@ fn sets_that_cannot_be_registered_are_refused_with_a_code() {
     };
     let one = ScanSet { scans: set.scans[..1].to_vec(), poses: set.poses[..1].to_vec() };
     assert_eq!(refused(&one, &one.poses), "too_few_scans");
+    let pairwise = Options { method: Method::Tricp, ..quick() };
+    match run(&set, &set.poses, 1, &pairwise) {
+        Err(PipelineError::Unusable { code: "wrong_scan_count", .. }) => {}
+        other => panic!("{other:?}: tricp takes two scans"),
+    }
     let mut degenerate = set.clone();
     let point = degenerate.scans[2].cloud.points[0];
     degenerate.scans[2].cloud.points.fill(point);

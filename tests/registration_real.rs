@@ -227,7 +227,7 @@ fn simulated_heads_are_placed_within_half_a_millimetre_of_the_truth() {
 #[ignore = "needs VISAGE_DATA"]
 fn the_bunny_as_a_whole_process_takes_under_ten_cpu_seconds_and_500_mb() {
     let out = tempfile::tempdir().expect("a folder");
-    for method in Method::ALL {
+    for method in [Method::Joint, Method::MaAticp] {
         let before = children();
         let status = std::process::Command::new(env!("CARGO_BIN_EXE_visage"))
             .args(["register", "--unit", "m", "--method", method.name(), "--poses"])

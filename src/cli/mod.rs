@@ -1,5 +1,6 @@
 //! The commands of the binary.
 
+pub mod bench;
 pub mod demo;
 mod healthcheck;
 mod openapi;
@@ -26,6 +27,8 @@ enum Command {
     Register(register::RegisterArgs),
     /// Show everything on code-made scans: server, uploads, jobs, queries.
     Demo(demo::DemoArgs),
+    /// Repeat published experiments and write the results as Markdown.
+    Bench(bench::BenchArgs),
     /// Print the contract of the service (OpenAPI, YAML).
     Openapi,
     /// Ask a running service whether it is well; for container health checks.
@@ -38,6 +41,7 @@ pub fn main() -> ExitCode {
         Command::Serve(args) => serve::run(args),
         Command::Register(args) => register::run(args),
         Command::Demo(args) => demo::run(args),
+        Command::Bench(args) => bench::run(args),
         Command::Openapi => openapi::run(),
         Command::Healthcheck(args) => healthcheck::run(args),
     };

@@ -18,7 +18,7 @@ use super::state::{AppState, blocking, uninterrupted};
 use super::upload::{self, UploadedFile};
 use super::{events, extract, job_views, names, responses};
 use crate::jobs::{admission, options};
-use crate::pipeline::Options;
+use crate::pipeline::{Method, Options};
 use crate::store::{
     FileId, JobFilter, JobId, JobRecord, JobStatus, NewJob, NewScanSet, PoseFile, ScanRecord, StoreError,
 };
@@ -122,7 +122,7 @@ async fn order_of_json(state: &AppState, body: NewJobBody) -> Result<Order, Prob
     let options = body.options.map(options::parse).transpose()?.unwrap_or_default();
     let label = body.label.map(|label| names::text("label", &label)).transpose()?;
     let set = state.shop.store.scan_set(parse_scan_set_id(&body.scan_set_id)?).await?;
-    admit(&set.scans, set.poses.as_ref())?;
+    admit(&set.scans, set.poses.as_ref(), options.method)?;
     Ok(Order { job: NewJob { id: JobId::new(), scan_set_id: set.id, label, options }, upload: None })
 }
 
@@ -133,14 +133,15 @@ async fn order_of_form(state: &AppState, form: upload::Form) -> Result<Order, Pr
     };
     let label = form.text("label")?.map(|label| names::text("label", label)).transpose()?;
     let (set, files) = from_form(state, form).await?;
-    admit(&set.scans, set.poses.as_ref())?;
+    admit(&set.scans, set.poses.as_ref(), options.method)?;
     let job = NewJob { id: JobId::new(), scan_set_id: set.id, label, options };
     Ok(Order { job, upload: Some((set, files)) })
 }
 
-fn admit(scans: &[ScanRecord], poses: Option<&PoseFile>) -> Result<(), Problem> {
+fn admit(scans: &[ScanRecord], poses: Option<&PoseFile>, method: Method) -> Result<(), Problem> {
     let names: Vec<&str> = scans.iter().map(|scan| scan.name.as_str()).collect();
     admission::admit(&names, poses)?;
+    admission::admit_count(names.len(), method)?;
     Ok(())
 }
 
@@ -245,8 +246,9 @@ async fn cancel(State(state): State<AppState>, Path(id): Path<String>) -> Result
 async fn retry(State(state): State<AppState>, Path(id): Path<String>) -> Result<(StatusCode, Json<JobView>), Problem> {
     let id = parse_id(&id)?;
     // the scan set may have changed since the job ended
-    let set = state.shop.store.scan_set(state.shop.store.job(id).await?.scan_set_id).await?;
-    admit(&set.scans, set.poses.as_ref())?;
+    let job = state.shop.store.job(id).await?;
+    let set = state.shop.store.scan_set(job.scan_set_id).await?;
+    admit(&set.scans, set.poses.as_ref(), job.options.method)?;
     state.shop.store.retry_job(id, state.limits().queued_jobs).await?;
     state.shop.board.announce_work();
     Ok((StatusCode::ACCEPTED, Json(JobView::of(&look_up(&state, id).await?))))

@@ -65,6 +65,7 @@ codes! {
     TooManyPoints = "too_many_points", UNPROCESSABLE_ENTITY, "the file has more points than are allowed";
     TooManyScans = "too_many_scans", UNPROCESSABLE_ENTITY, "the scan set has more scans than are allowed";
     TooFewScans = "too_few_scans", UNPROCESSABLE_ENTITY, "there is nothing to register with each other";
+    WrongScanCount = "wrong_scan_count", UNPROCESSABLE_ENTITY, "the method takes another number of scans";
     UnreadablePoses = "unreadable_poses", UNPROCESSABLE_ENTITY, "the pose file can't be read";
     KeyReused = "idempotency_key_reused", UNPROCESSABLE_ENTITY, "the idempotency key belongs to another request";
     UnknownStandard = "unknown_standard", UNPROCESSABLE_ENTITY, "there is no such standard";
@@ -268,6 +269,8 @@ impl From<AdmissionError> for Problem {
             AdmissionError::TooFewScans { .. } => {
                 Problem::new(Code::TooFewScans, detail, "upload at least two scans that overlap")
             }
+            AdmissionError::WrongScanCount { .. } => {
+                Problem::new(Code::WrongScanCount, detail, "choose two scans, or a method for several such as joint")
             AdmissionError::Unreadable(error) => Problem::unreadable_poses(&error),
         }
     }

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use crate::formats::{FormatError, poses};
 use crate::geometry::Motion;
-use crate::pipeline::MIN_SCANS;
+use crate::pipeline::{MIN_SCANS, Method};
 use crate::store::PoseFile;
 
 /// Why a scan set can't be registered.
@@ -15,6 +15,16 @@ pub enum AdmissionError {
     TooFewScans {
         /// How many there are.
         count: usize,
+    },
+    /// A method for a fixed number of scans was given another.
+    #[error("the scan set holds {count} scans; method {method} takes exactly {exact}")]
+    WrongScanCount {
+        /// How many there are.
+        count: usize,
+        /// The method.
+        method: Method,
+        /// How many it takes.
+        exact: usize,
     },
     /// The pose file can't be read.
     #[error(transparent)]
@@ -45,6 +55,14 @@ pub fn fit_poses(scans: &[&str], file: &PoseFile) -> Result<PoseFit, FormatError
         scans_without_pose: without,
         poses,
     })
+}
+
+/// Whether a method takes so many scans.
+pub fn admit_count(count: usize, method: Method) -> Result<(), AdmissionError> {
+    match method.exact_scans() {
+        Some(exact) if exact != count => Err(AdmissionError::WrongScanCount { count, method, exact }),
+        _ => Ok(()),
+    }
 }
 
 /// Whether scans of these names with this pose file can be registered. Scans without a pose are placed by their surface.

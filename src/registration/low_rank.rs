@@ -181,7 +181,15 @@ impl Piece {
             })
             .fold(LEAST_RESIDUAL, f64::max);
         // the multipliers start at 0, so U need not be orthonormal yet: the first step makes it so
-        Split { multipliers: DMatrix::zeros(4 * n, 4 * n), full, left: rows, right: columns, mu: WARM_MU / largest, growth: WARM_GROWTH, tolerance: WARM_TOLERANCE }
+        Split {
+            multipliers: DMatrix::zeros(4 * n, 4 * n),
+            full,
+            left: rows,
+            right: columns,
+            mu: WARM_MU / largest,
+            growth: WARM_GROWTH,
+            tolerance: WARM_TOLERANCE,
+        }
     }
 
     /// The start that knows nothing: V from a seed.
@@ -190,7 +198,15 @@ impl Piece {
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(SEED);
         let right = Tall::from_fn(4 * n, |_, _| 2.0 * rng.random::<f64>() - 1.0);
         let zeros = DMatrix::zeros(4 * n, 4 * n);
-        Split { full: self.measured.clone(), left: Tall::zeros(4 * n), right, multipliers: zeros, mu: COLD_MU, growth: COLD_GROWTH, tolerance: COLD_TOLERANCE }
+        Split {
+            full: self.measured.clone(),
+            left: Tall::zeros(4 * n),
+            right,
+            multipliers: zeros,
+            mu: COLD_MU,
+            growth: COLD_GROWTH,
+            tolerance: COLD_TOLERANCE,
+        }
     }
 
     /// Augmented Lagrange multipliers; whether `E = U V` holds in the end.
@@ -304,10 +320,10 @@ mod tests {
     fn ring(noise: f64, off: f64) -> (Vec<Motion>, Vec<Motion>, Vec<RelativeMotion>) {
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(7);
         let truth: Vec<Motion> = (0..10).map(|_| random_motion(&mut rng, 60.0, 2.0)).collect();
-        let start =
-            truth.iter().enumerate().map(|(view, pose)| {
-                if view == 0 { *pose } else { random_motion(&mut rng, off * RADIUS, off) * pose }
-            });
+        let start = truth
+            .iter()
+            .enumerate()
+            .map(|(view, pose)| if view == 0 { *pose } else { random_motion(&mut rng, off * RADIUS, off) * pose });
         let start = start.collect();
         let pairs = (0..10).flat_map(|i| [(i, (i + 1) % 10), (i, (i + 2) % 10)]);
         let relative = pairs.map(|(i, j)| {

@@ -42,8 +42,14 @@ pub const SCANS: usize = 2;
 
 impl Pairwise {
     /// Plain ICP.
-    pub const ICP: Pairwise =
-        Pairwise { keep: Keep::All, least_share: 1.0, query_edge: 1.5, max_iterations: 200, min_step: 0.001, tolerance: 2.0 };
+    pub const ICP: Pairwise = Pairwise {
+        keep: Keep::All,
+        least_share: 1.0,
+        query_edge: 1.5,
+        max_iterations: 200,
+        min_step: 0.001,
+        tolerance: 2.0,
+    };
     /// Trimmed ICP.
     pub const TRICP: Pairwise = Pairwise { keep: Keep::Search, least_share: 0.4, ..Pairwise::ICP };
 

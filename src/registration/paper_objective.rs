@@ -17,7 +17,8 @@ const LEAST_SHARE: f64 = 0.4;
 
 /// Obj of `local_poses` (local frame to world), a squared length; infinite if a view has no other to be near to.
 pub fn paper_objective(views: &[View], local_poses: &[Motion]) -> f64 {
-    let psi: Vec<f64> = (0..views.len()).into_par_iter().map(|i| least_ratio(&mut nearest2(views, local_poses, i))).collect();
+    let psi: Vec<f64> =
+        (0..views.len()).into_par_iter().map(|i| least_ratio(&mut nearest2(views, local_poses, i))).collect();
     psi.iter().sum::<f64>() / psi.len() as f64
 }
 

@@ -141,9 +141,11 @@ impl Recipe {
     /// The paper's method: trimmed ICP with the adaptive threshold, motion averaging.
     pub const MA_ATICP: Recipe = Recipe { agreement: Agreement::MotionAveraging, levels: &[COARSE, FINE] };
     /// Its first baseline: plain ICP, motion averaging.
-    pub const MA_ICP: Recipe = Recipe { agreement: Agreement::MotionAveraging, levels: &[plain(COARSE, 18.0), plain(FINE, 6.0)] };
+    pub const MA_ICP: Recipe =
+        Recipe { agreement: Agreement::MotionAveraging, levels: &[plain(COARSE, 18.0), plain(FINE, 6.0)] };
     /// Its second baseline: trimmed ICP, low-rank and sparse decomposition.
-    pub const LRS_L1ALM: Recipe = Recipe { agreement: Agreement::LowRankSparse, levels: &[strict(COARSE), strict(FINE)] };
+    pub const LRS_L1ALM: Recipe =
+        Recipe { agreement: Agreement::LowRankSparse, levels: &[strict(COARSE), strict(FINE)] };
 
     /// [`Recipe::MA_ATICP`] as in the paper's experiments.
     pub const PAPER_MA_ATICP: Recipe = Recipe { levels: &[PAPER], ..Recipe::MA_ATICP };
