@@ -9,8 +9,9 @@ use crate::geometry::{Motion, Surface, Unit, Vector3};
 use crate::progress::{Canceled, Progress, Stage};
 pub use crate::reconstruction::merge::ModelCloud;
 use crate::reconstruction::merge::{PosedView, merge};
+use crate::registration::covariance;
 pub use crate::registration::method::Method;
-use crate::registration::multiview::{Multiview, MultiviewOptions};
+use crate::registration::multiview::{self, Multiview, MultiviewOptions};
 use crate::registration::report::RegistrationReport;
 use crate::registration::rough::scan_set::{Registered, Set};
 use crate::registration::sensor::Sensor;
@@ -122,12 +123,13 @@ pub fn run(
     };
     let sensors: Vec<Option<Sensor>> =
         scans.iter().zip(&views).map(|(scan, view)| sensor_of(scan, view, options)).collect();
-    let refine = |views: &[View], initial: &[Motion]| {
-        options.method.register(views, initial, &multiview_options, progress)
-    };
+    let refine =
+        |views: &[View], initial: &[Motion]| options.method.register(views, initial, &multiview_options, progress);
     let set = Set { names: &names, views: &views, given: &given, sensors: &sensors };
-    let Registered { result, verdict, placement } = set.register(&refine, progress)?;
-    let report = RegistrationReport::new(options.method, unit.name(), &names, &views, &result, verdict);
+    let Registered { result, mut verdict, placement } = set.register(&refine, progress)?;
+    let known = covariance::of_result(&views, &result);
+    verdict.weigh(&known, multiview::common_spacing(&views), &names);
+    let report = RegistrationReport::new(options.method, unit.name(), &names, &views, &result, &known, verdict);
 
     let merged = merge_views(&scans, &views, &sensors, &result, options, progress)?;
     let signature = match &merged {

@@ -64,7 +64,9 @@ async fn views_are_in_the_order_of_the_pose_file() {
 #[tokio::test]
 async fn scans_without_a_pose_are_taken_and_follow_in_natural_order() {
     let server = TestServer::start().await;
-    for (poses, expected) in [(None, ["s2.ply", "s9.ply", "s10.ply"]), (Some("s9.ply"), ["s9.ply", "s2.ply", "s10.ply"])] {
+    for (poses, expected) in
+        [(None, ["s2.ply", "s9.ply", "s10.ply"]), (Some("s9.ply"), ["s9.ply", "s2.ply", "s10.ply"])]
+    {
         let scan = |name: &'static str| Part::bytes(files::ply(20)).file_name(name);
         let mut form = ["s10.ply", "s9.ply", "s2.ply"].into_iter().fold(Form::new(), |f, n| f.part("scans", scan(n)));
         if let Some(posed) = poses {

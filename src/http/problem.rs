@@ -271,6 +271,7 @@ impl From<AdmissionError> for Problem {
             }
             AdmissionError::WrongScanCount { .. } => {
                 Problem::new(Code::WrongScanCount, detail, "choose two scans, or a method for several such as joint")
+            }
             AdmissionError::Unreadable(error) => Problem::unreadable_poses(&error),
         }
     }

@@ -4,6 +4,7 @@
 //! modules are their parts.
 
 pub mod candidates;
+pub mod covariance;
 pub mod joint;
 pub mod low_rank;
 pub mod method;
@@ -22,3 +23,4 @@ pub mod threshold;
 pub mod trimmed_icp;
 pub mod view;
 pub mod view_graph;
+pub mod weak_axes;

@@ -6,8 +6,10 @@
 
 use rayon::prelude::*;
 
+use super::covariance::PoseCovariance;
 use super::multiview::{Multiview, PairOutcome};
 use super::view::View;
+use super::weak_axes::weak_axes;
 use crate::geometry::neighbours::LocalPoint;
 
 /// "Near" in spacings.
@@ -49,6 +51,8 @@ mod limits {
     pub const OVERRULED: f64 = 0.25;
     /// Trimmed RMS of a pair, in spacings.
     pub const RESIDUAL: f64 = 1.5;
+    /// How far a view's surface may lie from where the joint cost is least, in spacings.
+    pub const UNREST: f64 = 1.0;
 }
 
 /// Judges a registration of the views with these names.
@@ -62,6 +66,25 @@ pub fn judge(views: &[View], result: &Multiview, spacing: f64, names: &[String])
 }
 
 impl Verdict {
+    /// Adds what the evidence for the poses says: motions that nothing holds, and poses that are not at rest.
+    pub fn weigh(&mut self, poses: &[Option<PoseCovariance>], spacing: f64, names: &[String]) {
+        for (pose, name) in poses.iter().zip(names) {
+            let Some(pose) = pose else { continue };
+            let axes = weak_axes(pose, spacing);
+            if let Some(first) = axes.first() {
+                let motions: Vec<String> = axes.iter().map(|axis| axis.in_words()).collect();
+                self.lower(Quality::Doubtful, format!("{name} can {}: {}", motions.join(", and "), first.why));
+            }
+            let unrest = pose.unrest() / spacing;
+            if unrest > limits::UNREST {
+                self.lower(
+                    Quality::Doubtful,
+                    format!("{name} would fit better {unrest:.1} spacings from where it was left"),
+                );
+            }
+        }
+    }
+
     fn lower(&mut self, quality: Quality, reason: String) {
         self.quality = self.quality.max(quality);
         self.reasons.push(reason);

@@ -4,11 +4,13 @@
 
 use serde::Serialize;
 
+use super::covariance::PoseCovariance;
 use super::method::Method;
 use super::multiview::{self, Multiview};
 use super::quality::Verdict;
 use super::trimmed_icp::IcpEnd;
 use super::view::View;
+use super::weak_axes::{WeakAxis, weak_axes};
 
 /// The registration's part of a report.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -50,6 +52,33 @@ pub struct ViewReport {
     pub residual: Option<f64>,
     /// The same in spacings.
     pub residual_spacings: Option<f64>,
+    /// How well the pose is known; absent for view 0, to which it is relative, and for unplaced views.
+    pub uncertainty: Option<UncertaintyReport>,
+}
+
+/// How well a pose is known (`registration/covariance`).
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct UncertaintyReport {
+    /// The view's centroid in the world, about which twists are taken.
+    pub center: [f64; 3],
+    /// 6x6, row by row, of the left twist in the axes of the world: translation (the scans' unit), then rotation
+    /// vector (radians).
+    pub covariance: [[f64; 6]; 6],
+    /// Root mean square displacement of the view's surface by one standard deviation, in spacings.
+    pub displacement_spacings: f64,
+    /// The motions that hardly anything holds.
+    pub weak_axes: Vec<WeakAxis>,
+}
+
+impl UncertaintyReport {
+    fn new(pose: &PoseCovariance, spacing: f64) -> Self {
+        UncertaintyReport {
+            center: pose.center.coords.into(),
+            covariance: std::array::from_fn(|row| std::array::from_fn(|column| pose.covariance[(row, column)])),
+            displacement_spacings: pose.displacement() / spacing,
+            weak_axes: weak_axes(pose, spacing),
+        }
+    }
 }
 
 /// One registered pair.
@@ -107,15 +136,20 @@ impl RegistrationReport {
         names: &[String],
         views: &[View],
         result: &Multiview,
+        poses: &[Option<PoseCovariance>],
         verdict: Verdict,
     ) -> Self {
         let spacing = multiview::common_spacing(views);
+        let view_report = |view: usize| ViewReport {
+            uncertainty: poses[view].as_ref().map(|pose| UncertaintyReport::new(pose, spacing)),
+            ..view_report(view, names, views, result, spacing)
+        };
         RegistrationReport {
             method: method.name(),
             unit,
             spacing,
             verdict,
-            views: (0..views.len()).map(|view| view_report(view, names, views, result, spacing)).collect(),
+            views: (0..views.len()).map(view_report).collect(),
             pairs: pair_reports(result),
             overlaps: result.overlaps.rows().to_vec(),
             levels: method.levels(),
@@ -140,6 +174,7 @@ fn view_report(index: usize, names: &[String], views: &[View], result: &Multivie
         placed: result.placed[index],
         residual,
         residual_spacings: residual.map(|r| r / spacing),
+        uncertainty: None,
     }
 }
 

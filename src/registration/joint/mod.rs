@@ -10,12 +10,12 @@
 
 pub(super) mod normal_equations;
 mod refine;
-mod surfels;
+pub mod surfels;
 
 use rayon::prelude::*;
 
 use self::refine::{RefineOptions, refine};
-use self::surfels::Surfels;
+use self::surfels::{FineSurfels, Surfels};
 use super::multiview::{self, Multiview, MultiviewOptions, PairOutcome, Round};
 use super::overlap::overlaps;
 use super::trimmed_icp::{IcpEnd, IcpOptions, IcpResult, Trim, trimmed_icp};
@@ -77,6 +77,14 @@ impl Pass {
     }
 }
 
+/// The surfels of the last pass, whatever the method was.
+pub fn finest_surfels(views: &[View]) -> FineSurfels {
+    let pass = &PASSES[PASSES.len() - 1];
+    let edge = pass.edge(views, multiview::common_spacing(views));
+    let views = views.par_iter().map(|view| Surfels::new(view, edge)).collect();
+    FineSurfels { views, edge, reach: pass.last_distance * edge }
+}
+
 const MAX_STEPS: usize = 50;
 /// Pairs take part down to this share of xi_0: less overlap than ICP of one pair needs is still worth having when all
 /// pairs hold each other.
@@ -102,6 +110,8 @@ pub fn joint(
         run_pass(surfels, index, &PASSES[index], (edge, spacing), options, &mut state, progress)?;
     }
     measure_pairs(views, &surfels, spacing, &mut state, progress)?;
+    let reach = PASSES[PASSES.len() - 1].last_distance * fine;
+    state.surfels = Some(FineSurfels { views: surfels, edge: fine, reach });
     Ok(state)
 }
 

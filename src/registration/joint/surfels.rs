@@ -23,6 +23,17 @@ pub struct Surfels {
     pub radius: f64,
 }
 
+/// Surfels of all views, and how they were matched in the end.
+#[derive(Debug, Clone)]
+pub struct FineSurfels {
+    /// One entry a view.
+    pub views: Vec<Surfels>,
+    /// The edge of their voxels, a length.
+    pub edge: f64,
+    /// The largest distance of a correspondence, a length.
+    pub reach: f64,
+}
+
 /// Points a normal is fitted to.
 const NEIGHBOURS: usize = 20;
 /// A surfel lies on a rim if the mean of its neighbours is farther off than this share of their mean distance.

@@ -11,6 +11,7 @@ mod rounds;
 
 pub use self::recipe::{Agreement, Level, Reach, Recipe, StopRule, TrimRule};
 pub use self::rounds::register;
+use super::joint::surfels::FineSurfels;
 use super::overlap::OverlapMatrix;
 use super::trimmed_icp::{IcpEnd, IcpResult};
 use super::view::View;
@@ -80,7 +81,7 @@ pub struct Round {
 }
 
 /// Registered views.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct Multiview {
     /// Local frame to world.
     pub local_poses: Vec<Motion>,
@@ -92,6 +93,8 @@ pub struct Multiview {
     pub pairs: Vec<PairOutcome>,
     /// All rounds.
     pub rounds: Vec<Round>,
+    /// The finest surfels, if the method made any: the evidence for the poses is read off them.
+    pub surfels: Option<FineSurfels>,
 }
 
 impl Multiview {
@@ -108,6 +111,7 @@ impl Multiview {
             overlaps: OverlapMatrix::identity(initial.len()),
             pairs: Vec::new(),
             rounds: Vec::new(),
+            surfels: None,
         }
     }
 }

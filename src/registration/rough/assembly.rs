@@ -56,12 +56,7 @@ impl Link {
 }
 
 /// Grows groups until no link joins two of them; the largest first, those of equal size in the order of views.
-pub fn assemble(
-    sketches: &[Sketch],
-    links: &[Link],
-    edge: f64,
-    progress: &Progress,
-) -> Result<Vec<Group>, Canceled> {
+pub fn assemble(sketches: &[Sketch], links: &[Link], edge: f64, progress: &Progress) -> Result<Vec<Group>, Canceled> {
     let mut groups: Vec<Option<Group>> = (0..sketches.len())
         .map(|view| Some(Group { views: vec![view], local_poses: vec![Motion::identity()], links: Vec::new() }))
         .collect();
@@ -121,9 +116,11 @@ fn join(sketches: &[Sketch], left: &Group, right: &Group, link: &Link, edge: f64
     union.views.extend(&right.views);
     union.local_poses.extend(right.local_poses.iter().map(|pose| motion_left_right * pose));
     union.links.extend(&right.links);
-    union.links.extend(measured.into_iter().filter(|link| {
-        link.evidence.overlap() >= LEAST_OVERLAP && link.evidence.consistency() >= JOIN_CONSISTENCY
-    }));
+    union.links.extend(
+        measured
+            .into_iter()
+            .filter(|link| link.evidence.overlap() >= LEAST_OVERLAP && link.evidence.consistency() >= JOIN_CONSISTENCY),
+    );
     union.sort();
     union.average(sketches, edge);
     Some(union)
@@ -146,7 +143,11 @@ fn measure(sketches: &[Sketch], i: usize, j: usize, implied: &Motion, edge: f64)
         return Some(raw);
     }
     let drawn = at(drawn);
-    Some(if drawn.evidence.agree() - drawn.evidence.conflict() > raw.evidence.agree() - raw.evidence.conflict() { drawn } else { raw })
+    Some(if drawn.evidence.agree() - drawn.evidence.conflict() > raw.evidence.agree() - raw.evidence.conflict() {
+        drawn
+    } else {
+        raw
+    })
 }
 
 impl Group {

@@ -87,11 +87,9 @@ pub fn proposals(i: &Sketch, j: &Sketch, matches: &[Match], edge: f64, count: us
         if used[seed] {
             continue;
         }
-        let mut ranked: Vec<(u32, usize)> =
-            relation.members(seed).map(|k| (relation.common(seed, k), k)).collect();
+        let mut ranked: Vec<(u32, usize)> = relation.members(seed).map(|k| (relation.common(seed, k), k)).collect();
         ranked.sort_by(|a, b| b.0.cmp(&a.0).then(a.1.cmp(&b.1)));
-        let first: Vec<usize> =
-            std::iter::once(seed).chain(ranked.iter().take(FIRST_FIT).map(|(_, k)| *k)).collect();
+        let first: Vec<usize> = std::iter::once(seed).chain(ranked.iter().take(FIRST_FIT).map(|(_, k)| *k)).collect();
         let Some(mut motion) = fit(&oriented, &first, edge) else { continue };
         let mut inliers = explained(&oriented, &motion, edge as f32);
         for _ in 0..2 {

@@ -58,12 +58,7 @@ impl Descriptors {
 pub const REACH: f64 = 5.0;
 
 /// Describes the surface around the surfels `at`.
-pub fn describe(
-    indexed: &IndexedPoints,
-    normals: &[nalgebra::Vector3<f32>],
-    at: &[u32],
-    edge: f64,
-) -> Descriptors {
+pub fn describe(indexed: &IndexedPoints, normals: &[nalgebra::Vector3<f32>], at: &[u32], edge: f64) -> Descriptors {
     let reach2 = (REACH * edge).powi(2) as f32;
     let mut neighbours: Vec<(u32, f32)> = Vec::new();
     let mut starts = vec![0usize];

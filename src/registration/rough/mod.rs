@@ -68,8 +68,7 @@ pub fn rough(
     let edge = edge_of(views);
     let sketches = sketch_all(views, edge, sensors);
     progress.report(Stage::Registering, 0.05);
-    let pairs: Vec<(usize, usize)> =
-        (0..views.len()).flat_map(|i| (i + 1..views.len()).map(move |j| (i, j))).collect();
+    let pairs: Vec<(usize, usize)> = (0..views.len()).flat_map(|i| (i + 1..views.len()).map(move |j| (i, j))).collect();
     let links: Vec<Vec<Link>> = pairs
         .par_iter()
         .with_max_len(1)

@@ -26,7 +26,10 @@ struct GroupReport<'a> {
 impl PlacementReport {
     /// All poses were given, and refined from there.
     pub fn of_given(result: &Multiview) -> Self {
-        PlacementReport { origins: result.placed.iter().map(|p| p.then_some(Origin::Given)).collect(), groups: Vec::new() }
+        PlacementReport {
+            origins: result.placed.iter().map(|p| p.then_some(Origin::Given)).collect(),
+            groups: Vec::new(),
+        }
     }
 
     /// The views were placed by their surface.
@@ -41,9 +44,8 @@ impl PlacementReport {
                 row["pose"] = serde_json::json!(origin);
             }
         }
-        report["groups"] = serde_json::json!(
-            self.groups.iter().map(|group| group_report(group, names, views)).collect::<Vec<_>>()
-        );
+        report["groups"] =
+            serde_json::json!(self.groups.iter().map(|group| group_report(group, names, views)).collect::<Vec<_>>());
     }
 }
 

@@ -42,8 +42,7 @@ impl Set<'_> {
         let result = refine(self.views, &initial)?;
         let verdict = self.judge(&result, progress);
         let good = verdict.quality == Quality::Good;
-        let from_given =
-            Registered { placement: PlacementReport::of_given(&result), result, verdict };
+        let from_given = Registered { placement: PlacementReport::of_given(&result), result, verdict };
         if good {
             return Ok(from_given);
         }
