@@ -14,6 +14,7 @@ pub mod surfels;
 
 use rayon::prelude::*;
 
+use self::normal_equations::RIGID;
 use self::refine::{RefineOptions, refine};
 use self::surfels::{FineSurfels, Surfels};
 use super::multiview::{self, Multiview, MultiviewOptions, PairOutcome, Round};
@@ -145,7 +146,7 @@ fn run_pass(
         max_steps: MAX_STEPS,
         settled: pass.settled * spacing,
     };
-    let refined = refine(surfels, &state.local_poses, &graph.pairs, &anchors, &refine_options, progress)?;
+    let refined = refine::<RIGID>(surfels, &state.local_poses, &graph.pairs, &anchors, &refine_options, progress)?;
     state.rounds.push(Round {
         level: index,
         tolerance: pass.tolerance * edge,

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::normal_equations::{PairBlock, PairSums, columns, solve};
+use super::normal_equations::{PairBlock, PairSums, SCALED, columns, solve};
 use super::surfels::Surfels;
 use crate::geometry::neighbours::Pursuit;
 use crate::geometry::se3::{self, Twist};
@@ -27,6 +27,9 @@ pub struct RefineOptions {
 pub struct Refined {
     /// Local frame to world.
     pub local_poses: Vec<Motion>,
+    /// By how much each view's scale changed: its points are to be multiplied by it before its pose; 1 if scales were
+    /// not sought.
+    pub scales: Vec<f64>,
     /// Gauss-Newton steps made.
     pub steps: usize,
     /// Weighted root mean square of the residuals in the last step, a length.
@@ -39,9 +42,12 @@ const SHRINK: f64 = 0.6;
 const KERNEL: f64 = 3.0;
 /// Searches look this much farther than correspondences may be apart, so that the next steps know whom to ask again.
 const MARGIN: f64 = 1.5;
+/// The largest change of a scale's logarithm in one step.
+const SCALE_STEP: f64 = 0.1;
 
-/// Refines `local_poses` over `pairs` (i < j); `anchors` keep their pose.
-pub fn refine(
+/// Refines `local_poses` over `pairs` (i < j); `anchors` keep their pose (and scale). With `D` = 6 unknowns a view is
+/// moved, with 7 it is also scaled.
+pub fn refine<const D: usize>(
     surfels: &[Surfels],
     local_poses: &[Motion],
     pairs: &[(usize, usize)],
@@ -51,30 +57,35 @@ pub fn refine(
 ) -> Result<Refined, Canceled> {
     let directed: Vec<(usize, usize)> = pairs.iter().flat_map(|&(i, j)| [(i, j), (j, i)]).collect();
     let mut searches: Vec<Search> = directed.iter().map(|&(a, _)| Search::new(surfels[a].len())).collect();
-    let columns = columns(local_poses.len(), anchors);
-    let mut refined = Refined { local_poses: local_poses.to_vec(), steps: 0, rms: f64::INFINITY };
+    let columns = columns::<D>(local_poses.len(), anchors);
+    let scales = vec![1.0; local_poses.len()];
+    let mut refined = Refined { local_poses: local_poses.to_vec(), scales, steps: 0, rms: f64::INFINITY };
     let mut distance = options.first_distance;
     let mut scale = distance;
     while refined.steps < options.max_steps {
         progress.check()?;
         let middle = Motion::from(nalgebra::Translation3::from(mean_position(&refined.local_poses)));
         let centered: Vec<Motion> = refined.local_poses.iter().map(|pose| middle.inverse() * pose).collect();
-        let blocks: Vec<PairBlock> = directed
+        let scales = &refined.scales;
+        let blocks: Vec<PairBlock<D>> = directed
             .par_iter()
             .zip(&mut searches)
             .with_max_len(1)
             .map(|(&(a, b), search)| {
                 progress.check()?;
-                let motion_b_a = centered[b].inv_mul(&centered[a]);
-                let sums = assemble(&surfels[a], &surfels[b], &motion_b_a, distance, scale, search);
-                Ok(sums.into_world(&centered[b]))
+                let placement = Placement::between((&centered[b], scales[b]), (&centered[a], scales[a]));
+                let reach = Reach { distance: distance / scales[b], scale: scale / scales[b] };
+                let sums = assemble::<D>(&surfels[a], &surfels[b], &placement, &reach, search);
+                Ok(sums.into_world(&centered[b], scales[b]))
             })
             .collect::<Result<_, Canceled>>()?;
         let Some(twists) = solve(&directed, &blocks, &columns) else { break };
         let mut largest = 0.0f64;
         for (view, twist) in twists.iter().enumerate() {
-            refined.local_poses[view] = middle * se3::exp(twist) * centered[view];
-            largest = largest.max(displacement(twist, &centered[view], surfels[view].radius));
+            let step = Step::of(twist);
+            refined.local_poses[view] = middle * se3::exp(&step.twist) * step.grown(&centered[view]);
+            refined.scales[view] *= step.growth;
+            largest = largest.max(step.displacement(&centered[view], surfels[view].radius));
         }
         refined.steps += 1;
         let weight: f64 = blocks.iter().map(|b| b.weight).sum();
@@ -93,10 +104,57 @@ fn mean_position(poses: &[Motion]) -> Vector3 {
     poses.iter().map(|pose| pose.translation.vector).sum::<Vector3>() / poses.len().max(1) as f64
 }
 
-/// How far a twist moves a view's points, at most.
-fn displacement(twist: &Twist, pose: &Motion, radius: f64) -> f64 {
-    let reach = pose.translation.vector.norm() + radius;
-    twist.fixed_rows::<3>(0).norm() + twist.fixed_rows::<3>(3).norm() * reach
+/// What one solution does to one view: it grows about the origin, then moves.
+struct Step {
+    twist: Twist,
+    growth: f64,
+}
+
+impl Step {
+    fn of<const D: usize>(solution: &nalgebra::SVector<f64, D>) -> Self {
+        let twist = Twist::from_iterator(solution.iter().copied());
+        let growth = if D == SCALED { solution[D - 1].clamp(-SCALE_STEP, SCALE_STEP).exp() } else { 1.0 };
+        Step { twist, growth }
+    }
+
+    /// The pose after the growth, before the motion.
+    fn grown(&self, pose: &Motion) -> Motion {
+        Motion::from_parts((pose.translation.vector * self.growth).into(), pose.rotation)
+    }
+
+    /// How far it moves the points of a view, at most.
+    fn displacement(&self, pose: &Motion, radius: f64) -> f64 {
+        let reach = pose.translation.vector.norm() + radius;
+        let turn = self.twist.fixed_rows::<3>(3).norm();
+        self.twist.fixed_rows::<3>(0).norm() + (turn + (self.growth - 1.0).abs()) * reach
+    }
+}
+
+/// How view a lies in the local frame and unit of view b: `p_b = motion (ratio p_a)`.
+#[derive(Clone, Copy)]
+struct Placement {
+    motion: Motion,
+    ratio: f64,
+}
+
+impl Placement {
+    /// From each view's pose and scale.
+    fn between(b: (&Motion, f64), a: (&Motion, f64)) -> Self {
+        let mut motion = b.0.inv_mul(a.0);
+        motion.translation.vector /= b.1;
+        Placement { motion, ratio: a.1 / b.1 }
+    }
+
+    /// How far the change from this placement to another moves a point within `radius` of a's origin, at most.
+    fn largest_step(&self, to: &Placement, radius: f64) -> f64 {
+        super::super::trimmed_icp::largest_step(&self.motion, &to.motion, radius) + (to.ratio - self.ratio).abs() * radius
+    }
+}
+
+/// How far correspondences reach, and the robust kernel's scale: lengths in the unit of the view that is searched.
+struct Reach {
+    distance: f64,
+    scale: f64,
 }
 
 /// What a directed pair remembers from step to step.
@@ -105,8 +163,8 @@ struct Search {
     pursuits: Vec<Pursuit>,
     /// The surfels that had a neighbour when all were last asked.
     active: Vec<u32>,
-    /// The relative motion at which all were last asked.
-    asked_at: Option<Motion>,
+    /// The placement at which all were last asked.
+    asked_at: Option<Placement>,
 }
 
 impl Search {
@@ -115,9 +173,9 @@ impl Search {
     }
 
     /// All surfels are asked again once the views have moved so far that one without a neighbour may have got one.
-    fn must_ask_all(&self, motion_b_a: &Motion, radius: f64, distance: f64) -> bool {
+    fn must_ask_all(&self, placement: &Placement, radius: f64, distance: f64) -> bool {
         let slack = 0.5 * (MARGIN - 1.0) * distance;
-        self.asked_at.is_none_or(|asked| super::super::trimmed_icp::largest_step(&asked, motion_b_a, radius) > slack)
+        self.asked_at.is_none_or(|asked| asked.largest_step(placement, radius) > slack)
     }
 }
 
@@ -125,23 +183,31 @@ impl Search {
 const LEAST_COSINE: f32 = 0.5;
 
 /// Correspondences of view a's surfels in view b, summed in b's local frame.
-fn assemble(a: &Surfels, b: &Surfels, motion_b_a: &Motion, distance: f64, scale: f64, search: &mut Search) -> PairSums {
-    let ask_all = search.must_ask_all(motion_b_a, a.radius, distance);
+fn assemble<const D: usize>(
+    a: &Surfels,
+    b: &Surfels,
+    placement: &Placement,
+    &Reach { distance, scale }: &Reach,
+    search: &mut Search,
+) -> PairSums<D> {
+    let ask_all = search.must_ask_all(placement, a.radius, distance);
     if ask_all {
-        search.asked_at = Some(*motion_b_a);
+        search.asked_at = Some(*placement);
         search.active.clear();
         search.active.extend_from_slice(&a.inner);
     }
-    let motion = motion_b_a.cast::<f32>();
+    let motion = placement.motion.cast::<f32>();
+    let ratio = placement.ratio as f32;
     let (rotation, shift) = (motion.rotation.to_rotation_matrix(), motion.translation.vector);
     let search_distance2 = (MARGIN * distance).powi(2) as f32;
     let distance2 = (distance * distance) as f32;
     let scale2 = (scale * scale) as f32;
     let pursuits = &mut search.pursuits;
-    let mut sums = PairSums::default();
+    let mut sums = PairSums::<D>::default();
     search.active.retain(|&index| {
         let index = index as usize;
-        let moved = rotation * nalgebra::Vector3::from(a.indexed.points[index]) + shift;
+        let point = nalgebra::Vector3::from(a.indexed.points[index]);
+        let moved = rotation * if D == SCALED { point * ratio } else { point } + shift;
         let nearest = pursuits[index].nearest(&b.indexed, &moved.into(), search_distance2);
         let Some(nearest) = nearest else { return !ask_all };
         let target = nearest.index as usize;
