@@ -20,6 +20,8 @@ pub struct View {
     pub range_accuracy: f64,
     /// Root mean square distance of the points from the centroid.
     pub radius: f64,
+    /// What the scan's coordinates were multiplied by to get those here: 1 unless scanners disagree in unit.
+    pub scale: f64,
 }
 
 /// Why a scan can't be registered.
@@ -58,7 +60,7 @@ impl View {
         let mut residuals: Vec<f32> =
             local_planes(&indexed, &samples, normals::NEIGHBOURS).iter().map(|plane| plane.rms).collect();
         let range_accuracy = f64::from(median(&mut residuals).unwrap_or(0.0));
-        Ok(View { indexed, center, spacing, range_accuracy, radius })
+        Ok(View { indexed, center, spacing, range_accuracy, radius, scale: 1.0 })
     }
 
     /// Positions in the local frame, in the scan's order and unit.
@@ -71,19 +73,35 @@ impl View {
         thin(self.points(), edge as f32).representatives.iter().map(|index| self.points()[*index as usize]).collect()
     }
 
-    /// The pose of the local frame that belongs to a pose of the scan.
+    /// The pose of the local frame that belongs to a pose of the (scaled) scan.
     pub fn local_pose(&self, pose_world: &Motion) -> Motion {
         pose_world * nalgebra::Translation3::from(self.center)
     }
 
-    /// The pose of the scan that belongs to a pose of the local frame.
+    /// The pose of the (scaled) scan that belongs to a pose of the local frame.
     pub fn scan_pose(&self, local_pose_world: &Motion) -> Motion {
         local_pose_world * nalgebra::Translation3::from(-self.center)
     }
 
     /// The position of a point in the scan's own frame.
     pub fn in_scan_frame(&self, index: usize) -> Point3 {
-        Point3::from(nalgebra::Vector3::from(self.points()[index]).cast::<f64>() + self.center)
+        Point3::from((nalgebra::Vector3::from(self.points()[index]).cast::<f64>() + self.center) / self.scale)
+    }
+
+    /// The view with all its lengths multiplied by `factor`, about the origin of the scan's frame.
+    pub fn scaled(&self, factor: f64) -> View {
+        if factor == 1.0 {
+            return self.clone();
+        }
+        let grown = |x: f32| (f64::from(x) * factor) as f32;
+        View {
+            indexed: IndexedPoints::new(self.points().iter().map(|p| p.map(grown)).collect()),
+            center: self.center * factor,
+            spacing: self.spacing * factor,
+            range_accuracy: self.range_accuracy * factor,
+            radius: self.radius * factor,
+            scale: self.scale * factor,
+        }
     }
 }
 

@@ -10,12 +10,15 @@
 
 pub(super) mod normal_equations;
 mod refine;
+mod rough_scale;
+mod scaled;
 pub mod surfels;
 
 use rayon::prelude::*;
 
 use self::normal_equations::RIGID;
 use self::refine::{RefineOptions, refine};
+pub use self::scaled::joint_scaled;
 use self::surfels::{FineSurfels, Surfels};
 use super::multiview::{self, Multiview, MultiviewOptions, PairOutcome, Round};
 use super::overlap::overlaps;
@@ -101,19 +104,40 @@ pub fn joint(
     options: &MultiviewOptions,
     progress: &Progress,
 ) -> Result<Multiview, Canceled> {
-    let spacing = multiview::common_spacing(views);
+    joint_onto(views, initial, &[0], options, progress)
+}
+
+/// Registers `views` from `initial` poses (local frame to world) onto those that are `fixed`: they keep their poses as
+/// one rigid body, and pairs among them take no part. Views that hang on none of them are unplaced.
+pub fn joint_onto(
+    views: &[View],
+    initial: &[Motion],
+    fixed: &[usize],
+    options: &MultiviewOptions,
+    progress: &Progress,
+) -> Result<Multiview, Canceled> {
+    let run = Run { options, fixed, spacing: multiview::common_spacing(views), progress };
     let mut state = Multiview::at(initial);
-    let [coarse, fine] = PASSES.map(|pass| pass.edge(views, spacing));
+    let [coarse, fine] = PASSES.map(|pass| pass.edge(views, run.spacing));
     let surfels: Vec<Surfels> = views.par_iter().map(|view| Surfels::new(view, fine)).collect();
     let few: Vec<Surfels> = surfels.par_iter().map(|surfels| surfels.thinned(coarse)).collect();
     for (index, (surfels, edge)) in [(&few, coarse), (&surfels, fine)].into_iter().enumerate() {
         progress.report(Stage::Registering, index as f64 / PASSES.len() as f64);
-        run_pass(surfels, index, &PASSES[index], (edge, spacing), options, &mut state, progress)?;
+        run.pass::<RIGID>(surfels, index, &PASSES[index], edge, &mut state)?;
     }
-    measure_pairs(views, &surfels, spacing, &mut state, progress)?;
+    run.measure_pairs(views, &surfels, &mut state)?;
     let reach = PASSES[PASSES.len() - 1].last_distance * fine;
     state.surfels = Some(FineSurfels { views: surfels, edge: fine, reach });
     Ok(state)
+}
+
+/// What all passes of one registration share.
+struct Run<'a> {
+    options: &'a MultiviewOptions,
+    /// Views that keep their poses: at least one.
+    fixed: &'a [usize],
+    spacing: f64,
+    progress: &'a Progress,
 }
 
 /// Surfels by which pairs are chosen, at most: a share to about 2 %.
@@ -125,80 +149,91 @@ fn sampled(surfels: &Surfels) -> Vec<LocalPoint> {
     points.iter().step_by(points.len().div_ceil(OVERLAP_SAMPLES).max(1)).copied().collect()
 }
 
-fn run_pass(
-    surfels: &[Surfels],
-    index: usize,
-    pass: &Pass,
-    (edge, spacing): (f64, f64),
-    options: &MultiviewOptions,
-    state: &mut Multiview,
-    progress: &Progress,
-) -> Result<(), Canceled> {
-    let targets: Vec<&IndexedPoints> = surfels.iter().map(|s| &s.indexed).collect();
-    let samples: Vec<Vec<LocalPoint>> = surfels.iter().map(sampled).collect();
-    let samples: Vec<&[LocalPoint]> = samples.iter().map(Vec::as_slice).collect();
-    state.overlaps = overlaps(&targets, &samples, &state.local_poses, pass.tolerance * edge, progress)?;
-    let graph = ViewGraph::choose(&state.overlaps, OVERLAP_SHARE * options.min_overlap, PARTNERS);
-    let anchors = multiview::first_of_each_piece(&graph.pieces);
-    let refine_options = RefineOptions {
-        first_distance: pass.first_distance * edge,
-        last_distance: pass.last_distance * edge,
-        max_steps: MAX_STEPS,
-        settled: pass.settled * spacing,
-    };
-    let refined = refine::<RIGID>(surfels, &state.local_poses, &graph.pairs, &anchors, &refine_options, progress)?;
-    state.rounds.push(Round {
-        level: index,
-        tolerance: pass.tolerance * edge,
-        pairs: graph.pairs.len(),
-        min_overlap: graph.min_overlap,
-        icp_iterations: 0,
-        averaging_rounds: refined.steps,
-        rotation_change: multiview::largest_turn(&state.local_poses, &refined.local_poses),
-    });
-    state.placed = graph.pieces.iter().map(|piece| *piece == 0).collect();
-    state.pairs = graph
-        .pairs
-        .iter()
-        .map(|&(i, j)| PairOutcome::unmeasured(i, j, state.local_poses[i].inv_mul(&refined.local_poses[j])))
-        .collect();
-    state.local_poses = refined.local_poses;
-    Ok(())
-}
-
 /// A point of another view nearer than this many spacings is a counterpart, in the report.
 const TOUCHING: f64 = 2.0;
 
-/// What ICP would say of each pair at the final poses: overlaps, correspondences and their distance, measured from
-/// the surfels to all points of the other view.
-fn measure_pairs(
-    views: &[View],
-    surfels: &[Surfels],
-    spacing: f64,
-    state: &mut Multiview,
-    progress: &Progress,
-) -> Result<(), Canceled> {
-    let options = IcpOptions {
-        trim: Trim::Share(1.0),
-        max_distance: TOUCHING * spacing,
-        threshold: 0.0,
-        max_iterations: 0,
-        min_step: 0.0,
-    };
-    let poses = &state.local_poses;
-    let measure = |target: usize, source: usize| {
-        let motion = poses[target].inv_mul(&poses[source]);
-        trimmed_icp(&views[target].indexed, &surfels[source].indexed.points, &motion, &options, progress)
-    };
-    let measured: Vec<(IcpResult, IcpResult)> = state
-        .pairs
-        .par_iter()
-        .map(|pair| Ok((measure(pair.i, pair.j)?, measure(pair.j, pair.i)?)))
-        .collect::<Result<_, Canceled>>()?;
-    for (pair, (icp_i_j, icp_j_i)) in state.pairs.iter_mut().zip(measured) {
-        state.overlaps.set(pair.j, pair.i, icp_i_j.share);
-        state.overlaps.set(pair.i, pair.j, icp_j_i.share);
-        pair.icp = IcpResult { end: IcpEnd::Joint, ..icp_i_j };
+impl Run<'_> {
+    /// Chooses pairs and refines the poses in `state` over them; answers with the change of each view's scale.
+    fn pass<const D: usize>(
+        &self,
+        surfels: &[Surfels],
+        index: usize,
+        pass: &Pass,
+        edge: f64,
+        state: &mut Multiview,
+    ) -> Result<Vec<f64>, Canceled> {
+        let targets: Vec<&IndexedPoints> = surfels.iter().map(|s| &s.indexed).collect();
+        let samples: Vec<Vec<LocalPoint>> = surfels.iter().map(sampled).collect();
+        let samples: Vec<&[LocalPoint]> = samples.iter().map(Vec::as_slice).collect();
+        state.overlaps = overlaps(&targets, &samples, &state.local_poses, pass.tolerance * edge, self.progress)?;
+        let mut graph = ViewGraph::choose(&state.overlaps, OVERLAP_SHARE * self.options.min_overlap, PARTNERS);
+        graph.pairs.retain(|(i, j)| !(self.fixed.contains(i) && self.fixed.contains(j)));
+        let refine_options = RefineOptions {
+            first_distance: pass.first_distance * edge,
+            last_distance: pass.last_distance * edge,
+            max_steps: MAX_STEPS,
+            settled: pass.settled * self.spacing,
+        };
+        let anchors = self.anchors(&graph);
+        let refined =
+            refine::<D>(surfels, &state.local_poses, &graph.pairs, &anchors, &refine_options, self.progress)?;
+        state.rounds.push(Round {
+            level: index,
+            tolerance: pass.tolerance * edge,
+            pairs: graph.pairs.len(),
+            min_overlap: graph.min_overlap,
+            icp_iterations: 0,
+            averaging_rounds: refined.steps,
+            rotation_change: multiview::largest_turn(&state.local_poses, &refined.local_poses),
+        });
+        state.placed = graph.pieces.iter().map(|piece| self.holds(&graph, *piece)).collect();
+        state.pairs = graph
+            .pairs
+            .iter()
+            .map(|&(i, j)| PairOutcome::unmeasured(i, j, state.local_poses[i].inv_mul(&refined.local_poses[j])))
+            .collect();
+        state.local_poses = refined.local_poses;
+        Ok(refined.scales)
     }
-    Ok(())
+
+    /// Whether a piece of the graph holds a fixed view.
+    fn holds(&self, graph: &ViewGraph, piece: usize) -> bool {
+        self.fixed.iter().any(|&view| graph.pieces[view] == piece)
+    }
+
+    /// The fixed views, and the first of each piece that holds none.
+    fn anchors(&self, graph: &ViewGraph) -> Vec<usize> {
+        let mut anchors = multiview::first_of_each_piece(&graph.pieces);
+        anchors.retain(|&view| !self.holds(graph, graph.pieces[view]));
+        anchors.extend(self.fixed);
+        anchors
+    }
+
+    /// What ICP would say of each pair at the final poses: overlaps, correspondences and their distance, measured from
+    /// the surfels to all points of the other view.
+    fn measure_pairs(&self, views: &[View], surfels: &[Surfels], state: &mut Multiview) -> Result<(), Canceled> {
+        let options = IcpOptions {
+            trim: Trim::Share(1.0),
+            max_distance: TOUCHING * self.spacing,
+            threshold: 0.0,
+            max_iterations: 0,
+            min_step: 0.0,
+        };
+        let poses = &state.local_poses;
+        let measure = |target: usize, source: usize| {
+            let motion = poses[target].inv_mul(&poses[source]);
+            trimmed_icp(&views[target].indexed, &surfels[source].indexed.points, &motion, &options, self.progress)
+        };
+        let measured: Vec<(IcpResult, IcpResult)> = state
+            .pairs
+            .par_iter()
+            .map(|pair| Ok((measure(pair.i, pair.j)?, measure(pair.j, pair.i)?)))
+            .collect::<Result<_, Canceled>>()?;
+        for (pair, (icp_i_j, icp_j_i)) in state.pairs.iter_mut().zip(measured) {
+            state.overlaps.set(pair.j, pair.i, icp_i_j.share);
+            state.overlaps.set(pair.i, pair.j, icp_j_i.share);
+            pair.icp = IcpResult { end: IcpEnd::Joint, ..icp_i_j };
+        }
+        Ok(())
+    }
 }

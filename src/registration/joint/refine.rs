@@ -132,14 +132,16 @@ impl Step {
 
 /// How view a lies in the local frame and unit of view b: `p_b = motion (ratio p_a)`.
 #[derive(Clone, Copy)]
-struct Placement {
-    motion: Motion,
-    ratio: f64,
+pub(super) struct Placement {
+    /// Turns and shifts.
+    pub motion: Motion,
+    /// a's scale in that of b.
+    pub ratio: f64,
 }
 
 impl Placement {
     /// From each view's pose and scale.
-    fn between(b: (&Motion, f64), a: (&Motion, f64)) -> Self {
+    pub fn between(b: (&Motion, f64), a: (&Motion, f64)) -> Self {
         let mut motion = b.0.inv_mul(a.0);
         motion.translation.vector /= b.1;
         Placement { motion, ratio: a.1 / b.1 }
@@ -180,7 +182,7 @@ impl Search {
 }
 
 /// The cosine below which two normals don't belong to one surface.
-const LEAST_COSINE: f32 = 0.5;
+pub(super) const LEAST_COSINE: f32 = 0.5;
 
 /// Correspondences of view a's surfels in view b, summed in b's local frame.
 fn assemble<const D: usize>(

@@ -1,0 +1,56 @@
+//! Scales with the poses: for scanners that disagree in unit (the paper's "optimal scaling", left there as future work).
+//!
+//! A view's points are multiplied by its scale, about the origin of its scan, before its pose moves them: a Sim(3) a
+//! view. The first view's scale is 1. Scales start from [`rough_scales`] and are refined together with the poses, by one
+//! more unknown a view in the same equations.
+
+use rayon::prelude::*;
+
+use super::normal_equations::SCALED;
+use super::rough_scale::rough_scales;
+use super::surfels::Surfels;
+use super::{PASSES, Run};
+use crate::geometry::Motion;
+use crate::progress::{Canceled, Progress, Stage};
+use crate::registration::multiview::{self, Multiview, MultiviewOptions};
+use crate::registration::view::View;
+
+/// Registers `views` from the poses of their scans (`pose_world`), and scales all but the `fixed` ones. Answers with the
+/// views as scaled ([`View::scale`] tells by how much) and their registration.
+///
+/// `views` carry the scales to start from; `is_known` says which of those are more than a guess.
+pub fn joint_scaled(
+    mut views: Vec<View>,
+    scan_poses: &[Motion],
+    is_known: &[bool],
+    fixed: &[usize],
+    options: &MultiviewOptions,
+    progress: &Progress,
+) -> Result<(Vec<View>, Multiview), Canceled> {
+    progress.report(Stage::Registering, 0.0);
+    let growth = rough_scales(&views, scan_poses, is_known, fixed, progress)?;
+    views = scaled(&views, &growth);
+    let initial: Vec<Motion> = views.iter().zip(scan_poses).map(|(view, pose)| view.local_pose(pose)).collect();
+    let mut state = Multiview::at(&initial);
+    for (index, pass) in PASSES.iter().enumerate() {
+        progress.report(Stage::Registering, (index + 1) as f64 / (PASSES.len() + 1) as f64);
+        let run = Run { options, fixed, spacing: multiview::common_spacing(&views), progress };
+        let edge = pass.edge(&views, run.spacing);
+        let surfels = surfels(&views, edge);
+        let growth = run.pass::<SCALED>(&surfels, index, pass, edge, &mut state)?;
+        views = scaled(&views, &growth);
+        if index + 1 == PASSES.len() {
+            let run = Run { spacing: multiview::common_spacing(&views), ..run };
+            run.measure_pairs(&views, &self::surfels(&views, edge), &mut state)?;
+        }
+    }
+    Ok((views, state))
+}
+
+fn surfels(views: &[View], edge: f64) -> Vec<Surfels> {
+    views.par_iter().map(|view| Surfels::new(view, edge)).collect()
+}
+
+fn scaled(views: &[View], growth: &[f64]) -> Vec<View> {
+    views.par_iter().zip(growth).map(|(view, factor)| view.scaled(*factor)).collect()
+}
