@@ -1,5 +1,7 @@
 //! Scans to model to signature, stage by stage: the whole path, free of files, clocks and HTTP.
 
+mod start;
+
 use std::collections::BTreeMap;
 
 use rayon::prelude::*;
@@ -11,11 +13,14 @@ pub use crate::reconstruction::merge::ModelCloud;
 use crate::reconstruction::merge::{PosedView, merge};
 use crate::registration::covariance;
 pub use crate::registration::method::Method;
-use crate::registration::multiview::{self, Multiview, MultiviewOptions};
+use crate::registration::multiview::{self, Multiview};
 use crate::registration::report::RegistrationReport;
-use crate::registration::rough::scan_set::{Registered, Set};
+use crate::registration::rough::scan_set::Registered;
 use crate::registration::sensor::Sensor;
 use crate::registration::view::View;
+
+use self::start::Setting;
+pub use self::start::{PoseMatrix, Scale, Start};
 
 /// One scan with the name by which poses and reports speak of it.
 #[derive(Debug, Clone)]
@@ -42,6 +47,10 @@ pub struct Options {
     pub max_rounds: usize,
     /// Where the scanner stood in each scan's frame, if the files don't say.
     pub sensor: Option<[f64; 3]>,
+    /// Whether scans are scaled.
+    pub scale: Scale,
+    /// The scan that keeps its pose and so fixes the world; the first if absent.
+    pub reference: Option<String>,
     /// Whether the merged cloud is made.
     pub cloud: bool,
     /// Whether the signature is made.
@@ -57,6 +66,8 @@ impl Default for Options {
             range_accuracy: None,
             max_rounds: 20,
             sensor: None,
+            scale: Scale::default(),
+            reference: None,
             cloud: true,
             signature: true,
         }
@@ -68,6 +79,8 @@ impl Default for Options {
 pub struct Outcome {
     /// Scan name and `pose_world`, in view order; `None` = unplaced.
     pub poses: Vec<(String, Option<Motion>)>,
+    /// The same as matrices, which hold the scales too: what is written.
+    pub matrices: Vec<(String, Option<PoseMatrix>)>,
     /// The `result` part of the report (deterministic: the same scans give the same bytes).
     pub report: serde_json::Value,
     /// The merged cloud, if it was asked for.
@@ -99,10 +112,9 @@ pub enum PipelineError {
 /// The least scans of a set.
 pub const MIN_SCANS: usize = 2;
 
-/// Registers the scans and describes the model. Runs inside the caller's rayon pool.
+/// Registers the scans and describes the model; see [`run_from`].
 ///
-/// `initial_poses` maps scan names to `pose_world`; scans without one are placed by their surface. `unit` is that of the
-/// scans.
+/// `initial_poses` maps scan names to `pose_world`.
 pub fn run(
     scans: Vec<NamedScan>,
     initial_poses: &BTreeMap<String, Motion>,
@@ -110,23 +122,25 @@ pub fn run(
     options: &Options,
     progress: &Progress,
 ) -> Result<Outcome, PipelineError> {
+    run_from(scans, &initial_poses.into(), unit, options, progress)
+}
+
+/// Registers the scans from where they start and describes the model. Runs inside the caller's rayon pool.
+///
+/// Scans without a pose are placed by their surface. `unit` is that of the scans.
+pub fn run_from(
+    mut scans: Vec<NamedScan>,
+    start: &Start,
+    unit: Unit,
+    options: &Options,
+    progress: &Progress,
+) -> Result<Outcome, PipelineError> {
+    let setting = Setting::new(start, &mut scans, options)?;
     check_input(&scans, options)?;
     let names: Vec<String> = scans.iter().map(|scan| scan.name.clone()).collect();
     let views = prepare(&scans, progress)?;
-    let given: Vec<Option<Motion>> =
-        scans.iter().zip(&views).map(|(scan, view)| Some(view.local_pose(initial_poses.get(&scan.name)?))).collect();
-
-    let multiview_options = MultiviewOptions {
-        min_overlap: options.min_overlap,
-        range_accuracy: options.range_accuracy,
-        max_rounds: options.max_rounds,
-    };
-    let sensors: Vec<Option<Sensor>> =
-        scans.iter().zip(&views).map(|(scan, view)| sensor_of(scan, view, options)).collect();
-    let refine =
-        |views: &[View], initial: &[Motion]| options.method.register(views, initial, &multiview_options, progress);
-    let set = Set { names: &names, views: &views, given: &given, sensors: &sensors };
-    let Registered { result, mut verdict, placement } = set.register(&refine, progress)?;
+    let (views, sensors, registered) = setting.register(&scans, views, &names, options, progress)?;
+    let Registered { result, mut verdict, placement } = registered;
     let known = covariance::of_result(&views, &result);
     verdict.weigh(&known, multiview::common_spacing(&views), &names);
     let report = RegistrationReport::new(options.method, unit.name(), &names, &views, &result, &known, verdict);
@@ -136,10 +150,15 @@ pub fn run(
         Some((cloud, _)) if options.signature => describe(cloud, unit, progress)?,
         _ => None,
     };
-    let poses = names
+    let poses: Vec<(String, Option<Motion>)> = names
         .iter()
         .zip(views.iter().zip(result.local_poses.iter().zip(&result.placed)))
         .map(|(name, (view, (pose, placed)))| (name.clone(), placed.then(|| view.scan_pose(pose))))
+        .collect();
+    let matrices = poses
+        .iter()
+        .zip(&views)
+        .map(|((name, pose), view)| (name.clone(), pose.map(|pose| setting.matrix(name, &pose, view.scale))))
         .collect();
     let mut report = serde_json::to_value(&report).map_err(|error| PipelineError::Unusable {
         code: "report",
@@ -148,13 +167,19 @@ pub fn run(
         hint: "report this as a bug".into(),
     })?;
     placement.write_into(&mut report, &names, &views);
-    if let (Some((_, outward)), Some(views)) = (&merged, report["views"].as_array_mut()) {
-        for (view, outward) in views.iter_mut().zip(outward) {
-            view["normals_outward"] = (*outward).into();
+    for (index, entry) in report["views"].as_array_mut().into_iter().flatten().enumerate() {
+        if let Some((_, outward)) = &merged {
+            entry["normals_outward"] = outward[index].into();
+        }
+        if options.scale != Scale::None || views[index].scale != 1.0 {
+            entry["scale"] = views[index].scale.into();
+        }
+        if let Some(is_fixed) = setting.is_fixed(&names[index]) {
+            entry["fixed"] = is_fixed.into();
         }
     }
     let cloud = merged.map(|(cloud, _)| cloud).filter(|_| options.cloud);
-    Ok(Outcome { poses, report, cloud, signature })
+    Ok(Outcome { poses, matrices, report, cloud, signature })
 }
 
 fn check_input(scans: &[NamedScan], options: &Options) -> Result<(), PipelineError> {
@@ -209,7 +234,7 @@ fn prepare(scans: &[NamedScan], progress: &Progress) -> Result<Vec<View>, Pipeli
         .par_iter()
         .map(|scan| {
             progress.check()?;
-            View::new(&scan.surface.cloud).map_err(|problem| PipelineError::Unusable {
+            View::of(&scan.surface).map_err(|problem| PipelineError::Unusable {
                 code: "degenerate_scan",
                 scan: Some(scan.name.clone()),
                 message: format!("{} can't be registered: {problem}", scan.name),
@@ -249,7 +274,7 @@ fn merge_views(
 /// Where the scanner stood, from the file, else from the options.
 fn sensor_of(scan: &NamedScan, view: &View, options: &Options) -> Option<Sensor> {
     let position = scan.surface.sensor.map(|p| p.coords).or(options.sensor.map(Vector3::from))?;
-    Some(Sensor::At(position - view.center))
+    Some(Sensor::At(position * view.scale - view.center))
 }
 
 /// The signature, or `None` if the surface is too poor to have one.

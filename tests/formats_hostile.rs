@@ -134,6 +134,25 @@ fn odd_ply() -> impl Strategy<Value = Vec<u8>> {
     })
 }
 
+/// A PCD of two by two points whose header lines and data may be wrong.
+fn odd_pcd() -> impl Strategy<Value = Vec<u8>> {
+    let fields = "FIELDS( x| y| z| rgb| intensity| normal_x){3,5}";
+    let size = "SIZE( 1| 2| 4| 8){3,4}";
+    let kind = "TYPE( F| F| F| U| I){3,4}";
+    let count = "(COUNT( 1| 1| 1| 2| 4096){3,4})?";
+    let extent = "WIDTH [0-9]{1,2}\nHEIGHT [0-9]{1,20}\n(POINTS [0-9]{1,2}\n)?";
+    let data = prop::sample::select(vec!["ascii", "binary", "binary_compressed"]);
+    let body = prop_oneof![
+        prop::collection::vec(any::<u8>(), 0..200),
+        "([0-9]{1,2}|nan|inf|x| |\n){0,80}".prop_map(String::into_bytes)
+    ];
+    (fields, size, kind, count, extent, data, body).prop_map(|(fields, size, kind, count, extent, data, body)| {
+        let sound = "FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\n".to_owned();
+        let head = if body.len() % 2 == 0 { sound } else { format!("{fields}\n{size}\n{kind}\n{count}\n") };
+        [format!("{head}{extent}DATA {data}\n").as_bytes(), &body].concat()
+    })
+}
+
 fn any_cloud() -> impl Strategy<Value = Cloud> {
     let coordinate = prop_oneof![-1.0..1.0f64, -1e7..1e7f64];
     let point = prop::array::uniform3(coordinate).prop_map(Point3::from);
@@ -173,6 +192,17 @@ proptest! {
             if let Some(grid) = surface.grid {
                 prop_assert_eq!(grid.columns * grid.rows, grid.pixels.len());
                 prop_assert!(grid.pixels.iter().all(|p| *p == RangeGrid::EMPTY || (*p as usize) < count));
+            }
+        }
+    }
+
+    #[test]
+    fn odd_pcds_are_read_soundly_or_refused(file in odd_pcd()) {
+        if let Ok(surface) = read_surface("scan.pcd", &file, &ReadLimits::default()) {
+            prop_assert!(surface.cloud.points.iter().all(|p| p.coords.iter().all(|x| x.is_finite())));
+            if let Some(grid) = surface.grid {
+                prop_assert_eq!(grid.pixels.len(), grid.columns * grid.rows);
+                prop_assert!(grid.pixels.iter().all(|p| *p == RangeGrid::EMPTY || (*p as usize) < surface.cloud.len()));
             }
         }
     }

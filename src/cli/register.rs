@@ -1,6 +1,5 @@
 //! `visage register`: the scans of a folder into one model, without a server.
 
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -11,17 +10,17 @@ use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::formats::{self, ReadLimits, poses::PoseFile};
-use crate::geometry::{Motion, Unit};
+use crate::geometry::Unit;
 use crate::jobs::artifacts::{RunFacts, report_json};
 use crate::jobs::tracker::Tracker;
 
-use crate::pipeline::{self, Method, NamedScan, Options, Outcome, PipelineError};
+use crate::pipeline::{self, Method, NamedScan, Options, Outcome, PipelineError, Scale, Start};
 use crate::progress::{Progress, Stage};
 
 /// What to register and where to write it.
 #[derive(Debug, Args)]
 pub struct RegisterArgs {
-    /// The folder with the scans (PLY or OBJ)
+    /// The folder with the scans (PLY, PCD or OBJ)
     dir: PathBuf,
     /// Initial poses: Stanford .conf, JSON {"scan name": 4x4 scan-to-world}, or text blocks of a name and four rows
     #[arg(long)]
@@ -47,6 +46,15 @@ pub struct RegisterArgs {
     /// Where the scanner stood in each scan's frame, for outward normals [default: estimated]
     #[arg(long, value_name = "X,Y,Z", value_parser = position, allow_hyphen_values = true)]
     sensor: Option<[f64; 3]>,
+    /// Whether scans are scaled: none, or per_view for scanners that disagree in unit
+    #[arg(long, default_value_t = Scale::default())]
+    scale: Scale,
+    /// The scan that keeps its pose and so fixes the world [default: the first]
+    #[arg(long, value_name = "SCAN")]
+    reference: Option<String>,
+    /// Add scans to a finished model: its folder (or its poses.json); the poses in it stay as they are
+    #[arg(long, value_name = "MODEL")]
+    add_to: Option<PathBuf>,
     /// Don't make the merged cloud
     #[arg(long)]
     no_cloud: bool,
@@ -74,12 +82,17 @@ pub fn run(args: RegisterArgs) -> anyhow::Result<()> {
     let progress = Progress::new(tracker.clone(), Arc::new(AtomicBool::new(false)));
 
     let poses = args.poses.as_deref().map(read_poses).transpose()?;
-    let names = scan_names(&args, poses.as_ref())?;
+    let base = args.add_to.as_deref().map(read_base).transpose()?;
+    let names = scan_names(&args, poses.as_ref(), base.as_ref())?;
     let scans = pool.install(|| read_scans(&args.dir, &names, &progress))?;
-    let initial_poses: BTreeMap<String, Motion> = poses.map(|file| file.to_map()).unwrap_or_default();
+    let start = Start {
+        poses: poses.as_ref().map(PoseFile::to_map).unwrap_or_default(),
+        scales: poses.map(|file| file.scales).unwrap_or_default(),
+        base: base.map(|file| file.matrices).unwrap_or_default(),
+    };
     let options = options(&args);
     let outcome =
-        pool.install(|| pipeline::run(scans, &initial_poses, args.unit, &options, &progress)).map_err(with_hint)?;
+        pool.install(|| pipeline::run_from(scans, &start, args.unit, &options, &progress)).map_err(with_hint)?;
 
     progress.report(Stage::Storing, 0.0);
     std::fs::create_dir_all(&args.out).with_context(|| format!("making {}", args.out.display()))?;
@@ -107,6 +120,8 @@ fn options(args: &RegisterArgs) -> Options {
         min_overlap: args.min_overlap,
         range_accuracy: args.range_accuracy,
         sensor: args.sensor,
+        scale: args.scale,
+        reference: args.reference.clone(),
         cloud: !args.no_cloud,
         signature: !args.no_signature,
         ..Options::default()
@@ -116,11 +131,21 @@ fn options(args: &RegisterArgs) -> Options {
 fn read_poses(path: &Path) -> anyhow::Result<PoseFile> {
     let bytes = std::fs::read(path).with_context(|| format!("reading {}", path.display()))?;
     let name = path.file_name().unwrap_or_default().to_string_lossy();
-    formats::poses::read(&name, &bytes).with_context(|| format!("reading {}", path.display()))
+    formats::poses::read_scaled(&name, &bytes).with_context(|| format!("reading {}", path.display()))
 }
 
-/// The scans to register, in the order of the views: that of the pose file, else natural order of the names.
-fn scan_names(args: &RegisterArgs, poses: Option<&PoseFile>) -> anyhow::Result<Vec<String>> {
+/// The poses of a finished model, from its folder or from the file itself.
+fn read_base(model: &Path) -> anyhow::Result<PoseFile> {
+    let path = if model.is_dir() { model.join("poses.json") } else { model.to_owned() };
+    let file = read_poses(&path)?;
+    let has_matrices = file.matrices.len() == file.poses.len() && !file.poses.is_empty();
+    ensure!(has_matrices, "{} is not the poses.json of a finished model", path.display());
+    Ok(file)
+}
+
+/// The scans to register, in the order of the views: that of the base model, then of the pose file, else natural order
+/// of the names.
+fn scan_names(args: &RegisterArgs, poses: Option<&PoseFile>, base: Option<&PoseFile>) -> anyhow::Result<Vec<String>> {
     let files = files_of(&args.dir)?;
     if let Some(conf) = files.iter().find(|name| poses.is_none() && name.ends_with(".conf")) {
         eprintln!("note: {conf} is not used; give it with --poses if the scans are to start from it");
@@ -139,15 +164,16 @@ fn scan_names(args: &RegisterArgs, poses: Option<&PoseFile>) -> anyhow::Result<V
                 args.dir.display(),
                 missing.join(", ")
             );
-            files.into_iter().filter(|name| poses.poses.iter().any(|(posed, _)| posed == name)).collect()
+            let posed = || poses.poses.iter().chain(base.iter().flat_map(|base| &base.poses));
+            files.into_iter().filter(|name| posed().any(|(posed, _)| posed == name)).collect()
         }
         (None, None) => files.into_iter().filter(|name| is_scan(name)).collect(),
     };
-    let place = |name: &String| poses.and_then(|p| p.poses.iter().position(|(posed, _)| posed == name));
-    names.sort_by(|a, b| {
-        let places = (place(a).unwrap_or(usize::MAX), place(b).unwrap_or(usize::MAX));
-        places.0.cmp(&places.1).then_with(|| natord::compare(a, b))
-    });
+    let place_in = |file: Option<&PoseFile>, name: &String| {
+        file.and_then(|file| file.poses.iter().position(|(posed, _)| posed == name)).unwrap_or(usize::MAX)
+    };
+    let place = |name: &String| (place_in(base, name), place_in(poses, name));
+    names.sort_by(|a, b| place(a).cmp(&place(b)).then_with(|| natord::compare(a, b)));
     ensure!(!names.is_empty(), "no scans in {} (read are: {})", args.dir.display(), formats::EXTENSIONS.join(", "));
     Ok(names)
 }
@@ -195,7 +221,7 @@ fn with_hint(error: PipelineError) -> anyhow::Error {
 }
 
 fn write_model(out: &Path, outcome: &Outcome) -> anyhow::Result<()> {
-    write(&out.join("poses.json"), formats::poses::write_json(&outcome.poses).as_bytes())?;
+    write(&out.join("poses.json"), formats::poses::write_matrices(&outcome.matrices).as_bytes())?;
     if let Some(model) = &outcome.cloud {
         write(&out.join("cloud.ply"), &formats::ply::write_cloud(&model.cloud, Some(&model.views)))?;
     }

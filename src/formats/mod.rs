@@ -5,9 +5,11 @@
 //!
 //! - [`ply`]: scans, models and range grids, ASCII and binary, read and written
 //! - [`obj`]: models, read
+//! - [`pcd`]: scans, organised or not, read
 //! - [`poses`]: Stanford `.conf`, JSON and text blocks, read and written
 
 pub mod obj;
+pub mod pcd;
 pub mod ply;
 pub mod poses;
 
@@ -17,7 +19,7 @@ use crate::geometry::Surface;
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum FormatError {
     /// The name's extension is none that is read here.
-    #[error("files ending in {extension:?} are not read; send PLY or OBJ")]
+    #[error("files ending in {extension:?} are not read; send PLY, PCD or OBJ")]
     UnknownExtension {
         /// The part of the name after the last dot.
         extension: String,
@@ -97,13 +99,14 @@ impl Default for ReadLimits {
 }
 
 /// Extensions (lower case, no dot) of the files that are read as scans or models.
-pub const EXTENSIONS: &[&str] = &["ply", "obj"];
+pub const EXTENSIONS: &[&str] = &["ply", "pcd", "obj"];
 
 /// Reads a scan or model; the format is told by the extension of `name`.
 pub fn read_surface(name: &str, bytes: &[u8], limits: &ReadLimits) -> Result<Surface, FormatError> {
     let extension = name.rsplit_once('.').map_or("", |(_, extension)| extension).to_ascii_lowercase();
     match extension.as_str() {
         "ply" => ply::read(bytes, limits),
+        "pcd" => pcd::read(bytes, limits),
         "obj" => obj::read(bytes, limits),
         _ => Err(FormatError::UnknownExtension { extension }),
     }
@@ -117,7 +120,7 @@ mod tests {
     fn an_unknown_extension_is_named_with_the_remedy() {
         for name in ["scan.xyz", "scan.XYZ"] {
             let error = read_surface(name, b"", &ReadLimits::default()).expect_err("xyz is not read");
-            assert_eq!(error.to_string(), "files ending in \"xyz\" are not read; send PLY or OBJ");
+            assert_eq!(error.to_string(), "files ending in \"xyz\" are not read; send PLY, PCD or OBJ");
         }
         assert!(matches!(read_surface("ply", b"", &ReadLimits::default()), Err(FormatError::UnknownExtension { .. })));
     }

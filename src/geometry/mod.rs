@@ -4,6 +4,7 @@ pub mod cloud;
 pub mod mesh;
 pub mod neighbours;
 pub mod normals;
+pub mod organised;
 pub mod se3;
 pub mod surface;
 pub mod thinning;

@@ -109,10 +109,32 @@ pub fn from_rows(rows: &[[f64; 4]; 4]) -> Result<Motion, NotRigid> {
     Ok(Motion::from_parts(Vector3::new(rows[0][3], rows[1][3], rows[2][3]).into(), rotation))
 }
 
+/// A scale nearer to 1 than this is rounding.
+const SCALE_TOLERANCE: f64 = 1e-5;
+
+/// Reads a 4x4 row-major matrix `[s R, t]` as a rigid motion that follows a scaling by `s` > 0.
+pub fn from_scaled_rows(rows: &[[f64; 4]; 4]) -> Result<(Motion, f64), NotRigid> {
+    let determinant = nalgebra::Matrix3::from_fn(|r, c| rows[r][c]).determinant();
+    let scale = determinant.cbrt();
+    let is_scale = scale.is_finite() && scale > f64::MIN_POSITIVE && (scale - 1.0).abs() > SCALE_TOLERANCE;
+    if !is_scale {
+        return Ok((from_rows(rows)?, 1.0));
+    }
+    let unscaled = |r: usize, c: usize| if r < 3 && c < 3 { rows[r][c] / scale } else { rows[r][c] };
+    Ok((from_rows(&std::array::from_fn(|r| std::array::from_fn(|c| unscaled(r, c))))?, scale))
+}
+
 /// A rigid motion as a 4x4 row-major matrix.
 pub fn to_rows(motion: &Motion) -> [[f64; 4]; 4] {
     let m = motion.to_homogeneous();
     std::array::from_fn(|r| std::array::from_fn(|c| m[(r, c)]))
+}
+
+/// A rigid motion that follows a scaling, as a 4x4 row-major matrix `[s R, t]`.
+pub fn to_scaled_rows(motion: &Motion, scale: f64) -> [[f64; 4]; 4] {
+    let mut rows = to_rows(motion);
+    rows[..3].iter_mut().for_each(|row| row[..3].iter_mut().for_each(|x| *x *= scale));
+    rows
 }
 
 /// The rotation nearest to a 3x3 matrix in the Frobenius norm, determinant +1 (by SVD).
@@ -173,6 +195,23 @@ mod tests {
         rows[0][0] = 1.0;
         rows[3][0] = 0.5;
         assert_eq!(from_rows(&rows), Err(NotRigid::LastRow));
+    }
+
+    #[test]
+    fn scaled_rows_round_trip_and_a_mirror_is_no_scale() {
+        let motion = Motion::new(Vector3::new(0.1, -2.0, 30.0), Vector3::new(0.4, -0.7, 2.1));
+        for scale in [1.0, 0.8, 1000.0] {
+            let (back, found) = from_scaled_rows(&to_scaled_rows(&motion, scale)).expect("a scaled motion");
+            assert!((found / scale - 1.0).abs() < 1e-12);
+            assert!((back.to_homogeneous() - motion.to_homogeneous()).norm() < 1e-9);
+        }
+        let mut rows = to_rows(&motion);
+        rows[1].iter_mut().for_each(|x| *x = -*x);
+        assert!(matches!(from_scaled_rows(&rows), Err(NotRigid::NotARotation(_))));
+        rows[0] = rows[1];
+        assert!(from_scaled_rows(&rows).is_err(), "a flat matrix");
+        rows[0][0] = f64::INFINITY;
+        assert_eq!(from_scaled_rows(&rows), Err(NotRigid::NotFinite));
     }
 
     #[test]

@@ -15,6 +15,10 @@ pub struct NewJobBody {
     /// The scans to be registered.
     #[schema(format = "uuid")]
     pub scan_set_id: String,
+    /// A finished model of the same scan set that scans are added to: its poses stay, to the last bit, and only scans
+    /// without one are registered, onto the others.
+    #[schema(format = "uuid")]
+    pub base_model_id: Option<String>,
     /// Choices; `GET /v1/info` lists them with types, ranges and defaults.
     #[schema(value_type = Option<OptionsView>)]
     pub options: Option<serde_json::Value>,
@@ -46,6 +50,11 @@ pub struct OptionsView {
     /// Where the scanner stood in each scan's frame, if the files don't say.
     #[schema(min_items = 3, max_items = 3)]
     sensor: Option<Vec<f64>>,
+    /// Whether each scan gets a scale factor of its own: `none` or `per_view`.
+    #[schema(required = false, example = "none")]
+    scale: String,
+    /// The scan that keeps its pose and so fixes the world; the first when not given.
+    reference: Option<String>,
     /// Whether the merged cloud is made.
     #[schema(required = false, example = true)]
     cloud: bool,
@@ -58,7 +67,7 @@ pub struct OptionsView {
 #[derive(ToSchema)]
 #[expect(dead_code, reason = "only describes the form")]
 pub struct NewJobForm {
-    /// The scans: PLY or OBJ files, each with a name of its own.
+    /// The scans: PLY, PCD or OBJ files, each with a name of its own.
     #[schema(value_type = Vec<String>, format = Binary)]
     scans: Vec<Vec<u8>>,
     /// The initial poses: a Stanford `.conf`, JSON, or text blocks.
@@ -101,6 +110,9 @@ pub struct JobView {
     /// The scans it works on.
     #[schema(format = "uuid")]
     pub scan_set_id: String,
+    /// The model it adds scans to; null if it makes one anew.
+    #[schema(format = "uuid")]
+    pub base_model_id: Option<String>,
     /// What it left; null until it has succeeded, or when that model was deleted.
     #[schema(format = "uuid")]
     pub model_id: Option<String>,
@@ -160,6 +172,7 @@ impl JobView {
             attempts: job.attempts,
             cancel_asked: job.cancel_asked,
             scan_set_id: job.scan_set_id.to_string(),
+            base_model_id: job.base.as_ref().map(|base| base.model_id.to_string()),
             model_id: job.model_id.map(|id| id.to_string()),
             error: job.error.clone(),
             label: job.label.clone(),
@@ -185,6 +198,7 @@ impl JobView {
             scan_set_id: job.scan_set_id,
             label: job.label.clone(),
             options: job.options.clone(),
+            base: job.base.clone(),
             status: JobStatus::Queued,
             stage: None,
             progress: 0.0,

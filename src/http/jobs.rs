@@ -16,11 +16,12 @@ use super::problem::{Code, Problem};
 use super::scan_sets::{form_rules, from_form, keep_files, parse_id as parse_scan_set_id, undo_unless_stored};
 use super::state::{AppState, blocking, uninterrupted};
 use super::upload::{self, UploadedFile};
-use super::{events, extract, job_views, names, responses};
+use super::{events, extract, job_views, models, names, responses};
 use crate::jobs::{admission, options};
-use crate::pipeline::{Method, Options};
+use crate::pipeline::Options;
 use crate::store::{
-    FileId, JobFilter, JobId, JobRecord, JobStatus, NewJob, NewScanSet, PoseFile, ScanRecord, StoreError,
+    FileId, JobBase, JobFilter, JobId, JobRecord, JobStatus, ModelId, NewJob, NewScanSet, PoseFile, ScanRecord,
+    ScanSetId, StoreError,
 };
 
 pub(super) const TAG: &str = "jobs";
@@ -59,7 +60,8 @@ struct Order {
 /// Register a scan set.
 ///
 /// Accepted (202) only after it is durable. Refused at once when the scan set has fewer than two scans. Scans
-/// without an initial pose are placed by their surface. As a form, scans and poses come in the same call.
+/// without an initial pose are placed by their surface. As a form, scans and poses come in the same call. With
+/// `base_model_id`, scans that the model has no pose for are added to it.
 #[utoipa::path(
     post, path = "/v1/jobs", tag = TAG, operation_id = "createJob",
     params(("Idempotency-Key" = Option<String>, Header, description = "Makes a repeated request harmless.")),
@@ -122,8 +124,12 @@ async fn order_of_json(state: &AppState, body: NewJobBody) -> Result<Order, Prob
     let options = body.options.map(options::parse).transpose()?.unwrap_or_default();
     let label = body.label.map(|label| names::text("label", &label)).transpose()?;
     let set = state.shop.store.scan_set(parse_scan_set_id(&body.scan_set_id)?).await?;
-    admit(&set.scans, set.poses.as_ref(), options.method)?;
-    Ok(Order { job: NewJob { id: JobId::new(), scan_set_id: set.id, label, options }, upload: None })
+    let base = match &body.base_model_id {
+        Some(id) => Some(base_of(state, models::parse_id(id)?, set.id).await?),
+        None => None,
+    };
+    admit(&set.scans, set.poses.as_ref(), base.as_ref(), &options)?;
+    Ok(Order { job: NewJob { id: JobId::new(), scan_set_id: set.id, label, options, base }, upload: None })
 }
 
 async fn order_of_form(state: &AppState, form: upload::Form) -> Result<Order, Problem> {
@@ -133,16 +139,34 @@ async fn order_of_form(state: &AppState, form: upload::Form) -> Result<Order, Pr
     };
     let label = form.text("label")?.map(|label| names::text("label", label)).transpose()?;
     let (set, files) = from_form(state, form).await?;
-    admit(&set.scans, set.poses.as_ref(), options.method)?;
-    let job = NewJob { id: JobId::new(), scan_set_id: set.id, label, options };
+    admit(&set.scans, set.poses.as_ref(), None, &options)?;
+    let job = NewJob { id: JobId::new(), scan_set_id: set.id, label, options, base: None };
     Ok(Order { job, upload: Some((set, files)) })
 }
 
-fn admit(scans: &[ScanRecord], poses: Option<&PoseFile>, method: Method) -> Result<(), Problem> {
+fn admit(
+    scans: &[ScanRecord],
+    poses: Option<&PoseFile>,
+    base: Option<&JobBase>,
+    options: &Options,
+) -> Result<(), Problem> {
     let names: Vec<&str> = scans.iter().map(|scan| scan.name.as_str()).collect();
-    admission::admit(&names, poses)?;
-    admission::admit_count(names.len(), method)?;
+    admission::plan(&names, poses, base.map(|base| base.poses.as_slice()), options)?;
     Ok(())
+}
+
+/// The finished model of a scan set that scans are added to.
+async fn base_of(state: &AppState, id: ModelId, set: ScanSetId) -> Result<JobBase, Problem> {
+    let model = state.shop.store.model(id).await?;
+    if model.scan_set_id != Some(set) {
+        let hint = "name a model that was made from this scan set, or register without a base model";
+        return Err(Problem::new(Code::WrongBase, format!("the model {id} was not made from this scan set"), hint));
+    }
+    let poses = models::read_asset(state, id, "poses.json").await?.ok_or_else(|| {
+        let hint = "name a model that was registered from scans";
+        Problem::new(Code::WrongBase, format!("the model {id} has no poses"), hint)
+    })?;
+    Ok(JobBase { model_id: id, poses })
 }
 
 /// Which jobs to list.
@@ -248,7 +272,7 @@ async fn retry(State(state): State<AppState>, Path(id): Path<String>) -> Result<
     // the scan set may have changed since the job ended
     let job = state.shop.store.job(id).await?;
     let set = state.shop.store.scan_set(job.scan_set_id).await?;
-    admit(&set.scans, set.poses.as_ref(), job.options.method)?;
+    admit(&set.scans, set.poses.as_ref(), job.base.as_ref(), &job.options)?;
     state.shop.store.retry_job(id, state.limits().queued_jobs).await?;
     state.shop.board.announce_work();
     Ok((StatusCode::ACCEPTED, Json(JobView::of(&look_up(&state, id).await?))))

@@ -160,7 +160,7 @@ pub struct ModelList {
 #[derive(ToSchema)]
 #[expect(dead_code, reason = "only describes the form")]
 pub struct NewModelForm {
-    /// A mesh or cloud: PLY or OBJ.
+    /// A mesh or cloud: PLY, PCD or OBJ.
     #[schema(value_type = String, format = Binary)]
     model: Vec<u8>,
     /// Its class, such as `face`.

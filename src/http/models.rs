@@ -207,15 +207,20 @@ async fn read_report(
     id: ModelId,
     assets: &[AssetRecord],
 ) -> Result<Option<serde_json::Value>, Problem> {
-    use tokio::io::AsyncReadExt;
     if !assets.iter().any(|asset| asset.name == "report.json" && asset.bytes <= LARGEST_REPORT) {
         return Ok(None);
     }
-    // none: deleted between the two looks
-    let Some(mut file) = state.shop.blobs.open_asset(id, "report.json").await? else { return Ok(None) };
+    let content = read_asset(state, id, "report.json").await?;
+    content.map(|content| serde_json::from_slice(&content).map_err(Problem::internal)).transpose()
+}
+
+/// A small file of a model; `None` if it has none of that name, or was deleted in the meantime.
+pub(super) async fn read_asset(state: &AppState, id: ModelId, name: &str) -> Result<Option<Vec<u8>>, Problem> {
+    use tokio::io::AsyncReadExt;
+    let Some(mut file) = state.shop.blobs.open_asset(id, name).await? else { return Ok(None) };
     let mut content = Vec::new();
     file.read_to_end(&mut content).await.map_err(Problem::internal)?;
-    serde_json::from_slice(&content).map(Some).map_err(Problem::internal)
+    Ok(Some(content))
 }
 
 /// Delete a model with its files and its signature. The job and the scans it came from stay.

@@ -12,6 +12,7 @@ use crate::faces::DescribeError;
 use crate::formats::FormatError;
 use crate::jobs::admission::AdmissionError;
 use crate::jobs::options::OptionError;
+use crate::pipeline::PipelineError;
 use crate::store::StoreError;
 use crate::store::live_gallery::NotReady;
 
@@ -66,6 +67,10 @@ codes! {
     TooManyScans = "too_many_scans", UNPROCESSABLE_ENTITY, "the scan set has more scans than are allowed";
     TooFewScans = "too_few_scans", UNPROCESSABLE_ENTITY, "there is nothing to register with each other";
     WrongScanCount = "wrong_scan_count", UNPROCESSABLE_ENTITY, "the method takes another number of scans";
+    ScaledPose = "scaled_pose", UNPROCESSABLE_ENTITY, "an initial pose holds a scale";
+    UnknownReference = "unknown_reference", UNPROCESSABLE_ENTITY, "the reference is none of the scans";
+    WrongBase = "wrong_base", UNPROCESSABLE_ENTITY, "the scans can't be added to this model";
+    NothingToAdd = "nothing_to_add", UNPROCESSABLE_ENTITY, "the model has all scans already";
     UnreadablePoses = "unreadable_poses", UNPROCESSABLE_ENTITY, "the pose file can't be read";
     KeyReused = "idempotency_key_reused", UNPROCESSABLE_ENTITY, "the idempotency key belongs to another request";
     UnknownStandard = "unknown_standard", UNPROCESSABLE_ENTITY, "there is no such standard";
@@ -175,7 +180,7 @@ impl Problem {
             _ => Code::UnreadableScan,
         };
         let hint = match error {
-            FormatError::UnknownExtension { .. } => "export the scan as PLY or OBJ".to_owned(),
+            FormatError::UnknownExtension { .. } => "export the scan as PLY, PCD or OBJ".to_owned(),
             FormatError::Malformed { remedy, .. } => remedy.clone(),
             FormatError::Truncated { .. } => "export or upload the file again".to_owned(),
             FormatError::TooLarge { .. } => "thin the scan, or ask the operator to raise the limit".to_owned(),
@@ -273,6 +278,24 @@ impl From<AdmissionError> for Problem {
                 Problem::new(Code::WrongScanCount, detail, "choose two scans, or a method for several such as joint")
             }
             AdmissionError::Unreadable(error) => Problem::unreadable_poses(&error),
+            AdmissionError::Unfit(error) => error.into(),
+        }
+    }
+}
+
+impl From<PipelineError> for Problem {
+    fn from(error: PipelineError) -> Self {
+        let detail = error.to_string();
+        match error {
+            PipelineError::Canceled(_) => Problem::shutting_down(),
+            PipelineError::Unusable { code, scan, hint, .. } => {
+                let named = Code::ALL.iter().copied().find(|known| known.name() == code);
+                let problem = Problem::new(named.unwrap_or(Code::InvalidOptions), detail, hint);
+                match scan {
+                    Some(scan) => problem.scan(scan),
+                    None => problem,
+                }
+            }
         }
     }
 }

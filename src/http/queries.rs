@@ -80,7 +80,7 @@ struct QueryBody {
 #[derive(ToSchema)]
 #[expect(dead_code, reason = "only describes the form")]
 struct ProbeForm {
-    /// A mesh or cloud: PLY or OBJ.
+    /// A mesh or cloud: PLY, PCD or OBJ.
     #[schema(value_type = String, format = Binary)]
     probe: Vec<u8>,
     /// The unit of its coordinates.

@@ -77,7 +77,7 @@ impl NewScanSetBody {
 #[derive(ToSchema)]
 #[expect(dead_code, reason = "only describes the form")]
 pub struct ScanSetForm {
-    /// The scans: PLY or OBJ files, each with a name of its own.
+    /// The scans: PLY, PCD or OBJ files, each with a name of its own.
     #[schema(value_type = Vec<String>, format = Binary)]
     scans: Vec<Vec<u8>>,
     /// The initial poses: a Stanford `.conf`, JSON, or text blocks.

@@ -1,10 +1,10 @@
 //! Which scan sets may become a job: refusing at the door is kinder than failing later.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use crate::formats::{FormatError, poses};
 use crate::geometry::Motion;
-use crate::pipeline::{MIN_SCANS, Method};
+use crate::pipeline::{MIN_SCANS, Method, Options, PipelineError, Start};
 use crate::store::PoseFile;
 
 /// Why a scan set can't be registered.
@@ -29,6 +29,9 @@ pub enum AdmissionError {
     /// The pose file can't be read.
     #[error(transparent)]
     Unreadable(#[from] FormatError),
+    /// The options or the base model don't fit the scans.
+    #[error(transparent)]
+    Unfit(#[from] PipelineError),
 }
 
 /// How a pose file and the scans of a set fit together.
@@ -40,11 +43,22 @@ pub struct PoseFit {
     pub unknown_scans: Vec<String>,
     /// Scans that the pose file does not name.
     pub scans_without_pose: Vec<String>,
+    /// Scales that the poses hold.
+    pub scales: BTreeMap<String, f64>,
+}
+
+/// What of a scan set is registered, and from where.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Plan {
+    /// The scans in the order of the views.
+    pub names: Vec<String>,
+    /// Where they start.
+    pub start: Start,
 }
 
 /// Reads a pose file and holds it against the scans.
 pub fn fit_poses(scans: &[&str], file: &PoseFile) -> Result<PoseFit, FormatError> {
-    let read = poses::read(&file.name, &file.content)?;
+    let read = poses::read_scaled(&file.name, &file.content)?;
     let names: BTreeSet<&str> = scans.iter().copied().collect();
     let (poses, unknown): (Vec<_>, Vec<_>) =
         read.poses.into_iter().partition(|(name, _)| names.contains(name.as_str()));
@@ -53,12 +67,13 @@ pub fn fit_poses(scans: &[&str], file: &PoseFile) -> Result<PoseFit, FormatError
     Ok(PoseFit {
         unknown_scans: unknown.into_iter().map(|(name, _)| name).collect(),
         scans_without_pose: without,
+        scales: read.scales,
         poses,
     })
 }
 
 /// Whether a method takes so many scans.
-pub fn admit_count(count: usize, method: Method) -> Result<(), AdmissionError> {
+fn admit_count(count: usize, method: Method) -> Result<(), AdmissionError> {
     match method.exact_scans() {
         Some(exact) if exact != count => Err(AdmissionError::WrongScanCount { count, method, exact }),
         _ => Ok(()),
@@ -70,12 +85,18 @@ pub fn admit(scans: &[&str], file: Option<&PoseFile>) -> Result<PoseFit, Admissi
     if scans.len() < MIN_SCANS {
         return Err(AdmissionError::TooFewScans { count: scans.len() });
     }
+    Ok(fit_all(scans, file)?)
+}
+
+/// Holds the scans against a pose file that may be missing; those without a pose in natural order.
+fn fit_all(scans: &[&str], file: Option<&PoseFile>) -> Result<PoseFit, FormatError> {
     let mut fit = match file {
         Some(file) => fit_poses(scans, file)?,
         None => PoseFit {
             poses: Vec::new(),
             unknown_scans: Vec::new(),
             scans_without_pose: scans.iter().map(|name| (*name).to_owned()).collect(),
+            scales: BTreeMap::new(),
         },
     };
     fit.scans_without_pose.sort_by(|a, b| natord::compare(a, b));
@@ -87,6 +108,44 @@ impl PoseFit {
     pub fn view_order(&self) -> impl Iterator<Item = &str> {
         self.poses.iter().map(|(name, _)| name.as_str()).chain(self.scans_without_pose.iter().map(String::as_str))
     }
+}
+
+/// Plans the registration of scans of these names; with `base`, the `poses.json` of the model that they are added to.
+///
+/// Views are in the order of the base model, then of the pose file, then in natural order of their names.
+pub fn plan(
+    scans: &[&str],
+    file: Option<&PoseFile>,
+    base: Option<&[u8]>,
+    options: &Options,
+) -> Result<Plan, AdmissionError> {
+    let plan = match base {
+        None => {
+            let fit = admit(scans, file)?;
+            let names = fit.view_order().map(str::to_owned).collect();
+            Plan {
+                names,
+                start: Start { poses: fit.poses.into_iter().collect(), scales: fit.scales, ..Start::default() },
+            }
+        }
+        Some(base) => plan_addition(scans, file, &poses::read_scaled("poses.json", base)?)?,
+    };
+    let names: Vec<&str> = plan.names.iter().map(String::as_str).collect();
+    admit_count(names.len(), options.method)?;
+    plan.start.check(&names, options)?;
+    Ok(plan)
+}
+
+fn plan_addition(scans: &[&str], file: Option<&PoseFile>, base: &poses::PoseFile) -> Result<Plan, AdmissionError> {
+    let fixed = base.poses.iter().map(|(name, _)| name.as_str()).filter(|name| scans.contains(name));
+    let mut names: Vec<String> = fixed.map(str::to_owned).collect();
+    let added: Vec<&str> = scans.iter().copied().filter(|scan| !names.iter().any(|name| name == scan)).collect();
+    let mut start = Start { base: base.matrices.clone(), ..Start::default() };
+    let fit = fit_all(&added, file)?;
+    names.extend(fit.view_order().map(str::to_owned));
+    start.scales = fit.scales.into_iter().filter(|(name, _)| added.contains(&name.as_str())).collect();
+    start.poses = fit.poses.into_iter().collect();
+    Ok(Plan { names, start })
 }
 
 #[cfg(test)]
@@ -122,5 +181,41 @@ mod tests {
         assert_eq!(fit.unknown_scans, ["c.ply"]);
         let views: Vec<&str> = fit.poses.iter().map(|(name, _)| name.as_str()).collect();
         assert_eq!(views, ["b.ply", "a.ply"], "the order of the file is the order of the views");
+    }
+
+    #[test]
+    fn what_is_added_comes_after_the_base() {
+        let base = poses(&["b.ply", "a.ply", "gone.ply"]).content;
+        let planned = |scans: &[&str], file: Option<&PoseFile>| plan(scans, file, Some(&base), &Options::default());
+        let plan = planned(&["a.ply", "b.ply", "c.ply"], Some(&poses(&["c.ply"]))).expect("c.ply has a pose");
+        assert_eq!(plan.names, ["b.ply", "a.ply", "c.ply"]);
+        assert_eq!(plan.start.poses.keys().collect::<Vec<_>>(), ["c.ply"]);
+        let bare = planned(&["d.ply", "a.ply", "b.ply", "c.ply"], Some(&poses(&["a.ply"]))).expect("no pose is needed");
+        assert_eq!(bare.names, ["b.ply", "a.ply", "c.ply", "d.ply"]);
+        assert!(bare.start.poses.is_empty(), "the base model's pose counts");
+        let code = |refused: Result<Plan, AdmissionError>| match refused {
+            Err(AdmissionError::Unfit(PipelineError::Unusable { code, .. })) => code,
+            other => panic!("{other:?}"),
+        };
+        assert_eq!(code(planned(&["a.ply", "b.ply"], None)), "nothing_to_add");
+        assert_eq!(code(planned(&["x.ply", "y.ply"], Some(&poses(&["x.ply", "y.ply"])))), "wrong_base");
+    }
+
+    #[test]
+    fn references_and_scales_are_checked_at_the_door() {
+        let scans = ["a.ply", "b.ply"];
+        let refused = |file: &PoseFile, options: &Options| match plan(&scans, Some(file), None, options) {
+            Err(AdmissionError::Unfit(PipelineError::Unusable { code, .. })) => code,
+            other => panic!("{other:?}"),
+        };
+        let elsewhere = Options { reference: Some("c.ply".to_owned()), ..Options::default() };
+        assert_eq!(refused(&poses(&scans), &elsewhere), "unknown_reference");
+        let mut scaled = poses(&scans);
+        scaled.content = String::from_utf8_lossy(&scaled.content)
+            .replace("[[1,0,0,0],[0,1,0,0],[0,0,1,0]", "[[2,0,0,0],[0,2,0,0],[0,0,2,0]")
+            .into_bytes();
+        assert_eq!(refused(&scaled, &Options::default()), "scaled_pose");
+        let options = Options { scale: crate::pipeline::Scale::PerView, ..Options::default() };
+        assert_eq!(plan(&scans, Some(&scaled), None, &options).expect("scales are allowed").start.scales["a.ply"], 2.0);
     }
 }

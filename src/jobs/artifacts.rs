@@ -5,7 +5,8 @@ use std::collections::BTreeMap;
 use serde_json::Value;
 
 use crate::formats;
-use crate::geometry::Motion;
+use crate::geometry::se3;
+use crate::pipeline::{Outcome, PoseMatrix};
 
 /// Where something ran and what it took: `report.run`. Apart from the result, since it differs from run to run.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
@@ -77,23 +78,37 @@ pub fn report_json(result: &Value, run: &RunFacts) -> Result<Vec<u8>, serde_json
     Ok(bytes)
 }
 
-/// `poses.conf` in Stanford's convention; views without a place are left out. `None` when a name has a blank, which
-/// that format can't hold.
-pub fn poses_conf(poses: &[(String, Option<Motion>)]) -> Option<String> {
+/// `poses.conf` in Stanford's convention; views without a place are left out. `None` when a name has a blank or a view a
+/// scale, which that format can't hold.
+pub fn poses_conf(outcome: &Outcome) -> Option<String> {
     let has_blank = |name: &str| name.chars().any(char::is_whitespace);
-    (!poses.iter().any(|(name, _)| has_blank(name))).then(|| formats::poses::write_conf(poses))
+    let is_scaled = |matrix: &PoseMatrix| se3::from_rows(matrix).is_err();
+    let holds =
+        |(name, matrix): &(String, Option<PoseMatrix>)| !(has_blank(name) || matrix.as_ref().is_some_and(is_scaled));
+    outcome.matrices.iter().all(holds).then(|| formats::poses::write_conf(&outcome.poses))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::Motion;
     use serde_json::json;
 
     #[test]
-    fn a_name_with_a_blank_has_no_conf() {
-        let conf = |name: &str| poses_conf(&[(name.to_owned(), Some(Motion::identity()))]);
-        assert_eq!(conf("my scan.ply"), None);
-        assert!(conf("scan.ply").is_some_and(|text| text.starts_with("bmesh scan.ply ")));
+    fn a_name_with_a_blank_or_a_scale_has_no_conf() {
+        let conf = |name: &str, scale: f64| {
+            let pose = Motion::identity();
+            poses_conf(&Outcome {
+                poses: vec![(name.to_owned(), Some(pose))],
+                matrices: vec![(name.to_owned(), Some(se3::to_scaled_rows(&pose, scale)))],
+                report: json!({}),
+                cloud: None,
+                signature: None,
+            })
+        };
+        assert_eq!(conf("my scan.ply", 1.0), None);
+        assert_eq!(conf("scan.ply", 1.1), None);
+        assert!(conf("scan.ply", 1.0).is_some_and(|text| text.starts_with("bmesh scan.ply ")));
     }
 
     #[test]

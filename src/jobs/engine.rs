@@ -1,19 +1,17 @@
 //! The seam between the service and the algorithms.
 
-use std::collections::BTreeMap;
-
 use crate::faces::{self, DescribeError, Signature};
-use crate::geometry::{Motion, Surface, Unit};
-use crate::pipeline::{self, NamedScan, Options, Outcome, PipelineError};
+use crate::geometry::{Surface, Unit};
+use crate::pipeline::{self, NamedScan, Options, Outcome, PipelineError, Start};
 use crate::progress::Progress;
 
 /// What the service asks of the algorithms. Calls block, run inside a rayon pool, and may panic: the caller copes.
 pub trait Engine: Send + Sync + 'static {
-    /// Registers scans from initial poses; see [`pipeline::run`].
+    /// Registers scans from where they start; see [`pipeline::run_from`].
     fn register(
         &self,
         scans: Vec<NamedScan>,
-        initial_poses: &BTreeMap<String, Motion>,
+        start: &Start,
         unit: Unit,
         options: &Options,
         progress: &Progress,
@@ -31,12 +29,12 @@ impl Engine for PipelineEngine {
     fn register(
         &self,
         scans: Vec<NamedScan>,
-        initial_poses: &BTreeMap<String, Motion>,
+        start: &Start,
         unit: Unit,
         options: &Options,
         progress: &Progress,
     ) -> Result<Outcome, PipelineError> {
-        pipeline::run(scans, initial_poses, unit, options, progress)
+        pipeline::run_from(scans, start, unit, options, progress)
     }
 
     fn describe(&self, surface: &Surface, unit: Unit, progress: &Progress) -> Result<Signature, DescribeError> {

@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-use crate::pipeline::{Method, Options};
+use crate::pipeline::{Method, Options, Scale};
 
 /// One option as `GET /v1/info` describes it.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, utoipa::ToSchema)]
@@ -100,6 +100,18 @@ pub fn table() -> Vec<OptionInfo> {
             "array",
             None,
             "where the scanner stood in each scan's frame [x, y, z], if the files don't say",
+        ),
+        plain(
+            "scale",
+            "string",
+            Some(Scale::ALL.map(|scale| json!(scale.name())).to_vec()),
+            "per_view finds a scale factor for each scan, that of the first being 1: for scanners that disagree in unit",
+        ),
+        plain(
+            "reference",
+            "string",
+            None,
+            "the name of the scan that keeps its pose and so fixes the world; the first when not given",
         ),
         plain("cloud", "boolean", None, "whether the merged cloud is made"),
         plain("signature", "boolean", None, "whether the signature is made, by which queries find the model"),

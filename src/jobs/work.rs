@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use rayon::prelude::*;
 
-use super::admission::PoseFit;
+use super::admission::Plan;
 use super::engine::Engine;
 use super::tracker::Tracker;
 use super::{admission, artifacts};
@@ -15,7 +15,6 @@ use crate::blobs::{BlobError, Blobs, StagedModel};
 use crate::config::Limits;
 use crate::faces::Signature;
 use crate::formats;
-use crate::geometry::Motion;
 use crate::pipeline::{NamedScan, Outcome, PipelineError};
 use crate::progress::{Canceled, Progress, Stage};
 use crate::store::{AssetRecord, JobError, JobRecord, ModelId, NewModel, ScanRecord, ScanSetRecord};
@@ -102,29 +101,30 @@ impl Work {
     }
 
     fn make(&self) -> Result<Made, WorkError> {
-        let fit = self.initial_poses()?;
-        let scans = self.load(&fit)?;
-        let poses: BTreeMap<String, Motion> = fit.poses.into_iter().collect();
-        let outcome = self.engine.register(scans, &poses, self.set.unit, &self.job.options, &self.progress)?;
+        let plan = self.plan()?;
+        let scans = self.load(&plan.names)?;
+        let outcome = self.engine.register(scans, &plan.start, self.set.unit, &self.job.options, &self.progress)?;
         self.progress.check()?;
         self.progress.report(Stage::Storing, 0.0);
         self.keep(outcome)
     }
 
-    /// The initial poses. They were checked when the job was accepted; the set can't have changed since.
-    fn initial_poses(&self) -> Result<PoseFit, WorkError> {
+    /// What is registered, and from where. It was checked when the job was accepted; the set can't have changed since.
+    fn plan(&self) -> Result<Plan, WorkError> {
         let names: Vec<&str> = self.set.scans.iter().map(|scan| scan.name.as_str()).collect();
-        admission::admit(&names, self.set.poses.as_ref()).map_err(|error| {
+        let base = self.job.base.as_ref().map(|base| base.poses.as_slice());
+        let plan = admission::plan(&names, self.set.poses.as_ref(), base, &self.job.options);
+        plan.map_err(|error| {
             failed("unusable_poses", error.to_string(), None, "send a sound pose file or none, then retry the job")
         })
     }
 
-    /// Reads all scans, in view order.
-    fn load(&self, fit: &PoseFit) -> Result<Vec<NamedScan>, WorkError> {
+    /// Reads the scans of these names, in their order.
+    fn load(&self, names: &[String]) -> Result<Vec<NamedScan>, WorkError> {
         self.progress.report(Stage::Loading, 0.0);
         let stored: BTreeMap<&str, &ScanRecord> =
             self.set.scans.iter().map(|scan| (scan.name.as_str(), scan)).collect();
-        let views: Vec<&ScanRecord> = fit.view_order().filter_map(|name| stored.get(name).copied()).collect();
+        let views: Vec<&ScanRecord> = names.iter().filter_map(|name| stored.get(name.as_str()).copied()).collect();
         let loaded = AtomicUsize::new(0);
         views
             .par_iter()
@@ -159,8 +159,8 @@ impl Work {
             assets.push(write_asset(&staged, name, content)?);
             Ok(())
         };
-        write("poses.json", formats::poses::write_json(&outcome.poses).as_bytes())?;
-        if let Some(conf) = artifacts::poses_conf(&outcome.poses) {
+        write("poses.json", formats::poses::write_matrices(&outcome.matrices).as_bytes())?;
+        if let Some(conf) = artifacts::poses_conf(&outcome) {
             write("poses.conf", conf.as_bytes())?;
         }
         if let Some(merged) = &outcome.cloud {

@@ -52,7 +52,7 @@ pub fn merge(posed: &[PosedView], progress: &Progress) -> Result<(ModelCloud, Ve
         let rotation = view.local_pose.rotation.cast::<f32>();
         all_normals.extend(normals.iter().map(|n| rotation * n));
         let scan_pose = view.view.scan_pose(&view.local_pose);
-        merged.cloud.points.extend(view.scan.points.iter().map(|p| scan_pose * p));
+        merged.cloud.points.extend(view.scan.points.iter().map(|p| scan_pose * (p * view.view.scale)));
         merged.views.extend(std::iter::repeat_n(index as u16, view.scan.len()));
     }
     merged.cloud.normals = Some(all_normals);

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use crate::geometry::neighbours::{IndexedPoints, KdTree, LocalPoint};
 use crate::geometry::normals::{self, local_planes};
 use crate::geometry::thinning::thin;
-use crate::geometry::{Cloud, Motion, Point3, Vector3};
+use crate::geometry::{Cloud, Motion, Point3, Surface, Vector3, organised};
 
 /// A view in its local frame: the scan's own frame shifted so that the scan's centroid is the origin.
 #[derive(Debug, Clone)]
@@ -22,6 +22,9 @@ pub struct View {
     pub radius: f64,
     /// What the scan's coordinates were multiplied by to get those here: 1 unless scanners disagree in unit.
     pub scale: f64,
+    /// L_r of an organised scan: the distance of points seen by pixels side by side. Larger than `spacing`, for which
+    /// the nearer of all neighbours counts.
+    pub resolution: Option<f64>,
 }
 
 /// Why a scan can't be registered.
@@ -60,7 +63,13 @@ impl View {
         let mut residuals: Vec<f32> =
             local_planes(&indexed, &samples, normals::NEIGHBOURS).iter().map(|plane| plane.rms).collect();
         let range_accuracy = f64::from(median(&mut residuals).unwrap_or(0.0));
-        Ok(View { indexed, center, spacing, range_accuracy, radius, scale: 1.0 })
+        Ok(View { indexed, center, spacing, range_accuracy, radius, scale: 1.0, resolution: None })
+    }
+
+    /// Prepares a scan with what its grid tells, if it has one.
+    pub fn of(surface: &Surface) -> Result<Self, UnusableScan> {
+        let resolution = surface.grid.as_ref().and_then(|grid| organised::resolution(grid, &surface.cloud));
+        Ok(View { resolution, ..View::new(&surface.cloud)? })
     }
 
     /// Positions in the local frame, in the scan's order and unit.
@@ -89,9 +98,9 @@ impl View {
     }
 
     /// The view with all its lengths multiplied by `factor`, about the origin of the scan's frame.
-    pub fn scaled(&self, factor: f64) -> View {
+    pub fn scaled(self, factor: f64) -> View {
         if factor == 1.0 {
-            return self.clone();
+            return self;
         }
         let grown = |x: f32| (f64::from(x) * factor) as f32;
         View {
@@ -101,6 +110,7 @@ impl View {
             range_accuracy: self.range_accuracy * factor,
             radius: self.radius * factor,
             scale: self.scale * factor,
+            resolution: self.resolution.map(|resolution| resolution * factor),
         }
     }
 }

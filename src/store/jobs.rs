@@ -73,6 +73,15 @@ pub struct JobError {
     pub hint: String,
 }
 
+/// The finished model that a job adds scans to.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct JobBase {
+    /// Which model it is.
+    pub model_id: ModelId,
+    /// Its `poses.json` as it was when the job was accepted.
+    pub poses: Vec<u8>,
+}
+
 /// A job that is to be stored.
 #[derive(Debug, Clone)]
 pub struct NewJob {
@@ -84,6 +93,8 @@ pub struct NewJob {
     pub label: Option<String>,
     /// What the caller chose.
     pub options: Options,
+    /// The model it adds scans to; `None` if it makes one anew.
+    pub base: Option<JobBase>,
 }
 
 /// A stored job.
@@ -97,6 +108,8 @@ pub struct JobRecord {
     pub label: Option<String>,
     /// What the caller chose.
     pub options: Options,
+    /// The model it adds scans to; `None` if it makes one anew.
+    pub base: Option<JobBase>,
     /// Where it stands.
     pub status: JobStatus,
     /// The step it is in, or was in when it ended.
@@ -151,6 +164,8 @@ pub(super) struct JobRow {
     attempts: u32,
     cancel_asked: bool,
     error: Option<String>,
+    base_model_id: Option<String>,
+    base_poses: Option<Vec<u8>>,
     model_id: Option<String>,
     started_at: Option<i64>,
     finished_at: Option<i64>,
@@ -163,6 +178,10 @@ impl JobRow {
             scan_set_id: stored_id!(ScanSetId, &self.scan_set_id)?,
             label: self.label,
             options: serde_json::from_str(&self.options).map_err(|error| damaged("options", error))?,
+            base: match (self.base_model_id, self.base_poses) {
+                (Some(id), Some(poses)) => Some(JobBase { model_id: stored_id!(ModelId, &id)?, poses }),
+                _ => None,
+            },
             status: self.status.parse().map_err(|reason: String| damaged("a status", reason))?,
             stage: self.stage,
             progress: self.progress,
@@ -198,12 +217,14 @@ impl Store {
         let options = serde_json::to_string(&job.options).map_err(|error| damaged("options", error))?;
         // the scan set may have been deleted since it was looked up
         let inserted = sqlx::query(
-            "INSERT INTO job (id, scan_set_id, label, options, status)
-             SELECT ?, id, ?, ?, 'queued' FROM scan_set WHERE id = ?",
+            "INSERT INTO job (id, scan_set_id, label, options, base_model_id, base_poses, status)
+             SELECT ?, id, ?, ?, ?, ?, 'queued' FROM scan_set WHERE id = ?",
         )
         .bind(job.id.to_string())
         .bind(&job.label)
         .bind(options)
+        .bind(job.base.as_ref().map(|base| base.model_id.to_string()))
+        .bind(job.base.as_ref().map(|base| &base.poses))
         .bind(job.scan_set_id.to_string())
         .execute(&mut *tx)
         .await?;
@@ -344,7 +365,7 @@ mod tests {
     use super::*;
 
     pub(crate) async fn queued(store: &Store, set: ScanSetId) -> JobId {
-        let job = NewJob { id: JobId::new(), scan_set_id: set, label: None, options: Options::default() };
+        let job = NewJob { id: JobId::new(), scan_set_id: set, label: None, options: Options::default(), base: None };
         store.create_job(&job, None, 10, None).await.expect("queued");
         job.id
     }
@@ -354,7 +375,7 @@ mod tests {
         let (store, _folder) = testing::store().await;
         let set = testing::scan_set(&store, &["a.ply"]).await;
         queued(&store, set).await;
-        let job = NewJob { id: JobId::new(), scan_set_id: set, label: None, options: Options::default() };
+        let job = NewJob { id: JobId::new(), scan_set_id: set, label: None, options: Options::default(), base: None };
         let refused = store.create_job(&job, None, 1, None).await.expect_err("full");
         assert!(matches!(refused, StoreError::QueueFull { limit: 1 }));
         assert!(matches!(store.job(job.id).await, Err(StoreError::NotFound { kind: "job", .. })));
@@ -390,7 +411,7 @@ mod tests {
     async fn a_replay_is_kept_with_what_it_created() {
         let (store, _folder) = testing::store().await;
         let set = testing::scan_set(&store, &["a.ply"]).await;
-        let job = NewJob { id: JobId::new(), scan_set_id: set, label: None, options: Options::default() };
+        let job = NewJob { id: JobId::new(), scan_set_id: set, label: None, options: Options::default(), base: None };
         let key = replays_key("k", "hash");
         let replay = Replay {
             key: key.clone(),

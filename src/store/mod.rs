@@ -25,7 +25,7 @@ use std::time::Duration;
 use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePool, SqlitePoolOptions, SqliteSynchronous};
 
 pub use ids::{FileId, JobId, ModelId, ScanSetId};
-pub use jobs::{CancelAnswer, JobError, JobFilter, JobRecord, JobStatus, NewJob};
+pub use jobs::{CancelAnswer, JobBase, JobError, JobFilter, JobRecord, JobStatus, NewJob};
 pub use models::{AssetRecord, ModelFilter, ModelRecord, NewModel, StoredSignature};
 pub use queue::{Finish, JobClaim};
 pub use replays::{Replay, ReplayKey};

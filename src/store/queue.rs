@@ -198,7 +198,7 @@ mod tests {
 
     async fn queued(store: &Store) -> JobId {
         let set: ScanSetId = testing::scan_set(store, &["a.ply", "b.ply"]).await;
-        let job = NewJob { id: JobId::new(), scan_set_id: set, label: None, options: Options::default() };
+        let job = NewJob { id: JobId::new(), scan_set_id: set, label: None, options: Options::default(), base: None };
         store.create_job(&job, None, 10, None).await.expect("queued");
         job.id
     }

@@ -6,9 +6,9 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use visage::faces::{DescribeError, Signature};
-use visage::geometry::{Cloud, Motion, Surface, Unit};
+use visage::geometry::{Cloud, Motion, Surface, Unit, se3};
 use visage::jobs::engine::{Engine, PipelineEngine};
-use visage::pipeline::{ModelCloud, NamedScan, Options, Outcome, PipelineError};
+use visage::pipeline::{ModelCloud, NamedScan, Options, Outcome, PipelineError, Start};
 use visage::progress::{Progress, Stage};
 
 /// What the next registration does.
@@ -45,7 +45,7 @@ impl Engine for FakeEngine {
     fn register(
         &self,
         scans: Vec<NamedScan>,
-        initial_poses: &BTreeMap<String, Motion>,
+        start: &Start,
         _unit: Unit,
         _options: &Options,
         progress: &Progress,
@@ -66,7 +66,11 @@ impl Engine for FakeEngine {
                 });
             }
         }
-        Ok(outcome(&scans, initial_poses))
+        let mut poses = start.poses.clone();
+        for (name, matrix) in &start.base {
+            poses.insert(name.clone(), se3::from_rows(matrix).expect("rigid"));
+        }
+        Ok(outcome(&scans, &poses))
     }
 
     fn describe(&self, surface: &Surface, unit: Unit, progress: &Progress) -> Result<Signature, DescribeError> {
@@ -96,6 +100,7 @@ fn outcome(scans: &[NamedScan], poses: &BTreeMap<String, Motion>) -> Outcome {
     }
     let names: Vec<&str> = scans.iter().map(|scan| scan.name.as_str()).collect();
     Outcome {
+        matrices: scans.iter().map(|scan| (scan.name.clone(), Some(se3::to_rows(&pose(scan))))).collect(),
         poses: scans.iter().map(|scan| (scan.name.clone(), Some(pose(scan)))).collect(),
         report: serde_json::json!({"verdict": {"quality": "good"}, "views": names}),
         cloud: Some(merged),

@@ -3,7 +3,7 @@
 
 use serde::de::{Deserialize, Deserializer, MapAccess, SeqAccess, Visitor};
 
-use super::{Fault, PoseFile, REMEDY, pose_from_rows};
+use super::{Fault, PoseFile, REMEDY};
 use crate::geometry::{Motion, se3};
 
 /// Reads a JSON pose file, keeping the order of its keys.
@@ -26,7 +26,7 @@ pub(super) fn read(text: &str) -> Result<PoseFile, Fault> {
             Node::Null => file.unplaced.push(name.clone()),
             _ => {
                 let rows = rows(node).ok_or_else(|| Fault::scan(name, "it is neither null nor 4 rows of 4 numbers"))?;
-                file.poses.push((name.clone(), pose_from_rows(name, &rows)?));
+                file.push_matrix(name, rows)?;
             }
         }
     }
@@ -126,11 +126,16 @@ impl<'de> Visitor<'de> for NodeVisitor {
 /// Writes `{"scan name": 4x4 row-major}`, one scan a line, `null` for an unplaced one. Numbers are the shortest
 /// that read back the same, so the same poses give the same bytes.
 pub fn write(poses: &[(String, Option<Motion>)]) -> String {
-    let entry = |(name, pose): &(String, Option<Motion>)| {
-        let rows = serde_json::json!(pose.as_ref().map(se3::to_rows));
-        format!("  {}: {rows}", serde_json::Value::from(name.as_str()))
+    let matrices: Vec<_> = poses.iter().map(|(name, pose)| (name.clone(), pose.as_ref().map(se3::to_rows))).collect();
+    write_matrices(&matrices)
+}
+
+/// The same from the matrices themselves, whose upper left blocks may hold a scale.
+pub fn write_matrices(matrices: &[(String, Option<[[f64; 4]; 4]>)]) -> String {
+    let entry = |(name, rows): &(String, Option<[[f64; 4]; 4]>)| {
+        format!("  {}: {}", serde_json::Value::from(name.as_str()), serde_json::json!(rows))
     };
-    let entries: Vec<String> = poses.iter().map(entry).collect();
+    let entries: Vec<String> = matrices.iter().map(entry).collect();
     format!("{{\n{}\n}}\n", entries.join(",\n"))
 }
 

@@ -10,7 +10,7 @@ use super::{FormatError, checked_coordinate, quote};
 use crate::geometry::{Motion, se3};
 
 pub use conf::write as write_conf;
-pub use json::write as write_json;
+pub use json::{write as write_json, write_matrices};
 
 /// The poses of a file, in the order of the file.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -19,12 +19,27 @@ pub struct PoseFile {
     pub poses: Vec<(String, Motion)>,
     /// Scans that are named with `null` for a pose.
     pub unplaced: Vec<String>,
+    /// The scales of those whose matrices hold one, `[s R, t]`; only [`read_scaled`] takes such matrices.
+    pub scales: BTreeMap<String, f64>,
+    /// The matrices as they stand in the file; `.conf` has none.
+    pub matrices: BTreeMap<String, [[f64; 4]; 4]>,
 }
 
 impl PoseFile {
     /// The poses by scan name.
     pub fn to_map(&self) -> BTreeMap<String, Motion> {
         self.poses.iter().cloned().collect()
+    }
+
+    /// Adds a pose given as a 4x4 row-major matrix.
+    fn push_matrix(&mut self, scan: &str, rows: [[f64; 4]; 4]) -> Result<(), Fault> {
+        let (motion, scale) = pose_from_rows(scan, &rows)?;
+        if scale != 1.0 {
+            self.scales.insert(scan.to_owned(), scale);
+        }
+        self.poses.push((scan.to_owned(), motion));
+        self.matrices.insert(scan.to_owned(), rows);
+        Ok(())
     }
 }
 
@@ -36,9 +51,21 @@ impl PoseFile {
 /// [`FormatError::Malformed`] names the line or the scan: numbers that are missing or not finite, a matrix that is
 /// no rigid motion, a scan named twice, a file without poses.
 pub fn read(name: &str, bytes: &[u8]) -> Result<PoseFile, FormatError> {
-    parse(bytes).map_err(|fault| {
-        FormatError::malformed(format!("{}: {}", quote(name.as_bytes()), fault.place), fault.problem, fault.remedy)
-    })
+    let rigid = parse(bytes).and_then(|file| match file.scales.iter().next() {
+        None => Ok(file),
+        Some((scan, scale)) => {
+            Err(Fault::scan(scan, format!("the 3x3 block is no rotation: it holds a scale of {scale}")))
+        }
+    });
+    rigid.map_err(|fault| fault.of_file(name))
+}
+
+/// The same, but poses may hold a scale: matrices `[s R, t]`, as a registration with scales writes them.
+///
+/// # Errors
+/// As [`read`], but for the scale.
+pub fn read_scaled(name: &str, bytes: &[u8]) -> Result<PoseFile, FormatError> {
+    parse(bytes).map_err(|fault| fault.of_file(name))
 }
 
 /// How a pose file may look, for messages.
@@ -60,6 +87,10 @@ impl Fault {
     fn scan(scan: &str, problem: impl Into<String>) -> Self {
         let remedy = "give a rotation and a translation, row-major, with 0 0 0 1 as the last row";
         Fault { place: format!("the pose of {}", quote(scan.as_bytes())), problem: problem.into(), remedy }
+    }
+
+    fn of_file(self, name: &str) -> FormatError {
+        FormatError::malformed(format!("{}: {}", quote(name.as_bytes()), self.place), self.problem, self.remedy)
     }
 
     fn file(problem: impl Into<String>) -> Self {
@@ -88,13 +119,14 @@ fn parse(bytes: &[u8]) -> Result<PoseFile, Fault> {
     Ok(file)
 }
 
-/// A pose from a 4x4 row-major matrix.
-fn pose_from_rows(scan: &str, rows: &[[f64; 4]; 4]) -> Result<Motion, Fault> {
-    let motion = se3::from_rows(rows).map_err(|error| Fault::scan(scan, error.to_string()))?;
+/// A pose and its scale from a 4x4 row-major matrix.
+fn pose_from_rows(scan: &str, rows: &[[f64; 4]; 4]) -> Result<(Motion, f64), Fault> {
+    let (motion, scale) = se3::from_scaled_rows(rows).map_err(|error| Fault::scan(scan, error.to_string()))?;
     for coordinate in motion.translation.vector.iter() {
         checked_coordinate(*coordinate).map_err(|problem| Fault::scan(scan, format!("the translation {problem}")))?;
     }
-    Ok(motion)
+    checked_coordinate(scale).map_err(|problem| Fault::scan(scan, format!("the scale {problem}")))?;
+    Ok((motion, scale))
 }
 
 #[cfg(test)]
@@ -142,6 +174,24 @@ mod tests {
         );
         let last = message("a.ply\n1 0 0 0\n0 1 0 0\n0 0 1 0\n1 0 0 1\n");
         assert!(last.contains("the last row must be 0 0 0 1"), "{last}");
+    }
+
+    #[test]
+    fn scales_are_read_where_they_are_asked_for_and_matrices_are_kept_to_the_last_bit() {
+        let turned = Motion::new(Vector3::new(0.1, -1e-9, 1e6), Vector3::new(0.3, 2.0, -0.7));
+        let matrices = vec![
+            ("a".to_owned(), Some(se3::to_scaled_rows(&turned, 1.1))),
+            ("b".to_owned(), Some(se3::to_rows(&turned))),
+        ];
+        let text = write_matrices(&matrices);
+        let file = read_scaled("poses.json", text.as_bytes()).expect("scaled poses");
+        assert_eq!(file.scales.keys().collect::<Vec<_>>(), ["a"]);
+        assert!((file.scales["a"] - 1.1).abs() < 1e-12);
+        assert!((file.to_map()["a"].to_homogeneous() - turned.to_homogeneous()).norm() < 1e-9);
+        assert_eq!(file.matrices["b"], se3::to_rows(&turned));
+        let again: Vec<_> = file.matrices.into_iter().map(|(name, rows)| (name, Some(rows))).collect();
+        assert_eq!(write_matrices(&again), text);
+        assert!(message(&text).contains("the pose of \"a\": the 3x3 block is no rotation: it holds a scale of 1.1"));
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Text blocks: a line with the scan's name, then the 4 rows of its matrix. Lines that begin with `#` are comments.
 
-use super::{Fault, PoseFile, pose_from_rows};
+use super::{Fault, PoseFile};
 use crate::formats::quote;
 
 /// Reads text blocks.
@@ -20,7 +20,7 @@ pub(super) fn read(text: &str) -> Result<PoseFile, Fault> {
                 Fault::line(index, problem)
             })?;
         }
-        file.poses.push((name.to_owned(), pose_from_rows(name, &rows)?));
+        file.push_matrix(name, rows)?;
     }
     Ok(file)
 }

@@ -175,8 +175,7 @@ impl Run<'_> {
             settled: pass.settled * self.spacing,
         };
         let anchors = self.anchors(&graph);
-        let refined =
-            refine::<D>(surfels, &state.local_poses, &graph.pairs, &anchors, &refine_options, self.progress)?;
+        let refined = refine::<D>(surfels, &state.local_poses, &graph.pairs, &anchors, &refine_options, self.progress)?;
         state.rounds.push(Round {
             level: index,
             tolerance: pass.tolerance * edge,

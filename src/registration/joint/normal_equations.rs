@@ -179,13 +179,7 @@ pub fn solve<const D: usize>(
         .then(|| columns.iter().map(|column| column.map_or_else(SVector::zeros, twist)).collect())
 }
 
-fn push<const D: usize>(
-    matrix: &mut CooMatrix<f64>,
-    row: usize,
-    column: usize,
-    block: &SMatrix<f64, D, D>,
-    sign: f64,
-) {
+fn push<const D: usize>(matrix: &mut CooMatrix<f64>, row: usize, column: usize, block: &SMatrix<f64, D, D>, sign: f64) {
     for i in 0..D {
         for j in 0..D {
             matrix.push(row + i, column + j, sign * block[(i, j)]);
@@ -210,7 +204,7 @@ mod tests {
             sums.add(&n, &x, n.dot(&(moved - x)), 1.0);
         }
         let twists = solve(&[(1, 0)], &[sums.into_world(frame, unit)], &columns::<D>(2, &[0])).expect("all is held");
-        assert_eq!(twists[0], SVector::zeros());
+        assert_eq!(twists[0].norm(), 0.0);
         twists[1]
     }
 

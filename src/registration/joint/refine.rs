@@ -149,7 +149,8 @@ impl Placement {
 
     /// How far the change from this placement to another moves a point within `radius` of a's origin, at most.
     fn largest_step(&self, to: &Placement, radius: f64) -> f64 {
-        super::super::trimmed_icp::largest_step(&self.motion, &to.motion, radius) + (to.ratio - self.ratio).abs() * radius
+        super::super::trimmed_icp::largest_step(&self.motion, &to.motion, radius)
+            + (to.ratio - self.ratio).abs() * radius
     }
 }
 

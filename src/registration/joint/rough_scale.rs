@@ -54,7 +54,8 @@ pub fn rough_scales(
         placed.push(view);
         fresh = vec![view];
     }
-    let searched: Vec<usize> = (0..views.len()).filter(|v| placed.contains(v) && !fixed.contains(v) && !is_known[*v]).collect();
+    let searched: Vec<usize> =
+        (0..views.len()).filter(|v| placed.contains(v) && !fixed.contains(v) && !is_known[*v]).collect();
     for view in searched {
         progress.check()?;
         let mut table = search.table(view);
@@ -86,9 +87,8 @@ impl Table {
     ///
     /// Both directions count: a view that shrinks onto another fits it, but the other no longer fits the view.
     fn best(&self) -> Option<(f64, f64)> {
-        let fit = |(outward, inward): (&Vec<f32>, &f64)| {
-            outward.iter().map(|fit| f64::from(*fit)).sum::<f64>() + inward
-        };
+        let fit =
+            |(outward, inward): (&Vec<f32>, &f64)| outward.iter().map(|fit| f64::from(*fit)).sum::<f64>() + inward;
         let fits = self.outward.iter().zip(&self.inward).map(fit).zip(&self.scales);
         let (fit, scale) = fits.max_by(|a, b| a.0.total_cmp(&b.0))?;
         (fit > 0.0).then_some((fit, *scale))
@@ -145,7 +145,8 @@ impl Search<'_> {
             let moved = rotation * (nalgebra::Vector3::from(a.indexed.points[index]) * ratio) + shift;
             let Some(nearest) = b.indexed.tree.nearest(&moved.into(), reach2) else { return 0.0 };
             let target = nearest.index as usize;
-            let cosine = (rotation * nalgebra::Vector3::from(a.normals[index])).dot(&nalgebra::Vector3::from(b.normals[target]));
+            let cosine =
+                (rotation * nalgebra::Vector3::from(a.normals[index])).dot(&nalgebra::Vector3::from(b.normals[target]));
             let is_counterpart = b.is_inner[target] && cosine.abs() > LEAST_COSINE;
             if is_counterpart { 1.0 - nearest.distance2 / reach2 } else { 0.0 }
         })

@@ -29,7 +29,7 @@ pub fn joint_scaled(
 ) -> Result<(Vec<View>, Multiview), Canceled> {
     progress.report(Stage::Registering, 0.0);
     let growth = rough_scales(&views, scan_poses, is_known, fixed, progress)?;
-    views = scaled(&views, &growth);
+    views = scaled(views, &growth);
     let initial: Vec<Motion> = views.iter().zip(scan_poses).map(|(view, pose)| view.local_pose(pose)).collect();
     let mut state = Multiview::at(&initial);
     for (index, pass) in PASSES.iter().enumerate() {
@@ -38,7 +38,7 @@ pub fn joint_scaled(
         let edge = pass.edge(&views, run.spacing);
         let surfels = surfels(&views, edge);
         let growth = run.pass::<SCALED>(&surfels, index, pass, edge, &mut state)?;
-        views = scaled(&views, &growth);
+        views = scaled(views, &growth);
         if index + 1 == PASSES.len() {
             let run = Run { spacing: multiview::common_spacing(&views), ..run };
             run.measure_pairs(&views, &self::surfels(&views, edge), &mut state)?;
@@ -51,6 +51,6 @@ fn surfels(views: &[View], edge: f64) -> Vec<Surfels> {
     views.par_iter().map(|view| Surfels::new(view, edge)).collect()
 }
 
-fn scaled(views: &[View], growth: &[f64]) -> Vec<View> {
-    views.par_iter().zip(growth).map(|(view, factor)| view.scaled(*factor)).collect()
+fn scaled(views: Vec<View>, growth: &[f64]) -> Vec<View> {
+    views.into_par_iter().zip(growth).map(|(view, factor)| view.scaled(*factor)).collect()
 }

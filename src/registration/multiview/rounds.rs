@@ -9,7 +9,7 @@ use crate::geometry::Motion;
 use crate::geometry::neighbours::{IndexedPoints, LocalPoint};
 use crate::progress::{Canceled, Progress, Stage};
 use crate::registration::overlap::overlaps;
-use crate::registration::threshold::adaptive_threshold;
+use crate::registration::threshold::{adaptive_threshold, array_threshold};
 use crate::registration::trimmed_icp::{IcpOptions, Trim, trimmed_icp};
 use crate::registration::view::View;
 use crate::registration::view_graph::ViewGraph;
@@ -149,7 +149,10 @@ impl LevelRun<'_> {
                 Reach::Spacings(count) => count * self.spacing,
             },
             threshold: match self.level.stop {
-                StopRule::Adaptive => adaptive_threshold(overlap_j_i, self.spacing, range_accuracy),
+                StopRule::Adaptive => match (self.views[i].resolution, self.views[j].resolution) {
+                    (Some(resolution), Some(_)) => array_threshold(overlap_j_i, resolution, range_accuracy),
+                    _ => adaptive_threshold(overlap_j_i, self.spacing, range_accuracy),
+                },
                 StopRule::Fixed(squared_spacings) => squared_spacings * self.spacing * self.spacing,
             },
             max_iterations: self.level.max_iterations,

@@ -2,7 +2,7 @@
 
 use super::sketch::Sketch;
 use crate::geometry::{Motion, se3};
-use crate::registration::joint::normal_equations::PairSums;
+use crate::registration::joint::normal_equations::{PairSums, RIGID};
 
 /// Search distances of the steps, in edges.
 const REACHES: [f64; 6] = [3.0, 2.5, 2.0, 1.5, 1.2, 1.0];
@@ -21,7 +21,7 @@ pub fn align(i: &Sketch, j: &Sketch, motion_i_j: &Motion, edge: f64) -> Motion {
         let moved_by = motion.cast::<f32>();
         let (rotation, shift) = (moved_by.rotation.to_rotation_matrix(), moved_by.translation.vector);
         let scale2 = (0.5 * reach as f32).powi(2);
-        let mut sums = PairSums::default();
+        let mut sums = PairSums::<RIGID>::default();
         for (k, &index) in j.inner.iter().enumerate().step_by(step) {
             let index = index as usize;
             let moved = rotation * j.position(index) + shift;

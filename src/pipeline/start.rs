@@ -1,0 +1,300 @@
+//! Where a registration begins, what of it stays, and which engine runs it.
+
+use std::collections::BTreeMap;
+
+use super::{Method, NamedScan, Options, PipelineError, bad_option, sensor_of};
+use crate::geometry::{Motion, se3};
+use crate::progress::{Canceled, Progress, Stage};
+use crate::registration::multiview::{self, Multiview, MultiviewOptions};
+use crate::registration::rough::placement::place;
+use crate::registration::rough::report::PlacementReport;
+use crate::registration::rough::scan_set::{Registered, Set};
+use crate::registration::sensor::Sensor;
+use crate::registration::view::View;
+use crate::registration::{joint, quality};
+
+/// A pose as a 4x4 row-major matrix `[s R, t]`; the scale s is 1 unless scales were sought.
+pub type PoseMatrix = [[f64; 4]; 4];
+
+/// Whether scans are scaled.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Scale {
+    /// All scans are in one unit.
+    #[default]
+    None,
+    /// Each scan has a scale factor of its own, that of the first being 1: for scanners that disagree in unit.
+    PerView,
+}
+
+impl Scale {
+    /// Every choice, the default first.
+    pub const ALL: [Scale; 2] = [Scale::None, Scale::PerView];
+
+    /// The name used in options and messages.
+    pub fn name(self) -> &'static str {
+        match self {
+            Scale::None => "none",
+            Scale::PerView => "per_view",
+        }
+    }
+}
+
+impl std::fmt::Display for Scale {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl std::str::FromStr for Scale {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        let all = Scale::ALL.into_iter();
+        all.clone().find(|scale| scale.name() == text).ok_or_else(|| {
+            let names: Vec<&str> = all.map(Scale::name).collect();
+            format!("{text:?} is no choice; use one of: {}", names.join(", "))
+        })
+    }
+}
+
+/// What is known of the scans' poses beforehand.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Start {
+    /// Initial `pose_world` by scan name.
+    pub poses: BTreeMap<String, Motion>,
+    /// Initial scales by scan name; 1, and to be searched for, where none is given.
+    pub scales: BTreeMap<String, f64>,
+    /// Poses that stay, by scan name: those of the finished model that the other scans are added to. Empty if a model
+    /// is made anew.
+    pub base: BTreeMap<String, PoseMatrix>,
+}
+
+impl From<&BTreeMap<String, Motion>> for Start {
+    fn from(poses: &BTreeMap<String, Motion>) -> Self {
+        Start { poses: poses.clone(), ..Start::default() }
+    }
+}
+
+impl Start {
+    /// Checks what the options and the base model ask of scans with these names.
+    ///
+    /// # Errors
+    /// [`PipelineError::Unusable`] with the code `bad_option`, `unknown_reference`, `wrong_base`, `nothing_to_add` or
+    /// `scaled_pose`.
+    pub fn check(&self, names: &[&str], options: &Options) -> Result<(), PipelineError> {
+        if !self.base.is_empty() {
+            let in_base = names.iter().filter(|name| self.base.contains_key(**name)).count();
+            check_base(in_base, names.len(), options)?;
+        }
+        if options.method != Method::Joint && (options.scale != Scale::None || !self.base.is_empty()) {
+            let remedy = "joint: the other methods neither find scales nor add to a model";
+            return Err(bad_option("method", remedy));
+        }
+        if let Some(reference) = options.reference.as_deref().filter(|reference| !names.contains(reference)) {
+            return Err(PipelineError::Unusable {
+                code: "unknown_reference",
+                scan: Some(reference.to_owned()),
+                message: format!("the reference {reference:?} is none of the scans"),
+                hint: "give the name of one of the scans, or leave the option out to take the first".into(),
+            });
+        }
+        let is_posed = |name: &&str| self.poses.contains_key(*name) || self.base.contains_key(*name);
+        if options.scale == Scale::PerView && !names.iter().all(is_posed) {
+            return Err(poses_for_scales());
+        }
+        match self.scales.iter().find(|(_, scale)| options.scale == Scale::None && **scale != 1.0) {
+            None => Ok(()),
+            Some((name, scale)) => Err(PipelineError::Unusable {
+                code: "scaled_pose",
+                scan: Some(name.clone()),
+                message: format!("the initial pose of {name} holds a scale of {scale:.6}"),
+                hint: "choose the option scale: per_view, or give rigid poses".into(),
+            }),
+        }
+    }
+}
+
+/// Whether scans can be added to a base model that has `in_base` of these `count` scans.
+fn check_base(in_base: usize, count: usize, options: &Options) -> Result<(), PipelineError> {
+    let (code, message, hint) = if options.reference.is_some() {
+        let message = "a reference is given together with a base model";
+        ("bad_option", message, "leave the reference out: the world is that of the base model")
+    } else if in_base == 0 {
+        let message = "none of the scans belongs to the base model";
+        ("wrong_base", message, "give the scans of the base model too, under their names there")
+    } else if in_base == count {
+        let message = "every scan has its pose in the base model already: there is nothing to add";
+        ("nothing_to_add", message, "add a scan, or register without a base model to begin anew")
+    } else {
+        return Ok(());
+    };
+    Err(PipelineError::Unusable { code, scan: None, message: message.into(), hint: hint.into() })
+}
+
+/// A start held against the scans and the options.
+pub(super) struct Setting {
+    /// `pose_world` by scan name, of the base model where it has one.
+    pub poses: BTreeMap<String, Motion>,
+    scales: BTreeMap<String, f64>,
+    base: BTreeMap<String, PoseMatrix>,
+}
+
+impl Setting {
+    /// Checks the start, and brings the reference to the front: view 0 fixes the world.
+    pub fn new(start: &Start, scans: &mut [NamedScan], options: &Options) -> Result<Self, PipelineError> {
+        let names: Vec<&str> = scans.iter().map(|scan| scan.name.as_str()).collect();
+        start.check(&names, options)?;
+        let place = options.reference.as_ref().and_then(|reference| names.iter().position(|name| name == reference));
+        if let Some(place) = place {
+            scans[..=place].rotate_right(1);
+        }
+        let mut setting =
+            Setting { poses: start.poses.clone(), scales: start.scales.clone(), base: start.base.clone() };
+        for (name, matrix) in &start.base {
+            let (pose, scale) = se3::from_scaled_rows(matrix).map_err(|error| PipelineError::Unusable {
+                code: "wrong_base",
+                scan: Some(name.clone()),
+                message: format!("the base model's pose of {name} can't be used: {error}"),
+                hint: "take the poses of the base model as they were written".into(),
+            })?;
+            setting.poses.insert(name.clone(), pose);
+            setting.scales.insert(name.clone(), scale);
+        }
+        Ok(setting)
+    }
+
+    /// Whether a scan keeps the pose it has in the base model; `None` if there is no base model.
+    pub fn is_fixed(&self, name: &str) -> Option<bool> {
+        (!self.base.is_empty()).then(|| self.base.contains_key(name))
+    }
+
+    /// The matrix of a scan's pose: of a fixed one as the base model has it, to the last bit.
+    pub fn matrix(&self, name: &str, pose_world: &Motion, scale: f64) -> PoseMatrix {
+        self.base.get(name).copied().unwrap_or_else(|| se3::to_scaled_rows(pose_world, scale))
+    }
+
+    /// Registers the views of the scans; answers with the views as scaled and what is known of their sensors.
+    pub fn register(
+        &self,
+        scans: &[NamedScan],
+        views: Vec<View>,
+        names: &[String],
+        options: &Options,
+        progress: &Progress,
+    ) -> Result<(Vec<View>, Sensors, Registered), PipelineError> {
+        let scale = |name: &String| self.scales.get(name).copied().unwrap_or(1.0);
+        let views: Vec<View> = views.into_iter().zip(names).map(|(view, name)| view.scaled(scale(name))).collect();
+        let sensors = |views: &[View]| -> Sensors {
+            scans.iter().zip(views).map(|(scan, view)| sensor_of(scan, view, options)).collect()
+        };
+        let task = Task { setting: self, names, options, progress };
+        if options.scale == Scale::PerView {
+            let (views, registered) = task.scaled(views)?;
+            let found = sensors(&views);
+            return Ok((views, found, registered));
+        }
+        let found = sensors(&views);
+        let registered =
+            if self.base.is_empty() { task.anew(&views, &found)? } else { task.onto_base(&views, &found)? };
+        Ok((views, found, registered))
+    }
+}
+
+/// For each view where its scanner stood, if that is known.
+pub(super) type Sensors = Vec<Option<Sensor>>;
+
+/// One registration.
+struct Task<'a> {
+    setting: &'a Setting,
+    names: &'a [String],
+    options: &'a Options,
+    progress: &'a Progress,
+}
+
+impl Task<'_> {
+    fn multiview_options(&self) -> MultiviewOptions {
+        MultiviewOptions {
+            min_overlap: self.options.min_overlap,
+            range_accuracy: self.options.range_accuracy,
+            max_rounds: self.options.max_rounds,
+        }
+    }
+
+    fn refine(&self, views: &[View], initial: &[Motion]) -> Result<Multiview, Canceled> {
+        self.options.method.register(views, initial, &self.multiview_options(), self.progress)
+    }
+
+    /// Known poses, local frame to world.
+    fn given(&self, views: &[View]) -> Vec<Option<Motion>> {
+        let pose = |name: &String, view: &View| Some(view.local_pose(self.setting.poses.get(name)?));
+        self.names.iter().zip(views).map(|(name, view)| pose(name, view)).collect()
+    }
+
+    /// The views whose poses stay: those of the base model, else the first.
+    fn fixed(&self) -> Vec<usize> {
+        match self.setting.base.is_empty() {
+            true => vec![0],
+            false => (0..self.names.len()).filter(|view| self.setting.base.contains_key(&self.names[*view])).collect(),
+        }
+    }
+
+    fn anew(&self, views: &[View], sensors: &[Option<Sensor>]) -> Result<Registered, PipelineError> {
+        let set = Set { names: self.names, views, given: &self.given(views), sensors };
+        Ok(set.register(&|views, initial| self.refine(views, initial), self.progress)?)
+    }
+
+    fn scaled(&self, views: Vec<View>) -> Result<(Vec<View>, Registered), PipelineError> {
+        let poses: Option<Vec<Motion>> = self.names.iter().map(|name| self.setting.poses.get(name).copied()).collect();
+        // checked with the start: every scan has one
+        let poses = poses.ok_or_else(poses_for_scales)?;
+        let is_known: Vec<bool> = self.names.iter().map(|name| self.setting.scales.contains_key(name)).collect();
+        let (fixed, options) = (self.fixed(), self.multiview_options());
+        let (views, result) = joint::joint_scaled(views, &poses, &is_known, &fixed, &options, self.progress)?;
+        let registered = self.judged(&views, PlacementReport::of_given(&result), result);
+        Ok((views, registered))
+    }
+
+    /// Adds to the base model. Where poses are missing, all scans are placed by their surface to begin with.
+    fn onto_base(&self, views: &[View], sensors: &[Option<Sensor>]) -> Result<Registered, PipelineError> {
+        let given = self.given(views);
+        let mut placement = None;
+        if given.contains(&None) {
+            let refine = |views: &[View], initial: &[Motion]| self.refine(views, initial);
+            placement = Some(place(views, &given, sensors, &refine, self.progress)?);
+        }
+        let mut initial = Vec::with_capacity(views.len());
+        for (view, pose) in given.iter().enumerate() {
+            let found = placement.as_ref().filter(|placement| placement.result.placed[view]);
+            let pose = pose.or(found.map(|placement| placement.result.local_poses[view]));
+            initial.push(pose.ok_or_else(|| fits_nowhere(&self.names[view]))?);
+        }
+        let result = joint::joint_onto(views, &initial, &self.fixed(), &self.multiview_options(), self.progress)?;
+        let report = placement.as_ref().map_or_else(|| PlacementReport::of_given(&result), PlacementReport::of);
+        Ok(self.judged(views, report, result))
+    }
+
+    fn judged(&self, views: &[View], placement: PlacementReport, result: Multiview) -> Registered {
+        self.progress.report(Stage::Judging, 0.0);
+        let verdict = quality::judge(views, &result, multiview::common_spacing(views), self.names);
+        Registered { result, verdict, placement }
+    }
+}
+
+fn poses_for_scales() -> PipelineError {
+    PipelineError::Unusable {
+        code: "bad_option",
+        scan: None,
+        message: "scale: per_view needs an initial pose of every scan".into(),
+        hint: "give the poses, or bring the scans into one unit first".into(),
+    }
+}
+
+fn fits_nowhere(name: &str) -> PipelineError {
+    PipelineError::Unusable {
+        code: "not_placed",
+        scan: Some(name.to_owned()),
+        message: format!("{name} has no initial pose, and its surface fits nowhere on the base model"),
+        hint: "give its pose, or add a scan that overlaps the model more".into(),
+    }
+}
