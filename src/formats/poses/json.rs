@@ -1,14 +1,15 @@
 //! JSON poses: `{"scan name": 4x4}` or `{"poses": {...}}`, each matrix row-major, nested or flat; `null` for a scan
 //! without a pose.
 
-use serde::de::{Deserialize, Deserializer, MapAccess, SeqAccess, Visitor};
+use serde::de::{Deserialize, Deserializer, MapAccess, Visitor};
+use serde_json::value::RawValue;
 
 use super::{Fault, PoseFile, REMEDY};
 use crate::geometry::{Motion, se3};
 
 /// Reads a JSON pose file, keeping the order of its keys.
 pub(super) fn read(text: &str) -> Result<PoseFile, Fault> {
-    let root: Node = serde_json::from_str(text).map_err(|error| Fault {
+    let root = Node::parse(text, DEPTH).map_err(|error| Fault {
         place: format!("line {}, column {}", error.line(), error.column()),
         problem: "it is no sound JSON".into(),
         remedy: REMEDY,
@@ -50,76 +51,75 @@ fn rows(node: &Node) -> Option<[[f64; 4]; 4]> {
     Some(rows)
 }
 
-/// JSON that keeps the order of its keys (and keys that come twice).
+/// Poses lie no deeper: file, `poses`, matrix, row, number.
+const DEPTH: usize = 5;
+
+/// JSON that keeps the order of its keys (and keys that come twice), and whose numbers are exact to the last bit, so
+/// that a model's poses come back as they were written (serde_json alone may be off by one in the last place).
 enum Node {
     Null,
     Number(f64),
     List(Vec<Node>),
     Map(Vec<(String, Node)>),
-    /// A string or a truth value: no part of a pose.
+    /// A string, a truth value, or something deeper than poses lie: no part of a pose.
     Other,
 }
 
 impl Node {
+    /// Parses one JSON value. The outermost call checks all of it.
+    fn parse(text: &str, depth: usize) -> Result<Node, serde_json::Error> {
+        let inner = |raw: &RawValue| match depth {
+            0 | 1 => Ok(Node::Other),
+            _ => Node::parse(raw.get(), depth - 1),
+        };
+        match text.trim_ascii_start().as_bytes().first() {
+            Some(b'{') => {
+                let Entries(entries) = serde_json::from_str(text)?;
+                let entries = entries.into_iter().map(|(key, raw)| Ok((key, inner(&raw)?)));
+                Ok(Node::Map(entries.collect::<Result<_, serde_json::Error>>()?))
+            }
+            Some(b'[') => {
+                let items: Vec<Box<RawValue>> = serde_json::from_str(text)?;
+                Ok(Node::List(items.iter().map(|raw| inner(raw)).collect::<Result<_, _>>()?))
+            }
+            _ => {
+                let value: &RawValue = serde_json::from_str(text)?;
+                let number = value.get().parse().map_or(Node::Other, Node::Number);
+                Ok(if value.get() == "null" { Node::Null } else { number })
+            }
+        }
+    }
+
     /// The items of a list; nothing for anything else.
     fn items(&self) -> &[Node] {
         if let Node::List(items) = self { items } else { &[] }
     }
 }
 
-impl<'de> Deserialize<'de> for Node {
+/// The entries of an object in their order, not looked into.
+struct Entries(Vec<(String, Box<RawValue>)>);
+
+impl<'de> Deserialize<'de> for Entries {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        deserializer.deserialize_any(NodeVisitor)
+        deserializer.deserialize_map(EntriesVisitor)
     }
 }
 
-struct NodeVisitor;
+struct EntriesVisitor;
 
-impl<'de> Visitor<'de> for NodeVisitor {
-    type Value = Node;
+impl<'de> Visitor<'de> for EntriesVisitor {
+    type Value = Entries;
 
     fn expecting(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
-        f.write_str("JSON")
+        f.write_str("a JSON object")
     }
 
-    fn visit_unit<E>(self) -> Result<Node, E> {
-        Ok(Node::Null)
-    }
-
-    fn visit_f64<E>(self, value: f64) -> Result<Node, E> {
-        Ok(Node::Number(value))
-    }
-
-    fn visit_i64<E>(self, value: i64) -> Result<Node, E> {
-        Ok(Node::Number(value as f64))
-    }
-
-    fn visit_u64<E>(self, value: u64) -> Result<Node, E> {
-        Ok(Node::Number(value as f64))
-    }
-
-    fn visit_bool<E>(self, _value: bool) -> Result<Node, E> {
-        Ok(Node::Other)
-    }
-
-    fn visit_str<E>(self, _value: &str) -> Result<Node, E> {
-        Ok(Node::Other)
-    }
-
-    fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Node, A::Error> {
-        let mut items = Vec::new();
-        while let Some(item) = list.next_element()? {
-            items.push(item);
-        }
-        Ok(Node::List(items))
-    }
-
-    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Node, A::Error> {
+    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Entries, A::Error> {
         let mut entries = Vec::new();
         while let Some(entry) = map.next_entry()? {
             entries.push(entry);
         }
-        Ok(Node::Map(entries))
+        Ok(Entries(entries))
     }
 }
 
@@ -169,6 +169,25 @@ mod tests {
         assert_eq!(problem(&format!("{{\"a\": {number}}}")), expected);
         assert_eq!(problem("[1]"), "the whole file: it is no JSON object");
         assert_eq!(problem("{\"a\":\n"), "line 2, column 0: it is no sound JSON");
+    }
+
+    #[test]
+    fn numbers_come_back_to_the_last_bit() {
+        // serde_json's own parser misses some of these by one in the last place
+        for value in [-0.9434816530622377, 411.46742216790756, 0.1, -1e-9, 5e-324, -3.6e29] {
+            let rows = [[1.0, 0.0, 0.0, value], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]];
+            let text = write_matrices(&[("a".into(), Some(rows))]);
+            let file = read(&text).unwrap_or_else(|fault| panic!("{}", fault.problem));
+            assert_eq!(file.matrices["a"], rows);
+        }
+    }
+
+    #[test]
+    fn deep_nesting_is_no_pose_and_takes_no_stack() {
+        let deep = format!("{{\"a\": {}{}}}", "[".repeat(100_000), "]".repeat(100_000));
+        assert!(problem(&deep).contains("a"));
+        let deep = format!("{}{}", "{\"poses\":".repeat(50_000), "}".repeat(50_000));
+        assert!(!problem(&deep).is_empty());
     }
 
     #[test]
