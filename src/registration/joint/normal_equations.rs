@@ -59,8 +59,8 @@ impl<const D: usize> PairSums<D> {
         for i in 0..D {
             let weighted = weight * row[i];
             self.gradient[i] += weighted * r;
-            for j in i..D {
-                self.upper[i][j] += weighted * row[j];
+            for (sum, value) in self.upper[i][i..].iter_mut().zip(&row[i..]) {
+                *sum += weighted * value;
             }
         }
         self.cost += weight * r * r;
