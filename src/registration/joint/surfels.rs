@@ -73,7 +73,7 @@ impl Surfels {
     }
 
     /// The number of surfels.
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.normals.len()
     }
 }

@@ -111,7 +111,7 @@ fn run_trials(datasets: &[Dataset], missing: &[TrialKey], threads: usize, journa
         Ok(())
     };
     let ends: Vec<anyhow::Result<()>> = std::thread::scope(|scope| {
-        let workers: Vec<_> = (0..threads.min(missing.len())).map(|_| scope.spawn(&work)).collect();
+        let workers: Vec<_> = (0..threads.min(missing.len())).map(|_| scope.spawn(work)).collect();
         let join = |worker: std::thread::ScopedJoinHandle<'_, anyhow::Result<()>>| {
             worker.join().unwrap_or_else(|_| Err(anyhow::anyhow!("a worker panicked")))
         };
