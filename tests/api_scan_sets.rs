@@ -83,7 +83,7 @@ async fn poses_are_held_against_the_scans() {
     assert_eq!(server.put(&format!("{set}/scans/b.ply"), files::ply(9)).await.status(), StatusCode::CREATED);
     let view = expect_json(server.get(&set).await, StatusCode::OK).await;
     assert_eq!(view["poses"]["scans_without_pose"], json!(["b.ply"]));
-    for broken in ["", "what?", "{\"a.ply\": [[1,2],[3,4]]}", "{\"a.ply\": [[2,0,0,0],[0,2,0,0],[0,0,2,0],[0,0,0,1]]}"]
+    for broken in ["", "what?", "{\"a.ply\": [[1,2],[3,4]]}", "{\"a.ply\": [[2,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]}"]
     {
         expect_problem(server.put(&format!("{set}/poses"), broken).await, 422, "unreadable_poses").await;
     }
