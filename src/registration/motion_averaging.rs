@@ -243,6 +243,29 @@ mod tests {
     }
 
     #[test]
+    fn whichever_pair_is_wrong_no_pose_moves_by_a_tenth_of_the_spacing() {
+        let spacing = OPTIONS.noise;
+        let (_, start, mut relative) = ring();
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(5);
+        for pair in &mut relative {
+            pair.motion_i_j *= random_motion(&mut rng, 0.05 * spacing, 0.05 * spacing / OPTIONS.radius);
+        }
+        let poses = |relative: &[RelativeMotion], robust| {
+            average(&start, relative, &[0], &AveragingOptions { robust, ..OPTIONS }).expect("connected").poses
+        };
+        let right = [poses(&relative, true), poses(&relative, false)];
+        for wrong in 0..relative.len() {
+            let axis = Vector3::ith_axis(wrong % 3);
+            let mut turned = relative.clone();
+            turned[wrong].motion_i_j *= Motion::new(Vector3::zeros(), axis.into_inner() * 30f64.to_radians());
+            let robust = largest_error(&poses(&turned, true), &right[0]);
+            assert!(robust <= 0.1 * spacing, "pair {wrong}: {} spacings", robust / spacing);
+            let plain = largest_error(&poses(&turned, false), &right[1]);
+            assert!(plain > 50.0 * spacing, "without weights pair {wrong} has to hurt: {} spacings", plain / spacing);
+        }
+    }
+
+    #[test]
     fn a_view_without_a_pair_is_undetermined() {
         let (_, start, mut relative) = ring();
         relative.retain(|pair| pair.i != 7 && pair.j != 7);

@@ -38,7 +38,7 @@ fn introduction(args: &PaperArgs) -> String {
          (`registration/paper_objective.rs`), so reported and measured columns are near each other but not the same \
          measure. Every 8th point of each scan counts.\n\
          - **Starts**: the poses that come with the scans; the rotation of each but the first is turned by u, drawn \
-         uniformly from (-a, a)³ rad; {trials} trials for each set and level a, the same starts for every method.\n\
+         uniformly from (-a, a)³ rad; {trials} for each set and level a, the same starts for every method.\n\
          - **Methods**: `lrs-l1alm`, `ma-icp` and `ma-aticp` run on {points}, on one level, as in the paper; `joint` on \
          all points, as `visage register` runs it.\n\
          - **Time**: {clock} of one thread, reading and scoring excluded; the paper's are wall seconds on its machine. \
@@ -109,7 +109,11 @@ fn others(text: &mut String, dataset: &Dataset, what: &str, trials: &[&TrialReco
 }
 
 fn plus_minus(spread: Option<Spread>, digits: usize) -> String {
-    spread.map(|s| format!("{:.digits$} ± {:.digits$}", s.mean, s.deviation)).unwrap_or_default()
+    match spread {
+        Some(Spread { mean, deviation: Some(deviation) }) => format!("{mean:.digits$} ± {deviation:.digits$}"),
+        Some(Spread { mean, deviation: None }) => format!("{mean:.digits$}"),
+        None => String::new(),
+    }
 }
 
 /// Whether `ma-aticp` is the best of the three, trial by trial, and what its threshold did.

@@ -8,20 +8,20 @@ use crate::pipeline::Method;
 pub struct Spread {
     /// The mean.
     pub mean: f64,
-    /// The standard deviation; 0 of one value.
-    pub deviation: f64,
+    /// The standard deviation; one value has none.
+    pub deviation: Option<f64>,
 }
 
 impl Spread {
     /// Of some values; `None` of none.
     pub fn of(values: &[f64]) -> Option<Spread> {
-        let n = values.len() as f64;
         if values.is_empty() {
             return None;
         }
+        let n = values.len() as f64;
         let mean = values.iter().sum::<f64>() / n;
         let squares: f64 = values.iter().map(|value| (value - mean).powi(2)).sum();
-        Some(Spread { mean, deviation: (squares / (n - 1.0).max(1.0)).sqrt() })
+        Some(Spread { mean, deviation: (values.len() > 1).then(|| (squares / (n - 1.0)).sqrt()) })
     }
 }
 
@@ -52,8 +52,8 @@ mod tests {
     #[test]
     fn the_deviation_is_that_of_a_sample() {
         assert_eq!(Spread::of(&[]), None);
-        assert_eq!(Spread::of(&[2.0]), Some(Spread { mean: 2.0, deviation: 0.0 }));
+        assert_eq!(Spread::of(&[2.0]), Some(Spread { mean: 2.0, deviation: None }));
         let spread = Spread::of(&[1.0, 2.0, 3.0]).expect("three values");
-        assert!((spread.mean - 2.0).abs() < 1e-12 && (spread.deviation - 1.0).abs() < 1e-12);
+        assert_eq!(spread, Spread { mean: 2.0, deviation: Some(1.0) });
     }
 }
