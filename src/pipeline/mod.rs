@@ -141,6 +141,8 @@ pub fn run_from(
     let views = prepare(&scans, progress)?;
     let (views, sensors, registered) = setting.register(&scans, views, &names, options, progress)?;
     let Registered { result, mut verdict, placement } = registered;
+    let positions: Vec<Option<Vector3>> = sensors.iter().map(|sensor| sensor.and_then(|s| s.position())).collect();
+    verdict.look(&views, &positions, &result, &names);
     let known = covariance::of_result(&views, &result);
     verdict.weigh(&known, multiview::common_spacing(&views), &names);
     let report = RegistrationReport::new(options.method, unit.name(), &names, &views, &result, &known, verdict);
@@ -271,7 +273,7 @@ fn merge_views(
     Ok(Some(merge(&posed, progress)?))
 }
 
-/// Where the scanner stood, from the file, else from the options.
+/// Where the scanner stood, in the view's local frame: from the file, else from the options.
 fn sensor_of(scan: &NamedScan, view: &View, options: &Options) -> Option<Sensor> {
     let position = scan.surface.sensor.map(|p| p.coords).or(options.sensor.map(Vector3::from))?;
     Some(Sensor::At(position * view.scale - view.center))

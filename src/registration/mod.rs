@@ -5,6 +5,7 @@
 
 pub mod candidates;
 pub mod covariance;
+pub mod free_space;
 pub mod joint;
 pub mod low_rank;
 pub mod method;

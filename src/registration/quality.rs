@@ -7,9 +7,11 @@
 use rayon::prelude::*;
 
 use super::covariance::PoseCovariance;
-use super::multiview::{Multiview, PairOutcome};
+use super::free_space::intrusions;
+use super::multiview::{Multiview, PairOutcome, common_spacing};
 use super::view::View;
 use super::weak_axes::weak_axes;
+use crate::geometry::Vector3;
 use crate::geometry::neighbours::LocalPoint;
 
 /// "Near" in spacings.
@@ -53,6 +55,9 @@ mod limits {
     pub const RESIDUAL: f64 = 1.5;
     /// How far a view's surface may lie from where the joint cost is least, in spacings.
     pub const UNREST: f64 = 1.0;
+    /// Share of a view's points, where another saw something, that may lie before it; and of how many points.
+    pub const LOOKED_THROUGH: f64 = 0.03;
+    pub const LOOKED_THROUGH_POINTS: usize = 30;
 }
 
 /// Judges a registration of the views with these names.
@@ -80,6 +85,24 @@ impl Verdict {
                 self.lower(
                     Quality::Doubtful,
                     format!("{name} would fit better {unrest:.1} spacings from where it was left"),
+                );
+            }
+        }
+    }
+
+    /// Adds what the scanners saw: a view may not have surface where another looked through. `sensors` are positions
+    /// in the views' local frames, where known.
+    pub fn look(&mut self, views: &[View], sensors: &[Option<Vector3>], result: &Multiview, names: &[String]) {
+        let spacing = common_spacing(views);
+        for found in intrusions(views, sensors, &result.local_poses, &result.placed, spacing) {
+            if found.points >= limits::LOOKED_THROUGH_POINTS && found.share > limits::LOOKED_THROUGH {
+                let (name, other) = (&names[found.view], &names[found.seen_by]);
+                self.lower(
+                    Quality::Doubtful,
+                    format!(
+                        "{name} has {:.0} % of its surface there where {other} looked through",
+                        found.share * 100.0
+                    ),
                 );
             }
         }

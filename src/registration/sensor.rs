@@ -18,6 +18,14 @@ pub enum Sensor {
 }
 
 impl Sensor {
+    /// Where the scanner stood, if that is known.
+    pub fn position(&self) -> Option<Vector3> {
+        match self {
+            Sensor::At(position) => Some(*position),
+            Sensor::Toward(_) => None,
+        }
+    }
+
     /// The direction (not normalised) from a point of the view to the scanner.
     pub fn direction_from(&self, point: &LocalPoint) -> Vector3 {
         match self {

@@ -7,7 +7,7 @@
 //! `A = a H` with the normal matrix H and the mean slope a of the robust residuals; a cluster c holds *all*
 //! correspondences, of whatever views, in one cell of space, wide enough that what is wrong in one says little of the
 //! next, and `g_c` is its share of the gradient over all unknowns. No noise model is needed. What is wrong with *all*
-//! of a surface, such as the sag of averaged patches, is invisible to any of this and is added as [`FLOOR`].
+//! of a surface, such as the sag of averaged patches, is invisible to any of this and is added as [`SYSTEMATIC`].
 //!
 //! Frames: a twist is `(translation, rotation vector)` in the axes of the world, applied from the left, about the
 //! view's own centroid at its pose: `p -> center + exp(w) (p - center) + t`. It is relative to the views that keep
@@ -34,6 +34,8 @@ pub struct PoseCovariance {
     pub center: Point3,
     /// 6x6, translation first: squared lengths, lengths times radians, squared radians.
     pub covariance: Matrix6<f64>,
+    /// What of that is not noise but common to whole sides of the object.
+    pub systematic: Matrix6<f64>,
     /// Six independent twists, and of the information that holds the view along each the share that is real: normals
     /// have noise, and noise looks like relief. About 1 where there is relief; near 0 or below where there is none.
     pub evidence: [(f64, Twist); 6],
@@ -60,10 +62,11 @@ impl PoseCovariance {
 /// Added to the diagonal, relative to its mean: keeps a direction that nothing holds from dividing by zero.
 const DAMPING: f64 = 1e-9;
 
-/// Root mean square displacement, in edges of the surfels' voxels, that the sandwich can't see: sag of averaged
-/// patches differs with the direction from which they were seen. Measured on scans without noise of half of the
-/// code-made shapes, tested with noise on the others.
-const FLOOR: f64 = 0.008;
+/// Residuals that are wrong in one way over whole sides of an object are not seen by the sandwich, since all poses
+/// yield to them: a surfel is the mean of a voxel and sags below a bent surface, by `edge^2 / 12 R`, and not alike for
+/// views from different directions. This is their root mean square in edges, times the root of the share of a view's
+/// correspondences that are wrong together. Fitted to half of the code-made shapes, tested on the others.
+const SYSTEMATIC: f64 = 0.0005;
 
 /// Edge of a cluster's cell, in edges of the surfels' voxels.
 const CELL: f64 = 3.0;
@@ -108,10 +111,12 @@ fn covariances(
         let reality = Reality::new(&evidence, &blocks, &blocks[view])?;
         let spread = about_center * reality.stretch();
         let sandwich = spread * meat * spread.transpose() * (small_sample(count) / (slope * slope));
-        let floor = extent.try_inverse()? * ((FLOOR * edge).powi(2) / 6.0);
+        let weight: f64 = evidence.iter().filter(|e| e.a == view || e.b == view).map(|e| e.weight).sum();
+        let systematic = spread * blocks[view] * spread.transpose() * (weight * (SYSTEMATIC * edge).powi(2));
         Some(PoseCovariance {
             center: Point3::from(center + middle),
-            covariance: sandwich + floor,
+            covariance: sandwich + systematic,
+            systematic,
             evidence: reality.twists().map(|(share, twist)| (share, about_center * twist)),
             step: about_center * step / slope,
             extent,
