@@ -368,7 +368,6 @@ mod tests {
         let (mut steps, mut warm, mut cold) = ((0, 0), piece.at_the_poses(), piece.at_random());
         assert!(piece.iterate(&mut warm, &mut steps.0) && piece.iterate(&mut cold, &mut steps.1));
         let (warm, cold) = (piece.motions(&warm).expect("rigid"), piece.motions(&cold).expect("rigid"));
-        println!("{} {} {steps:?}", largest_error(&warm, &truth), largest_error(&cold, &truth));
         assert!(largest_error(&warm, &cold) < 1e-3 * RADIUS, "{}", largest_error(&warm, &cold));
         assert!(largest_error(&warm, &truth) < 0.02 * RADIUS, "{}", largest_error(&warm, &truth));
         assert!(3 * steps.0 < steps.1, "the poses are the shorter way: {steps:?}");

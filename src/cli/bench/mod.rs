@@ -1,6 +1,9 @@
-//! `visage bench`: published experiments, repeated.
+//! `visage bench`: experiments that show what visage is worth, to be repeated by anyone.
 
+mod child;
+pub mod cost;
 pub mod paper;
+pub mod scale;
 
 use clap::{Args, Subcommand};
 
@@ -15,11 +18,17 @@ pub struct BenchArgs {
 enum Bench {
     /// Tables 1 and 2 of the paper: its method, its two baselines and `joint` on Stanford's scans, from disturbed poses.
     Paper(paper::PaperArgs),
+    /// Where the CPU time of a registration goes, in passes of neighbour search.
+    Cost(cost::CostArgs),
+    /// What a registration costs as the views of one code-made object grow in number.
+    Scale(scale::ScaleArgs),
 }
 
 /// Runs the experiment that the arguments name.
 pub fn run(args: BenchArgs) -> anyhow::Result<()> {
     match args.bench {
         Bench::Paper(args) => paper::run(args),
+        Bench::Cost(args) => cost::run(args),
+        Bench::Scale(args) => scale::run(args),
     }
 }
