@@ -3,12 +3,16 @@
 use rayon::prelude::*;
 
 use super::alignment::align;
+use super::confidence::{Grounds, confidence};
 use super::consensus::alike;
 use super::sketch::Sketch;
+use super::slide::slides;
+use super::touch::touching_share;
 use super::verification::{Evidence, verify};
 use crate::geometry::Motion;
 use crate::progress::{Canceled, Progress};
 use crate::registration::motion_averaging::{self, AveragingOptions, RelativeMotion};
+use crate::registration::view::View;
 
 /// A way to lay two views on each other, drawn onto the surface and asked.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -30,22 +34,37 @@ pub struct Group {
     pub views: Vec<usize>,
     /// For each of `views` its pose: local frame to the group's world.
     pub local_poses: Vec<Motion>,
+    /// For each of `views` how sure it is that it belongs where it is, 0 to 1.
+    pub confidences: Vec<f64>,
     /// The pairs that hold it together.
     pub links: Vec<Link>,
+    /// What each of its joins rested on.
+    pub joins: Vec<Grounds>,
+}
+
+/// All groups, and views that could be laid on others in several ways.
+#[derive(Debug, Clone, Default)]
+pub struct Assembly {
+    /// The largest first, those of equal size in the order of views.
+    pub groups: Vec<Group>,
+    /// For each view whether it, or its group, fits the rest in several ways.
+    pub ambiguous: Vec<bool>,
 }
 
 /// A link is worth trying from this share of agreeing surfels on,
 const LEAST_OVERLAP: f64 = 0.08;
 /// and this share of agreement among all that was said.
 const LEAST_CONSISTENCY: f64 = 0.6;
-/// Groups are joined if this share of all that their views say of each other agrees,
-const JOIN_CONSISTENCY: f64 = 0.72;
-/// and at least this share of a view's surfels does.
-const JOIN_OVERLAP: f64 = 0.15;
 /// A pair within a join is drawn onto the surface; it may move by this many edges.
 const DRIFT: f64 = 4.0;
 /// Surfels of a view that are asked when groups are joined.
 const SAMPLES: usize = 200;
+/// Another way to lay two groups on each other is a rival from this share of the strength on.
+const RIVAL: f64 = 0.85;
+/// Groups are joined if of the points of their strongest pairs that come near each other this share touches,
+const TOUCHING: f64 = 0.75;
+/// looking at this many pairs.
+const WITNESSES: usize = 3;
 
 impl Link {
     /// How much speaks for it, to rank links: agreement counts, conflict counts more.
@@ -53,83 +72,152 @@ impl Link {
         let e = &self.evidence;
         e.overlap() * (e.consistency() - 0.5).max(0.0)
     }
+
+    fn is_promising(&self) -> bool {
+        self.evidence.overlap() >= LEAST_OVERLAP && self.evidence.consistency() >= LEAST_CONSISTENCY
+    }
 }
 
-/// Grows groups until no link joins two of them; the largest first, those of equal size in the order of views.
-pub fn assemble(sketches: &[Sketch], links: &[Link], edge: f64, progress: &Progress) -> Result<Vec<Group>, Canceled> {
-    let mut groups: Vec<Option<Group>> = (0..sketches.len())
-        .map(|view| Some(Group { views: vec![view], local_poses: vec![Motion::identity()], links: Vec::new() }))
-        .collect();
+/// What the views of a set are, coarse and fine.
+#[derive(Debug, Clone, Copy)]
+pub struct Scene<'a> {
+    /// The views at full resolution,
+    pub views: &'a [View],
+    /// and their sketches.
+    pub sketches: &'a [Sketch],
+    /// The common spacing of the views.
+    pub spacing: f64,
+    /// Edge of the surfels' voxels.
+    pub edge: f64,
+}
+
+/// What came of trying a link.
+enum Attempt {
+    Joined(Group),
+    Ambiguous,
+    Refused,
+}
+
+/// Grows groups until no link joins two of them.
+pub fn assemble(scene: &Scene, links: &[Link], progress: &Progress) -> Result<Assembly, Canceled> {
+    let sketches = scene.sketches;
+    let mut groups: Vec<Option<Group>> = (0..sketches.len()).map(|view| Some(Group::of(view))).collect();
     let mut home: Vec<usize> = (0..sketches.len()).collect();
-    let mut waiting: Vec<&Link> = links.iter().filter(|link| is_promising(link)).collect();
+    let mut waiting: Vec<&Link> = links.iter().filter(|link| link.is_promising()).collect();
     waiting.sort_by(|a, b| b.strength().total_cmp(&a.strength()).then((a.i, a.j).cmp(&(b.i, b.j))));
+    let mut ambiguous = vec![false; sketches.len()];
+    // a link that was refused is tried again when one of its groups has grown
+    let mut refused_at = vec![(0, 0); waiting.len()];
     let mut joined = true;
     while joined {
         joined = false;
-        for link in &waiting {
+        for (link, refused_at) in waiting.iter().zip(&mut refused_at) {
             progress.check()?;
             let (a, b) = (home[link.i], home[link.j]);
-            if a == b {
+            let (Some(left), Some(right)) = (&groups[a], &groups[b]) else { continue };
+            let sizes = (left.views.len(), right.views.len());
+            if a == b || *refused_at == sizes {
                 continue;
             }
-            let (Some(left), Some(right)) = (&groups[a], &groups[b]) else { continue };
-            if let Some(union) = join(sketches, left, right, link, edge) {
-                union.views.iter().for_each(|view| home[*view] = a);
-                groups[a] = Some(union);
-                groups[b] = None;
-                joined = true;
+            *refused_at = sizes;
+            match try_join(scene, left, right, link, &waiting) {
+                Attempt::Joined(union) => {
+                    union.views.iter().for_each(|view| (home[*view], ambiguous[*view]) = (a, false));
+                    groups[a] = Some(union);
+                    groups[b] = None;
+                    joined = true;
+                }
+                Attempt::Ambiguous => {
+                    let smaller = if left.views.len() < right.views.len() { left } else { right };
+                    smaller.views.iter().for_each(|view| ambiguous[*view] = true);
+                }
+                Attempt::Refused => {}
             }
         }
-        waiting.retain(|link| home[link.i] != home[link.j]);
     }
     let mut groups: Vec<Group> = groups.into_iter().flatten().collect();
     groups.sort_by(|a, b| b.views.len().cmp(&a.views.len()).then(a.views.cmp(&b.views)));
-    Ok(groups)
+    Ok(Assembly { groups, ambiguous })
 }
 
-fn is_promising(link: &Link) -> bool {
-    link.evidence.overlap() >= LEAST_OVERLAP && link.evidence.consistency() >= LEAST_CONSISTENCY
+/// Lays both groups together as `link` says, if all their views bear it out and nothing else fits as well.
+fn try_join(scene: &Scene, left: &Group, right: &Group, link: &Link, waiting: &[&Link]) -> Attempt {
+    let (sketches, edge) = (scene.sketches, scene.edge);
+    let Some(motion) = implied(left, right, link) else { return Attempt::Refused };
+    let measured = measure_all(sketches, left, right, &motion, edge);
+    let mut grounds = Grounds::of(&measured);
+    if !grounds.suffice() {
+        return Attempt::Refused;
+    }
+    grounds.touching = touching(scene, &measured);
+    if grounds.touching < TOUCHING {
+        return Attempt::Refused;
+    }
+    let radius = right.views.iter().map(|view| sketches[*view].radius).fold(0.0, f64::max);
+    let rivals = waiting.iter().filter(|other| {
+        let same_pair = (other.i, other.j) == (link.i, link.j);
+        same_pair && other.strength() > RIVAL * link.strength() && !alike(&other.motion_i_j, &link.motion_i_j, radius, DRIFT * edge)
+    });
+    for rival in rivals {
+        let Some(motion) = implied(left, right, rival) else { continue };
+        let other = Grounds::of(&measure_all(sketches, left, right, &motion, edge));
+        grounds.rival = grounds.rival.max(other.strength / grounds.strength);
+    }
+    if grounds.rival < RIVAL && slides(sketches, &measured, edge, SAMPLES) {
+        grounds.rival = 1.0;
+    }
+    if grounds.rival > RIVAL {
+        return Attempt::Ambiguous;
+    }
+    let mut union = left.united(right, &motion, confidence(&grounds));
+    union.joins.push(grounds);
+    union.links.extend(measured.into_iter().filter(Link::is_promising));
+    union.average(sketches, edge);
+    Attempt::Joined(union)
 }
 
-/// Both groups laid together as `link` says, if all their views bear it out.
-fn join(sketches: &[Sketch], left: &Group, right: &Group, link: &Link, edge: f64) -> Option<Group> {
-    let pose_i = left.pose_of(link.i)?;
-    let pose_j = right.pose_of(link.j)?;
-    let motion_left_right = pose_i * link.motion_i_j * pose_j.inverse();
+/// How well the strongest pairs of a join touch at full resolution.
+fn touching(scene: &Scene, measured: &[Link]) -> f64 {
+    let mut strongest: Vec<&Link> = measured.iter().collect();
+    strongest.sort_by(|a, b| b.strength().total_cmp(&a.strength()).then((a.i, a.j).cmp(&(b.i, b.j))));
+    let shares: Vec<f64> = strongest
+        .iter()
+        .take(WITNESSES)
+        .filter(|link| link.is_promising())
+        .filter_map(|link| touching_share(&scene.views[link.i], &scene.views[link.j], &link.motion_i_j, scene.spacing))
+        .collect();
+    shares.iter().sum::<f64>() / shares.len().max(1) as f64
+}
+
+/// The motion from the right group's world into the left one's that a link stands for, whichever way round it is.
+fn implied(left: &Group, right: &Group, link: &Link) -> Option<Motion> {
+    match (left.pose_of(link.i), right.pose_of(link.j)) {
+        (Some(pose_i), Some(pose_j)) => Some(pose_i * link.motion_i_j * pose_j.inverse()),
+        _ => {
+            let (pose_j, pose_i) = (left.pose_of(link.j)?, right.pose_of(link.i)?);
+            Some(pose_j * link.motion_i_j.inverse() * pose_i.inverse())
+        }
+    }
+}
+
+/// What all pairs of a left and a right view say when the groups are laid on each other.
+fn measure_all(sketches: &[Sketch], left: &Group, right: &Group, motion: &Motion, edge: f64) -> Vec<Link> {
     let pairs: Vec<(usize, usize)> =
         left.views.iter().flat_map(|&i| right.views.iter().map(move |&j| (i, j))).collect();
-    let measured: Vec<Link> = pairs
+    pairs
         .par_iter()
         .with_max_len(1)
         .filter_map(|&(i, j)| {
-            let implied = left.pose_of(i)?.inv_mul(&(motion_left_right * right.pose_of(j)?));
-            measure(sketches, i, j, &implied, edge)
+            let motion_i_j = left.pose_of(i)?.inv_mul(&(motion * right.pose_of(j)?));
+            measure(sketches, i, j, &motion_i_j, edge)
         })
-        .collect();
-    let agree: f64 = measured.iter().map(|link| link.evidence.agree()).sum();
-    let conflict: f64 = measured.iter().map(|link| link.evidence.conflict()).sum();
-    let overlap = measured.iter().map(|link| link.evidence.overlap()).fold(0.0, f64::max);
-    if agree < JOIN_CONSISTENCY * (agree + conflict) || overlap < JOIN_OVERLAP {
-        return None;
-    }
-    let mut union = left.clone();
-    union.views.extend(&right.views);
-    union.local_poses.extend(right.local_poses.iter().map(|pose| motion_left_right * pose));
-    union.links.extend(&right.links);
-    union.links.extend(
-        measured
-            .into_iter()
-            .filter(|link| link.evidence.overlap() >= LEAST_OVERLAP && link.evidence.consistency() >= JOIN_CONSISTENCY),
-    );
-    union.sort();
-    union.average(sketches, edge);
-    Some(union)
+        .collect()
 }
 
-/// What a pair says of an implied motion, drawn onto the surface first if that stays near; `None` if the views are apart.
+/// What a pair says of an implied motion, drawn onto the surface first if that stays near; `None` if the views are
+/// apart.
 fn measure(sketches: &[Sketch], i: usize, j: usize, implied: &Motion, edge: f64) -> Option<Link> {
-    let apart = implied.translation.vector.norm() > sketches[i].radius + sketches[j].radius;
-    if apart {
+    if implied.translation.vector.norm() > sketches[i].radius + sketches[j].radius {
         return None;
     }
     let (a, b) = (&sketches[i], &sketches[j]);
@@ -143,25 +231,46 @@ fn measure(sketches: &[Sketch], i: usize, j: usize, implied: &Motion, edge: f64)
         return Some(raw);
     }
     let drawn = at(drawn);
-    Some(if drawn.evidence.agree() - drawn.evidence.conflict() > raw.evidence.agree() - raw.evidence.conflict() {
-        drawn
-    } else {
-        raw
-    })
+    let balance = |link: &Link| link.evidence.agree() - link.evidence.conflict();
+    Some(if balance(&drawn) > balance(&raw) { drawn } else { raw })
 }
 
 impl Group {
+    fn of(view: usize) -> Self {
+        Group {
+            views: vec![view],
+            local_poses: vec![Motion::identity()],
+            confidences: vec![1.0],
+            links: Vec::new(),
+            joins: Vec::new(),
+        }
+    }
+
     /// A view's pose in the group's world.
     pub fn pose_of(&self, view: usize) -> Option<Motion> {
         self.views.iter().position(|v| *v == view).map(|k| self.local_poses[k])
     }
 
-    /// Views in order, so that nothing depends on the order of joining but the poses' last digits.
-    fn sort(&mut self) {
-        let mut order: Vec<usize> = (0..self.views.len()).collect();
-        order.sort_by_key(|k| self.views[*k]);
-        self.local_poses = order.iter().map(|k| self.local_poses[*k]).collect();
-        self.views.sort_unstable();
+    /// Both groups in this one's world, views in order. A join is a doubt about the smaller side.
+    fn united(&self, other: &Group, motion: &Motion, confidence: f64) -> Group {
+        let doubts_other = other.views.len() <= self.views.len();
+        let row = |group: &Group, k: usize, pose: Motion, doubted: bool| {
+            let sure = group.confidences[k];
+            (group.views[k], pose, if doubted { sure.min(confidence) } else { sure })
+        };
+        // in a pair of single views none is surer than the other
+        let doubts_self = !doubts_other || self.views.len() == 1;
+        let mut rows: Vec<(usize, Motion, f64)> =
+            (0..self.views.len()).map(|k| row(self, k, self.local_poses[k], doubts_self)).collect();
+        rows.extend((0..other.views.len()).map(|k| row(other, k, motion * other.local_poses[k], doubts_other)));
+        rows.sort_by_key(|row| row.0);
+        Group {
+            views: rows.iter().map(|row| row.0).collect(),
+            local_poses: rows.iter().map(|row| row.1).collect(),
+            confidences: rows.iter().map(|row| row.2).collect(),
+            links: self.links.iter().chain(&other.links).copied().collect(),
+            joins: self.joins.iter().chain(&other.joins).copied().collect(),
+        }
     }
 
     /// Spreads what the links say over all poses; the first view keeps its own.

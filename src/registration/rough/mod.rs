@@ -7,6 +7,7 @@
 
 pub mod alignment;
 pub mod assembly;
+pub mod confidence;
 pub mod consensus;
 pub mod descriptor;
 pub mod matching;
@@ -15,11 +16,13 @@ pub mod report;
 pub mod scan_set;
 pub mod sight;
 pub mod sketch;
+pub mod slide;
+pub mod touch;
 pub mod verification;
 
 use rayon::prelude::*;
 
-use self::assembly::{Group, Link, assemble};
+use self::assembly::{Assembly, Group, Link, Scene, assemble};
 use self::sketch::{Sketch, sketch_all};
 use super::multiview;
 use super::sensor::Sensor;
@@ -45,6 +48,8 @@ const SAMPLES: usize = 400;
 pub struct Rough {
     /// Groups of views that hang together; the largest first.
     pub groups: Vec<Group>,
+    /// For each view whether it, or its group, fits the rest in several ways.
+    pub ambiguous: Vec<bool>,
     /// All pairs' candidates.
     pub links: Vec<Link>,
     /// Edge of the surfels' voxels, a length.
@@ -79,8 +84,9 @@ pub fn rough(
         })
         .collect::<Result<_, Canceled>>()?;
     let links: Vec<Link> = links.into_iter().flatten().collect();
-    let groups = assemble(&sketches, &links, edge, progress)?;
-    Ok(Rough { groups, links, edge })
+    let scene = Scene { views, sketches: &sketches, spacing: multiview::common_spacing(views), edge };
+    let Assembly { groups, ambiguous } = assemble(&scene, &links, progress)?;
+    Ok(Rough { groups, ambiguous, links, edge })
 }
 
 /// The best ways to lay two views on each other; `told` is one that was given.

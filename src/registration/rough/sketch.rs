@@ -43,15 +43,19 @@ const RIM_OFFSET: f32 = 0.3;
 const DIRECTIONS: usize = 150;
 /// Side of the cells in which a sheet is told from two, in edges.
 const SHEET_CELL: f64 = 2.0;
+/// Side of the cells of a depth picture, in edges.
+const SIGHT_CELL: f64 = 1.3;
+/// Voxels with less than this share of the median number of points, or with a neighbourhood of less than the second
+/// share, are strays.
+const STRAY_VOXEL: f64 = 0.1;
+const STRAY_AROUND: f64 = 0.2;
 
 impl Sketch {
     /// Sketches a view with surfels of one voxel of edge `edge`; `sensor` if the file or the caller told it.
     pub fn new(view: &View, edge: f64, sensor: Option<Sensor>) -> Self {
-        let centroids = thin(view.points(), edge as f32).centroids;
         let reach = (NORMAL_REACH * edge) as f32;
-        let fitted: Vec<(nalgebra::Vector3<f32>, bool)> =
-            centroids.iter().map(|center| fit(&view.indexed, center, reach)).collect();
-        let (mut normals, is_inner): (Vec<_>, Vec<bool>) = fitted.into_iter().unzip();
+        let (centroids, fitted) = supported(view, edge, reach);
+        let (mut normals, is_inner): (Vec<_>, Vec<bool>) = fitted.into_iter().map(|f| (f.normal, f.is_inner)).unzip();
         let (sensor, side_clarity) = match sensor {
             Some(sensor) => (sensor, 1.0),
             None => own_side(&centroids, &normals, edge),
@@ -63,9 +67,9 @@ impl Sketch {
         }
         let inner: Vec<u32> = (0..is_inner.len() as u32).filter(|index| is_inner[*index as usize]).collect();
         let radius = centroids.iter().map(|c| nalgebra::Vector3::from(*c).norm()).fold(0.0f32, f32::max).into();
+        let sight = SightMap::new(&centroids, &sensor, SIGHT_CELL * edge);
         let indexed = IndexedPoints::new(centroids);
         let descriptors = describe(&indexed, &normals, &inner, edge);
-        let sight = SightMap::new(view.points(), &sensor, edge);
         Sketch { indexed, normals, is_inner, inner, sensor, side_clarity, radius, descriptors, sight }
     }
 
@@ -94,20 +98,59 @@ fn own_side(points: &[LocalPoint], normals: &[nalgebra::Vector3<f32>], edge: f64
     outer_side(axis, &samples, &middle)
 }
 
-/// The normal (its sign arbitrary) at `center`, and whether the surface goes on all around it.
-fn fit(indexed: &IndexedPoints, center: &LocalPoint, reach: f32) -> (nalgebra::Vector3<f32>, bool) {
+/// The surface at a place.
+struct Fitted {
+    /// Its sign is arbitrary.
+    normal: nalgebra::Vector3<f32>,
+    /// Whether the surface goes on all around.
+    is_inner: bool,
+    /// Points within reach.
+    count: usize,
+}
+
+/// The means of the voxels with the surface there, strays left out.
+fn supported(view: &View, edge: f64, reach: f32) -> (Vec<LocalPoint>, Vec<Fitted>) {
+    let thinned = thin(view.points(), edge as f32);
+    let least_in_voxel = STRAY_VOXEL * typical_count(&thinned.counts);
+    let fitted: Vec<(LocalPoint, Fitted)> = thinned
+        .centroids
+        .into_iter()
+        .zip(&thinned.counts)
+        .filter(|(_, count)| f64::from(**count) >= least_in_voxel)
+        .map(|(center, _)| (center, fit(&view.indexed, &center, reach)))
+        .collect();
+    let around: Vec<u32> = fitted.iter().map(|f| f.1.count as u32).collect();
+    let least_around = STRAY_AROUND * typical_count(&around);
+    fitted.into_iter().filter(|(_, f)| f.count as f64 >= least_around).unzip()
+}
+
+/// The count of the voxel that the median point lies in: voxels of strays may be many, but hold few points.
+fn typical_count(counts: &[u32]) -> f64 {
+    let mut sorted = counts.to_vec();
+    sorted.sort_unstable_by(|a, b| b.cmp(a));
+    let half = sorted.iter().map(|n| u64::from(*n)).sum::<u64>() / 2;
+    let mut sum = 0;
+    let reached = sorted.iter().find(|n| {
+        sum += u64::from(**n);
+        sum >= half
+    });
+    reached.copied().unwrap_or(0).into()
+}
+
+/// Fits the surface at `center`.
+fn fit(indexed: &IndexedPoints, center: &LocalPoint, reach: f32) -> Fitted {
     let center = nalgebra::Vector3::from(*center);
-    let (mut count, mut sum, mut squares) = (0.0f32, nalgebra::Vector3::zeros(), nalgebra::Matrix3::zeros());
+    let (mut count, mut sum, mut squares) = (0, nalgebra::Vector3::zeros(), nalgebra::Matrix3::zeros());
     indexed.tree.for_each_within(&center.into(), reach * reach, |neighbour| {
         let d = nalgebra::Vector3::from(indexed.points[neighbour.index as usize]) - center;
-        count += 1.0;
+        count += 1;
         sum += d;
         squares += d * d.transpose();
     });
-    if count < 3.0 {
-        return (nalgebra::Vector3::z(), false);
+    if count < 3 {
+        return Fitted { normal: nalgebra::Vector3::z(), is_inner: false, count };
     }
-    let mean = sum / count;
-    let (normal, _) = least_spread(&(squares / count - mean * mean.transpose()).cast::<f64>());
-    (normal.cast::<f32>(), mean.norm() < RIM_OFFSET * reach)
+    let mean: nalgebra::Vector3<f32> = sum / count as f32;
+    let (normal, _) = least_spread(&(squares / count as f32 - mean * mean.transpose()).cast::<f64>());
+    Fitted { normal: normal.cast::<f32>(), is_inner: mean.norm() < RIM_OFFSET * reach, count }
 }

@@ -59,6 +59,11 @@ impl Evidence {
         (self.j_in_i.in_sight + self.i_in_j.in_sight + self.j_in_i.cross + self.i_in_j.cross) as f64
     }
 
+    /// Sum of the squared distances of the surfels that agree, both ways.
+    pub fn squares(&self) -> f64 {
+        self.j_in_i.squares + self.i_in_j.squares
+    }
+
     /// Share of what speaks for the motion among all that speaks.
     pub fn consistency(&self) -> f64 {
         self.agree() / (self.agree() + self.conflict()).max(1.0)
