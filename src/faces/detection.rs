@@ -82,8 +82,7 @@ impl Oriented<'_> {
             return Samples::from_cloud(&points, &normals, spacing);
         }
         let kept = |face: &[u32; 3]| face.iter().any(|&v| near(&self.mesh.vertices[v as usize]));
-        let faces = self.mesh.faces.iter().copied().filter(kept).collect();
-        Samples::from_mesh(&Mesh { vertices: self.mesh.vertices.clone(), faces }, self.normals, spacing)
+        Samples::from_faces(self.mesh, self.normals, spacing, kept)
     }
 
     /// The area of the surface; 0 for a bare cloud.
@@ -101,6 +100,7 @@ pub fn detect(surface: &Oriented, unit: Unit, standard: &Standard, progress: &Pr
     };
     let area = surface.area();
     let (mut found, mut finalists) = (Vec::new(), Vec::new());
+    let mut finest: Option<Samples> = None;
     for expected in levels {
         progress.check()?;
         let spacing = SPACING * expected;
@@ -108,9 +108,10 @@ pub fn detect(surface: &Oriented, unit: Unit, standard: &Standard, progress: &Pr
         if diagonal <= 0.0 || area / (spacing * spacing) > MOST_SAMPLES as f64 {
             continue;
         }
-        let samples = surface.sampled(spacing);
+        let samples = finest.as_ref().map_or_else(|| surface.sampled(spacing), |finest| finest.coarser(spacing));
         if samples.points.len() <= MOST_SAMPLES {
             detect_level(&samples, expected, surface.side, standard, &mut found, &mut finalists);
+            finest.get_or_insert(samples);
         }
     }
     progress.check()?;

@@ -64,15 +64,9 @@ struct Counterpart {
 impl Target<'_> {
     /// The nearest sample within `radius` that looks the way of `normal`.
     fn counterpart(&self, point: &Point3, normal: &Vector3, radius: f64, least_cosine: f64) -> Option<Counterpart> {
-        let mut best: Option<(f64, usize)> = None;
-        self.grid.for_each_within(point, radius, |sample, squared| {
-            if best.is_none_or(|(least, _)| squared < least)
-                && self.samples.normals[sample].dot(normal) * self.sign > least_cosine
-            {
-                best = Some((squared, sample));
-            }
-        });
-        best.map(|(squared, sample)| Counterpart {
+        let looks_the_same_way = |sample: usize| self.samples.normals[sample].dot(normal) * self.sign > least_cosine;
+        let nearest = self.grid.nearest_where(point, radius, looks_the_same_way);
+        nearest.map(|(sample, squared)| Counterpart {
             sample,
             point: self.samples.points[sample],
             normal: self.samples.normals[sample] * self.sign,

@@ -92,10 +92,61 @@ impl CellGrid {
         }
     }
 
+    /// The nearest of the points that `accept(index)` takes and that lie nearer to `center` than `radius`, with its
+    /// squared distance; ties by the order of visiting, which is always the same. Rows of cells are visited from the
+    /// middle outward and left out when they can hold nothing nearer.
+    pub fn nearest_where(&self, center: &Point3, radius: f64, accept: impl Fn(usize) -> bool) -> Option<(usize, f64)> {
+        let low = [0, 1, 2].map(|axis| self.axis_cell(axis, center[axis] - radius));
+        let high = [0, 1, 2].map(|axis| self.axis_cell(axis, center[axis] + radius));
+        let middle = self.cell_of(center);
+        let (mut least, mut nearest) = (radius * radius, None);
+        for z in outward(middle[2], low[2], high[2]) {
+            let away_z = self.distance_to_cell(2, z, center);
+            if away_z * away_z >= least {
+                continue;
+            }
+            for y in outward(middle[1], low[1], high[1]) {
+                let away_y = self.distance_to_cell(1, y, center);
+                if away_z * away_z + away_y * away_y >= least {
+                    continue;
+                }
+                let first = self.starts[self.cell_index([low[0], y, z])] as usize;
+                let end = self.starts[self.cell_index([high[0], y, z]) + 1] as usize;
+                for (point, &index) in self.sorted[first..end].iter().zip(&self.order[first..end]) {
+                    let distance2 = (point - center).norm_squared();
+                    if distance2 < least && accept(index as usize) {
+                        (least, nearest) = (distance2, Some((index as usize, distance2)));
+                    }
+                }
+            }
+        }
+        nearest
+    }
+
+    /// How far `center` lies outside the slab of cells `cell` along `axis`; a hair less, for rounding. The outermost
+    /// slabs reach to infinity.
+    fn distance_to_cell(&self, axis: usize, cell: usize, center: &Point3) -> f64 {
+        let from_low = (center[axis] - self.origin[axis]) * self.per_length - cell as f64;
+        let outside = if from_low < 0.0 { -from_low } else { from_low - 1.0 };
+        let is_outermost = cell == 0 || cell + 1 == self.dims[axis];
+        if is_outermost { 0.0 } else { (outside - 1e-9).max(0.0) / self.per_length }
+    }
+
     /// The indices of all points, those of one cell side by side: a visiting order that is kind to the cache.
     pub fn order(&self) -> &[u32] {
         &self.order
     }
+}
+
+/// The numbers from `low` to `high`, beginning with the nearest to `middle`.
+fn outward(middle: usize, low: usize, high: usize) -> impl Iterator<Item = usize> {
+    let middle = middle.clamp(low, high);
+    let reach = (middle - low).max(high - middle);
+    (0..=reach).flat_map(move |step| {
+        let below = (middle - low >= step).then(|| middle - step);
+        let above = (step > 0 && high - middle >= step).then(|| middle + step);
+        below.into_iter().chain(above)
+    })
 }
 
 /// The smallest radius of the series `least, 1.3 least, ...` within which half of the points have at least `wanted`
@@ -145,6 +196,11 @@ mod tests {
             let expected: Vec<usize> =
                 (0..points.len()).filter(|&i| (points[i] - center).norm_squared() < radius * radius).collect();
             prop_assert_eq!(found, expected);
+            let odd = |i: usize| i % 2 == 1;
+            let nearest = CellGrid::new(&points, cell).nearest_where(&center, radius, odd).map(|(_, d)| d);
+            let distances = (0..points.len()).filter(|&i| odd(i)).map(|i| (points[i] - center).norm_squared());
+            let least = distances.filter(|d| *d < radius * radius).reduce(f64::min);
+            prop_assert_eq!(nearest, least);
         }
     }
 

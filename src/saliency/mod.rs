@@ -7,6 +7,7 @@
 
 pub mod cells;
 pub mod curvature;
+mod falloff;
 pub mod multiscale;
 pub mod orientation;
 pub mod quadric;

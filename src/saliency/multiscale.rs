@@ -5,6 +5,7 @@ use rayon::prelude::*;
 
 use super::CurvedSurface;
 use super::cells::CellGrid;
+use super::falloff::falloff;
 
 /// The paper's sigmas, in xi.
 pub const SIGMAS_IN_XI: [f64; 5] = [2.0, 3.0, 4.0, 5.0, 6.0];
@@ -22,7 +23,7 @@ const SCALES: [[usize; 2]; 5] = [[0, 2], [1, 4], [2, 5], [3, 6], [4, 7]];
 pub fn weighted_curvature(surface: &CurvedSurface, grid: &CellGrid, vertex: usize, sigma: f64) -> f64 {
     let (mut sum, mut weights) = (0.0, 0.0);
     grid.for_each_within(&surface.points[vertex], sigma, |x, distance2| {
-        let weight = surface.areas[x] * (-distance2 / (2.0 * sigma * sigma)).exp();
+        let weight = surface.areas[x] * falloff(distance2 / (2.0 * sigma * sigma));
         sum += weight * surface.mean_curvatures[x];
         weights += weight;
     });
@@ -56,7 +57,7 @@ pub fn saliency(surface: &CurvedSurface, xi: f64) -> Vec<f64> {
 
 /// [`weighted_curvature`] for all filters in one pass over the neighbours.
 fn all_filters(surface: &CurvedSurface, grid: &CellGrid, xi: f64) -> Vec<[f64; 8]> {
-    let sigmas2 = FILTERS_IN_XI.map(|s| (s * xi) * (s * xi));
+    let halves = FILTERS_IN_XI.map(|s| 0.5 / ((s * xi) * (s * xi)));
     let widest = FILTERS_IN_XI[7] * xi;
     (0..surface.points.len())
         .into_par_iter()
@@ -65,10 +66,11 @@ fn all_filters(surface: &CurvedSurface, grid: &CellGrid, xi: f64) -> Vec<[f64; 8
             grid.for_each_within(&surface.points[vertex], widest, |x, distance2| {
                 let (area, l) = (surface.areas[x], surface.mean_curvatures[x]);
                 for filter in (0..8).rev() {
-                    if distance2 >= sigmas2[filter] {
+                    let x = distance2 * halves[filter];
+                    if x >= 0.5 {
                         break;
                     }
-                    let weight = area * (-0.5 * distance2 / sigmas2[filter]).exp();
+                    let weight = area * falloff(x);
                     sums[filter] += weight * l;
                     weights[filter] += weight;
                 }

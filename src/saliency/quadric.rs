@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use super::cells::{CellGrid, neighbour_radius};
+use super::falloff::falloff;
 use super::samples::Samples;
 use crate::geometry::Vector3;
 
@@ -40,12 +41,13 @@ impl QuadricFit {
         QuadricFit { radius, neighbours: 0, moments: [0.0; 15], right: [0.0; 6] }
     }
 
-    /// Adds a neighbour at `(x, y)` in the tangent plane and height `z`, `distance2` from the centre.
+    /// Adds a neighbour at `(x, y)` in the tangent plane and height `z`, `distance2` from the centre: at most the
+    /// square of the radius.
     #[inline]
     pub fn add(&mut self, x: f64, y: f64, z: f64, distance2: f64) {
         let scale = 1.0 / self.radius;
         let (x, y, z) = (x * scale, y * scale, z * scale);
-        let w = (-2.0 * distance2 * scale * scale).exp();
+        let w = falloff(2.0 * distance2 * scale * scale);
         let (wx, wy) = (w * x, w * y);
         let (wxx, wxy, wyy) = (wx * x, wx * y, wy * y);
         let terms = [

@@ -34,9 +34,19 @@ impl Samples {
     /// `vertex_normals` are interpolated over each face. Cells where the surface passes twice with opposite
     /// normals (a thin wall) give two samples.
     pub fn from_mesh(mesh: &Mesh, vertex_normals: &[Vector3], spacing: f64) -> Samples {
+        Samples::from_faces(mesh, vertex_normals, spacing, |_| true)
+    }
+
+    /// Samples of those faces of a mesh that `keep` takes; see [`Samples::from_mesh`].
+    pub fn from_faces(
+        mesh: &Mesh,
+        vertex_normals: &[Vector3],
+        spacing: f64,
+        keep: impl Fn(&[u32; 3]) -> bool,
+    ) -> Samples {
         let mut cells = Cells::new(spacing, mesh.bounds());
         let mut stack = Vec::new();
-        for (index, face) in mesh.faces.iter().enumerate() {
+        for (index, face) in mesh.faces.iter().enumerate().filter(|(_, face)| keep(face)) {
             let area = 0.5 * mesh.area_normal(index).norm();
             if area > 0.0 {
                 let corners = face.map(|v| (mesh.vertices[v as usize], vertex_normals[v as usize]));
@@ -45,6 +55,11 @@ impl Samples {
             }
         }
         cells.finish()
+    }
+
+    /// The same surface with a wider spacing: samples gathered into larger cells.
+    pub fn coarser(&self, spacing: f64) -> Samples {
+        gather(&self.points, &self.normals, &self.areas, spacing).samples
     }
 
     /// Samples of a cloud with unit normals. Every sample stands for the same area, since the density of a
