@@ -6,7 +6,10 @@ use super::features::{features, places};
 use super::similarity::Similarity;
 use super::standard::{INNER_EYE_DISTANCE_MM, Standard};
 use super::template::{self, TEMPLATE_POINTS};
-use super::verification::{Fit, PROPORTION_WEIGHT, RIGID_PROPORTIONS, Search, Target, fit_pose, score};
+use super::modes::Weights;
+use super::verification::{
+    Fit, KEPT_SHARE, PROPORTION_WEIGHT, Placement, RIGID_PROPORTIONS, Search, Target, fit_pose, score,
+};
 use crate::geometry::{Mesh, Point3, Unit, Vector3};
 use crate::progress::{Canceled, Progress};
 use crate::saliency::{CellGrid, Samples, Side};
@@ -27,10 +30,23 @@ const MOST_SAMPLES: usize = 80_000;
 /// Triangles dearer than this are not worth a closer look (the cheapest of every face of the public set: below 3).
 const MOST_COST: f64 = 5.0;
 /// The first look, on the level's samples.
-const FIRST_LOOK: Search = Search { points: 90, rounds: 4, most_growth: 1.3, proportion_weight: RIGID_PROPORTIONS };
+const FIRST_LOOK: Search = Search {
+    points: 90,
+    rounds: 4,
+    most_growth: 1.3,
+    proportion_weight: RIGID_PROPORTIONS,
+    kept_share: KEPT_SHARE,
+    rigid_rounds: 4,
+};
 /// The second look, of the best few, on finer samples.
-const SECOND_LOOK: Search =
-    Search { points: TEMPLATE_POINTS, rounds: 30, most_growth: 1.2, proportion_weight: PROPORTION_WEIGHT };
+const SECOND_LOOK: Search = Search {
+    points: TEMPLATE_POINTS,
+    rounds: 30,
+    most_growth: 1.2,
+    proportion_weight: PROPORTION_WEIGHT,
+    kept_share: 0.95,
+    rigid_rounds: 3,
+};
 /// How many get the second look.
 const FINALISTS: usize = 4;
 /// The spacing of the finer samples, mm on the standard, and how far around the face they reach.
@@ -146,10 +162,11 @@ fn detect_level(
 }
 
 fn first_look(target: &Target, candidate: &Candidate, standard: &Standard) -> Fit {
-    let start =
+    let pose =
         Similarity::of_triangles(&standard.detected, &standard.outward, &candidate.triangle(), &candidate.outward());
-    let pose = fit_pose(target, template::face(), &start, &FIRST_LOOK);
-    score(target, template::face(), FIRST_LOOK.points, &pose)
+    let start = Placement { pose, weights: Weights::zeros() };
+    let placement = fit_pose(target, template::face(), &start, &FIRST_LOOK);
+    score(target, template::face(), FIRST_LOOK.points, &placement)
 }
 
 /// The best of the second looks at the best of the first, ties by order.
@@ -167,6 +184,7 @@ fn second_look(surface: &Oriented, finalist: &Finalist) -> Fit {
     let samples = surface.sampled_around(&center, FINE_REACH_MM * start.scale, spacing);
     let grid = CellGrid::new(&samples.points, 2.0 * spacing);
     let target = Target { samples: &samples, grid: &grid, sign: finalist.sign };
-    let pose = fit_pose(&target, template::face(), &start, &SECOND_LOOK);
-    score(&target, template::face(), SECOND_LOOK.points, &pose)
+    let placed = Placement { pose: start, weights: finalist.fit.weights };
+    let placement = fit_pose(&target, template::face(), &placed, &SECOND_LOOK);
+    score(&target, template::face(), SECOND_LOOK.points, &placement)
 }

@@ -2,6 +2,7 @@
 
 use super::candidates::Candidate;
 use super::detection::Detection;
+use super::modes::{MODES, Weights};
 use super::similarity::Similarity;
 use super::verification::Fit;
 use crate::geometry::{Bounds, Motion, Point3, Unit, Vector3};
@@ -27,8 +28,8 @@ pub struct Signature {
 type StoredRegion = [f32; 8];
 /// three corners, three normals, three strengths, the level's expected inner-eye distance
 type StoredTriangle = [f32; 22];
-/// residual, observed, scale, rotation (i, j, k, w), translation, stretch
-type StoredFit = [f32; 13];
+/// residual, observed, scale, rotation (i, j, k, w), translation, stretch, weights of the modes
+type StoredFit = [f32; 13 + MODES];
 
 /// What the API shows of a signature.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -131,7 +132,8 @@ impl Signature {
         let translation = Vector3::new(f[7], f[8], f[9]) + Vector3::from(self.origin);
         let stretch = Vector3::new(f[10], f[11], f[12]);
         let pose = Similarity { scale: f[2], stretch, motion: Motion::from_parts(translation.into(), rotation) };
-        Some(Fit { pose, residual_mm: f[0], observed: f[1] })
+        let weights = Weights::from_fn(|mode, _| f[13 + mode]);
+        Some(Fit { pose, weights, residual_mm: f[0], observed: f[1] })
     }
 
     /// The diagonal of the model's bounding box, in its unit.
@@ -202,7 +204,12 @@ impl Signature {
 fn stored_fit(fit: &Fit, origin: &Point3) -> StoredFit {
     let (q, t) = (fit.pose.motion.rotation.coords, fit.pose.motion.translation.vector - origin.coords);
     let (s, pose) = (fit.pose.stretch, &fit.pose);
-    [fit.residual_mm, fit.observed, pose.scale, q.x, q.y, q.z, q.w, t.x, t.y, t.z, s.x, s.y, s.z].map(|x| x as f32)
+    let mut stored = [0.0; 13 + MODES];
+    let placed = [fit.residual_mm, fit.observed, pose.scale, q.x, q.y, q.z, q.w, t.x, t.y, t.z, s.x, s.y, s.z];
+    for (slot, x) in stored.iter_mut().zip(placed.iter().chain(fit.weights.iter())) {
+        *slot = *x as f32;
+    }
+    stored
 }
 
 fn vector(stored: &[f32]) -> Vector3 {
@@ -279,7 +286,7 @@ pub(crate) mod tests {
             stretch: Vector3::repeat(1.0),
             motion: Motion::new(Vector3::new(1.0, 2.0, 3.0), Vector3::new(0.1, 0.2, 0.3)),
         };
-        let fit = Some(Fit { pose, residual_mm: 1.5 + seed.sin(), observed: 0.9 });
+        let fit = Some(Fit { pose, weights: Weights::repeat(seed), residual_mm: 1.5 + seed.sin(), observed: 0.9 });
         Signature::new(bounds, 8.0, Unit::Cm, &regions, &Detection { candidates: vec![candidate], fit })
     }
 

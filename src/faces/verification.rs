@@ -1,6 +1,7 @@
 //! The dense check: is the standard's surface really there? A trimmed, scaled point-to-plane ICP of the template,
 //! started where a facial triangle puts it, then the residual of what a surface with a rim could show of it.
 
+use super::modes::{MODES, Weights};
 use super::similarity::Similarity;
 use super::template::Template;
 use crate::geometry::{Point3, Vector3};
@@ -8,8 +9,8 @@ use crate::saliency::{CellGrid, Samples};
 
 /// Template points farther from the surface than this say no more than that it isn't there, mm.
 pub const FAR_MM: f64 = 12.0;
-/// The share of template points that the pose is fitted to, and that the residual counts.
-const KEPT_SHARE: f64 = 0.8;
+/// The share of template points that the residual counts, and that a pose is first fitted to.
+pub const KEPT_SHARE: f64 = 0.8;
 /// Template and surface must look the same way at least this much (cosine).
 const LEAST_COSINE: f64 = 0.3;
 /// A radian between the normals counts as much as this distance, mm: a nose-like lump in the right place has the wrong
@@ -45,8 +46,11 @@ pub struct Target<'a> {
 pub struct Fit {
     /// Where the standard lies in the model.
     pub pose: Similarity,
+    /// How the face differs from the standard.
+    pub weights: Weights,
     /// Root mean square difference (distance, and angle by a lever of 8.7 mm) of the best 80 % of the template points
-    /// that could be seen, mm on the standard; raised where little could be seen.
+    /// that could be seen, mm on the standard, with what the deformation costs added in squares; raised where little
+    /// could be seen.
     pub residual_mm: f64,
     /// The share of template points that could be seen.
     pub observed: f64,
@@ -54,16 +58,20 @@ pub struct Fit {
 
 /// A template point's counterpart on the surface.
 #[derive(Debug, Clone, Copy)]
-struct Counterpart {
-    sample: usize,
-    point: Point3,
-    normal: Vector3,
-    squared: f64,
+pub struct Counterpart {
+    /// The sample.
+    pub sample: usize,
+    /// Its position.
+    pub point: Point3,
+    /// Its outward normal.
+    pub normal: Vector3,
+    /// Its squared distance.
+    pub squared: f64,
 }
 
 impl Target<'_> {
     /// The nearest sample within `radius` that looks the way of `normal`.
-    fn counterpart(&self, point: &Point3, normal: &Vector3, radius: f64, least_cosine: f64) -> Option<Counterpart> {
+    pub fn counterpart(&self, point: &Point3, normal: &Vector3, radius: f64, least_cosine: f64) -> Option<Counterpart> {
         let looks_the_same_way = |sample: usize| self.samples.normals[sample].dot(normal) * self.sign > least_cosine;
         let nearest = self.grid.nearest_where(point, radius, looks_the_same_way);
         nearest.map(|(sample, squared)| Counterpart {
@@ -103,32 +111,58 @@ pub struct Search {
     pub most_growth: f64,
     /// The weight of keeping the standard's proportions: see [`PROPORTION_WEIGHT`].
     pub proportion_weight: f64,
+    /// The share of template points, the nearest, that the pose is fitted to.
+    pub kept_share: f64,
+    /// The modes stay as they are in that many first steps.
+    pub rigid_rounds: usize,
 }
 
 /// With this weight width, height and depth may differ from the standard's by some 8 % (one standard deviation)
 /// before that costs as much as 1 mm over twenty independent points.
 pub const PROPORTION_WEIGHT: f64 = 1.25;
+/// With this weight a mode at one standard deviation costs as much as 1 mm over twenty independent points.
+const MODE_WEIGHT: f64 = 0.008;
+/// No face is farther from the mean than this, in standard deviations of a mode.
+const MOST_WEIGHT: f64 = 3.0;
+/// One standard deviation of the logarithms of width, height and depth.
+const PROPORTION_SPREAD: f64 = 0.08;
+/// What a unit of strain adds to the mean square residual, mm^2: 1 mm over twenty points, as in the fit.
+const STRAIN_MM2: f64 = 20.0 / 240.0;
+/// A step shorter than this (radians, logarithms, levers, standard deviations) is the last.
+const SETTLED: f64 = 2e-3;
 /// With this weight proportions stay.
 pub const RIGID_PROPORTIONS: f64 = 1e4;
 
-/// Moves the template onto the surface by trimmed point-to-plane steps.
-pub fn fit_pose(target: &Target, template: &Template, start: &Similarity, search: &Search) -> Similarity {
-    let mut pose = *start;
+/// Where the deformed standard lies: its pose, and the weights of its modes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Placement {
+    /// Turn, place, scale and proportions.
+    pub pose: Similarity,
+    /// How the face differs from the standard.
+    pub weights: Weights,
+}
+
+/// Moves the template onto the surface by trimmed point-to-plane steps; with `search.mode_weight` it is deformed too.
+pub fn fit_pose(target: &Target, template: &Template, start: &Placement, search: &Search) -> Placement {
+    let mut now = *start;
+    let rest = template.shaped(&Weights::zeros(), search.points);
     let middle =
-        Point3::from(template.points[..search.points].iter().map(|p| p.coords).sum::<Vector3>() / search.points as f64);
-    for _ in 0..search.rounds {
-        let Some(step) = pose_step(target, template, search, &middle, &pose) else { break };
+        Point3::from(rest.points.iter().map(|p| p.coords).sum::<Vector3>() / rest.points.len().max(1) as f64);
+    for round in 0..search.rounds {
+        let Some(step) = pose_step(target, template, search, &middle, &now, round) else { break };
         let turn = step.fixed_rows::<3>(0).into_owned();
         let growth = step.fixed_rows::<3>(3).map(|g| 1.0 + g.clamp(-0.2, 0.2));
-        let shift = step.fixed_rows::<3>(6).into_owned() * lever(&pose);
-        let grown = pose.nudged(&middle, &turn, &growth, &shift);
-        let allowed = grown.scale.clamp(start.scale / search.most_growth, start.scale * search.most_growth);
-        pose = grown.nudged(&middle, &Vector3::zeros(), &Vector3::repeat(allowed / grown.scale), &Vector3::zeros());
-        if step.norm() < 1e-4 {
+        let shift = step.fixed_rows::<3>(6).into_owned() * lever(&now.pose);
+        let grown = now.pose.nudged(&middle, &turn, &growth, &shift);
+        let allowed =
+            grown.scale.clamp(start.pose.scale / search.most_growth, start.pose.scale * search.most_growth);
+        now.pose = grown.nudged(&middle, &Vector3::zeros(), &Vector3::repeat(allowed / grown.scale), &Vector3::zeros());
+        now.weights = (now.weights + step.fixed_rows::<MODES>(9)).map(|w| w.clamp(-MOST_WEIGHT, MOST_WEIGHT));
+        if round >= search.rigid_rounds && step.norm() < SETTLED {
             break;
         }
     }
-    pose
+    now
 }
 
 /// The length, in the model's unit, that makes shifts comparable with angles and growth.
@@ -136,37 +170,52 @@ fn lever(pose: &Similarity) -> f64 {
     50.0 * pose.scale
 }
 
-/// One Gauss-Newton step (turn, growth along the standard's axes, shift in levers); `None` if too little is near.
+/// Turn, growth along the standard's axes, shift in levers, weights of the modes.
+const UNKNOWNS: usize = 9 + MODES;
+type Unknowns = nalgebra::SVector<f64, UNKNOWNS>;
+
+/// One Gauss-Newton step; `None` if too little is near.
 fn pose_step(
     target: &Target,
     template: &Template,
     search: &Search,
     middle: &Point3,
-    pose: &Similarity,
-) -> Option<nalgebra::SVector<f64, 9>> {
-    let mut pairs: Vec<(usize, Point3, Counterpart)> = (0..search.points)
+    now: &Placement,
+    round: usize,
+) -> Option<Unknowns> {
+    let pose = &now.pose;
+    let shaped = template.shaped(&now.weights, search.points);
+    let reach = FAR_MM * pose.scale;
+    let mut pairs: Vec<(usize, Point3, Counterpart)> = (0..shaped.points.len())
         .filter_map(|k| {
-            let (point, normal) = (pose.point(&template.points[k]), pose.normal(&template.normals[k]));
-            Some((k, point, target.counterpart(&point, &normal, FAR_MM * pose.scale, LEAST_COSINE)?))
+            let (point, normal) = (pose.point(&shaped.points[k]), pose.normal(&shaped.normals[k]));
+            Some((k, point, target.counterpart(&point, &normal, reach, LEAST_COSINE)?))
         })
         .collect();
     pairs.sort_by(|a, b| a.2.squared.total_cmp(&b.2.squared).then(a.0.cmp(&b.0)));
-    pairs.truncate((KEPT_SHARE * search.points as f64) as usize);
+    pairs.truncate((search.kept_share * search.points as f64) as usize);
     if pairs.len() * 3 < search.points {
         return None;
     }
     let (center, unit) = (pose.point(middle), lever(pose));
-    let mut matrix = nalgebra::SMatrix::<f64, 9, 9>::identity() * 1e-6 * pairs.len() as f64;
-    let mut right = nalgebra::SVector::<f64, 9>::zeros();
+    let mut matrix = nalgebra::SMatrix::<f64, UNKNOWNS, UNKNOWNS>::identity() * 1e-6 * pairs.len() as f64;
+    let mut right = Unknowns::zeros();
     for (k, point, counterpart) in &pairs {
         let n = counterpart.normal;
+        let inward = pose.motion.rotation.inverse() * n;
         let turning = ((point - center) / unit).cross(&n);
-        let arm = (template.points[*k] - middle).component_mul(&pose.stretch) * (pose.scale / unit);
-        let growing = (pose.motion.rotation.inverse() * n).component_mul(&arm);
-        let row = [turning, growing, n].map(<[f64; 3]>::from).concat();
-        let row = nalgebra::SVector::<f64, 9>::from_row_slice(&row);
-        matrix += row * row.transpose();
-        right += row * n.dot(&(counterpart.point - point)) / unit;
+        let stretched = (pose.scale / unit) * pose.stretch;
+        let growing = inward.component_mul(&(shaped.points[*k] - middle).component_mul(&stretched));
+        let mut row = Unknowns::zeros();
+        row.fixed_rows_mut::<3>(0).copy_from(&turning);
+        row.fixed_rows_mut::<3>(3).copy_from(&growing);
+        row.fixed_rows_mut::<3>(6).copy_from(&n);
+        let along = inward.component_mul(&stretched);
+        for (mode, motion) in template.motions(*k).iter().enumerate() {
+            row[9 + mode] = motion.dot(&along);
+        }
+        matrix.ger(1.0, &row, &row, 1.0);
+        right.axpy(n.dot(&(counterpart.point - point)) / unit, &row, 1.0);
     }
     // the prior: the logarithms of the three factors should be equal
     let weight = search.proportion_weight;
@@ -176,21 +225,36 @@ fn pose_step(
         }
         right[3 + axis] -= weight * pose.stretch[axis].ln();
     }
+    for mode in 0..MODES {
+        let weight = if round < search.rigid_rounds { RIGID_PROPORTIONS } else { MODE_WEIGHT };
+        matrix[(9 + mode, 9 + mode)] += weight;
+        right[9 + mode] -= weight * now.weights[mode];
+    }
     Some(matrix.cholesky()?.solve(&right))
 }
 
-/// The residual of a pose over the first `count` template points.
-pub fn score(target: &Target, template: &Template, count: usize, pose: &Similarity) -> Fit {
+/// The residual of a placement over the first `count` template points.
+pub fn score(target: &Target, template: &Template, count: usize, placement: &Placement) -> Fit {
+    let pose = &placement.pose;
+    let shaped = template.shaped(&placement.weights, count);
     let mut squares = Vec::with_capacity(count);
-    for (p, n) in template.points[..count].iter().zip(&template.normals) {
+    for (p, n) in shaped.points.iter().zip(&shaped.normals) {
         squares.extend(squared_mm(target, &pose.point(p), &pose.normal(n), pose.scale));
     }
     let observed = squares.len() as f64 / count as f64;
     squares.sort_by(f64::total_cmp);
     squares.truncate((KEPT_SHARE * squares.len() as f64).ceil() as usize);
     let mean = squares.iter().sum::<f64>() / squares.len().max(1) as f64;
-    let residual = if observed < LEAST_OBSERVED { FAR_MM } else { mean.sqrt() };
-    Fit { pose: *pose, residual_mm: residual * (1.0 + 0.5 * (FULLY_OBSERVED - observed).max(0.0)), observed }
+    let strained = (mean + STRAIN_MM2 * strain(placement)).sqrt();
+    let residual = if observed < LEAST_OBSERVED { FAR_MM } else { strained };
+    let residual_mm = residual * (1.0 + 0.5 * (FULLY_OBSERVED - observed).max(0.0));
+    Fit { pose: *pose, weights: placement.weights, residual_mm, observed }
+}
+
+/// How far the placement is from the plain standard: the sum of squared standard deviations of proportions and modes.
+fn strain(placement: &Placement) -> f64 {
+    let stretch: f64 = placement.pose.stretch.iter().map(|factor| (factor.ln() / PROPORTION_SPREAD).powi(2)).sum();
+    stretch + placement.weights.norm_squared()
 }
 
 /// How far a posed template point is from the surface, in place and direction, squared mm on the standard; `None` if
