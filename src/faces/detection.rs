@@ -2,7 +2,9 @@
 //! check of the best of them.
 
 use super::candidates::{Candidate, candidates};
+use super::dense::DenseSignature;
 use super::features::{features, places};
+use super::landmarks::{self, Landmarks};
 use super::similarity::Similarity;
 use super::standard::{INNER_EYE_DISTANCE_MM, Standard};
 use super::template::{self, TEMPLATE_POINTS};
@@ -52,6 +54,9 @@ const FINALISTS: usize = 4;
 /// The spacing of the finer samples, mm on the standard, and how far around the face they reach.
 const FINE_SPACING_MM: f64 = 3.0;
 const FINE_REACH_MM: f64 = 110.0;
+/// The same for the last look, at one place: landmarks and heights.
+const CLOSE_SPACING_MM: f64 = 1.5;
+const CLOSE_REACH_MM: f64 = 120.0;
 
 /// A surface ready to be sampled at any spacing, with consistent unit normals at its points.
 #[derive(Debug, Clone, Copy)]
@@ -70,7 +75,18 @@ pub struct Detection {
     /// The facial triangles of all levels, cheapest first.
     pub candidates: Vec<Candidate>,
     /// The best fit of the standard's surface, if any triangle was worth a closer look.
-    pub fit: Option<Fit>,
+    pub face: Option<FoundFace>,
+}
+
+/// The place where the standard's surface fits best, and what can be read off the surface there.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FoundFace {
+    /// How the standard's surface fits.
+    pub fit: Fit,
+    /// The landmarks, refined on the surface.
+    pub landmarks: Landmarks,
+    /// What tells this face from others.
+    pub dense: DenseSignature,
 }
 
 /// A fit that may be looked at again, with the side it was found on.
@@ -136,7 +152,7 @@ pub fn detect(surface: &Oriented, unit: Unit, standard: &Standard, progress: &Pr
         finalists.retain(|f| TRUE_SIZES.contains(&(f.fit.pose.scale * mm)));
     }
     found.sort_by(|a, b| a.cost(standard).total().total_cmp(&b.cost(standard).total()));
-    Ok(Detection { candidates: found, fit: verified(surface, finalists) })
+    Ok(Detection { candidates: found, face: verified(surface, finalists) })
 }
 
 /// Adds a level's triangles and their first fits.
@@ -170,21 +186,38 @@ fn first_look(target: &Target, candidate: &Candidate, standard: &Standard) -> Fi
 }
 
 /// The best of the second looks at the best of the first, ties by order.
-fn verified(surface: &Oriented, mut finalists: Vec<Finalist>) -> Option<Fit> {
+fn verified(surface: &Oriented, mut finalists: Vec<Finalist>) -> Option<FoundFace> {
     finalists.sort_by(|a, b| a.fit.residual_mm.total_cmp(&b.fit.residual_mm));
     finalists.truncate(FINALISTS);
-    let fits = finalists.iter().map(|finalist| second_look(surface, finalist));
-    fits.reduce(|best, next| if next.residual_mm < best.residual_mm { next } else { best })
+    let looks = finalists.iter().map(|finalist| second_look(surface, finalist));
+    let best = looks.reduce(|best, next| if next.fit.residual_mm < best.fit.residual_mm { next } else { best })?;
+    Some(closest_look(surface, &best))
 }
 
-fn second_look(surface: &Oriented, finalist: &Finalist) -> Fit {
-    let start = finalist.fit.pose;
-    let spacing = FINE_SPACING_MM * start.scale;
-    let center = start.point(&Point3::new(0.0, 20.0, 100.0));
-    let samples = surface.sampled_around(&center, FINE_REACH_MM * start.scale, spacing);
-    let grid = CellGrid::new(&samples.points, 2.0 * spacing);
+fn second_look(surface: &Oriented, finalist: &Finalist) -> Finalist {
+    let (samples, grid) = around(surface, &finalist.fit.pose, FINE_SPACING_MM, FINE_REACH_MM);
     let target = Target { samples: &samples, grid: &grid, sign: finalist.sign };
-    let placed = Placement { pose: start, weights: finalist.fit.weights };
-    let placement = fit_pose(&target, template::face(), &placed, &SECOND_LOOK);
-    score(&target, template::face(), SECOND_LOOK.points, &placement)
+    let placement = fit_pose(&target, template::face(), &finalist.fit.placement(), &SECOND_LOOK);
+    Finalist { fit: score(&target, template::face(), SECOND_LOOK.points, &placement), sign: finalist.sign }
+}
+
+/// What the surface shows at the place that was settled on.
+fn closest_look(surface: &Oriented, found: &Finalist) -> FoundFace {
+    let (samples, grid) = around(surface, &found.fit.pose, CLOSE_SPACING_MM, CLOSE_REACH_MM);
+    let target = Target { samples: &samples, grid: &grid, sign: found.sign };
+    let placement = found.fit.placement();
+    FoundFace {
+        fit: found.fit,
+        landmarks: landmarks::landmarks(&target, &placement),
+        dense: DenseSignature::new(&target, template::face(), &placement),
+    }
+}
+
+/// Samples of the surface around a face; spacing and reach in mm on the standard.
+fn around(surface: &Oriented, pose: &Similarity, spacing_mm: f64, reach_mm: f64) -> (Samples, CellGrid) {
+    let spacing = spacing_mm * pose.scale;
+    let center = pose.point(&Point3::new(0.0, 20.0, 100.0));
+    let samples = surface.sampled_around(&center, reach_mm * pose.scale, spacing);
+    let grid = CellGrid::new(&samples.points, 2.0 * spacing);
+    (samples, grid)
 }

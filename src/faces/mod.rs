@@ -5,9 +5,11 @@
 
 pub mod alignment;
 pub mod candidates;
+pub mod dense;
 pub mod detection;
 pub mod features;
 pub mod judgement;
+pub mod landmarks;
 pub mod modes;
 mod modes_table;
 pub mod relief;
@@ -22,6 +24,8 @@ pub mod verification;
 
 pub use alignment::sum_of_distances;
 pub use candidates::{Candidate, Cost};
+pub use dense::DenseSignature;
+pub use landmarks::Landmarks;
 pub use judgement::{MatchMethod, Verdict, judge};
 pub use signature::{Signature, SignatureError, SignatureSummary};
 pub use standard::Standard;

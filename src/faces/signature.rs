@@ -1,8 +1,10 @@
 //! What is stored of a model for retrieval, and its bytes.
 
 use super::candidates::Candidate;
-use super::detection::Detection;
-use super::modes::{MODES, Weights};
+use super::dense::DenseSignature;
+use super::detection::{Detection, FoundFace};
+use super::landmarks::Landmarks;
+use super::modes::{LANDMARKS, MODES, Weights};
 use super::similarity::Similarity;
 use super::verification::Fit;
 use crate::geometry::{Bounds, Motion, Point3, Unit, Vector3};
@@ -21,7 +23,15 @@ pub struct Signature {
     regions: Vec<StoredRegion>,
     triangles: Vec<StoredTriangle>,
     /// One, or none.
-    fits: Vec<StoredFit>,
+    faces: Vec<StoredFace>,
+}
+
+/// A fit with its landmarks and dense signature.
+#[derive(Debug, Clone, PartialEq)]
+struct StoredFace {
+    fit: StoredFit,
+    landmarks: StoredLandmarks,
+    dense: DenseSignature,
 }
 
 /// centre, normal, strength, mean curvature
@@ -30,6 +40,8 @@ type StoredRegion = [f32; 8];
 type StoredTriangle = [f32; 22];
 /// residual, observed, scale, rotation (i, j, k, w), translation, stretch, weights of the modes
 type StoredFit = [f32; 13 + MODES];
+/// Relative to the origin, in the order of [`LANDMARKS`].
+type StoredLandmarks = [f32; 3 * LANDMARKS.len()];
 
 /// What the API shows of a signature.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -62,7 +74,7 @@ const MOST_ENTRIES: usize = 4096;
 
 impl Signature {
     /// The version of the operator that makes signatures; stored beside each.
-    pub const VERSION: u32 = 2;
+    pub const VERSION: u32 = 3;
 
     /// The signature of a model with this box and radius (see [`Signature::radius`]), these regions and facial triangles.
     pub(super) fn new(bounds: Bounds, radius: f64, unit: Unit, regions: &[Region], detection: &Detection) -> Signature {
@@ -96,7 +108,7 @@ impl Signature {
             unit_mm: unit.in_mm().unwrap_or(0.0) as f32,
             regions,
             triangles,
-            fits: detection.fit.iter().map(|fit| stored_fit(fit, &origin)).collect(),
+            faces: detection.face.iter().map(|face| StoredFace::new(face, &origin)).collect(),
         }
     }
 
@@ -126,7 +138,7 @@ impl Signature {
 
     /// The best fit of the standard face's surface, if any place was worth a closer look.
     pub fn fit(&self) -> Option<Fit> {
-        let f = self.fits.first()?.map(f64::from);
+        let f = self.faces.first()?.fit.map(f64::from);
         let quaternion = nalgebra::Quaternion::new(f[6], f[3], f[4], f[5]);
         let rotation = nalgebra::UnitQuaternion::try_new(quaternion, 1e-6)?;
         let translation = Vector3::new(f[7], f[8], f[9]) + Vector3::from(self.origin);
@@ -134,6 +146,17 @@ impl Signature {
         let pose = Similarity { scale: f[2], stretch, motion: Motion::from_parts(translation.into(), rotation) };
         let weights = Weights::from_fn(|mode, _| f[13 + mode]);
         Some(Fit { pose, weights, residual_mm: f[0], observed: f[1] })
+    }
+
+    /// The landmarks of that fit, in the order of [`LANDMARKS`], in the model's frame and unit.
+    pub fn landmarks(&self) -> Option<Landmarks> {
+        let stored = &self.faces.first()?.landmarks;
+        Some(std::array::from_fn(|k| self.position(&stored[3 * k..3 * k + 3])))
+    }
+
+    /// What tells the face at that fit from others.
+    pub fn dense(&self) -> Option<&DenseSignature> {
+        self.faces.first().map(|face| &face.dense)
     }
 
     /// The diagonal of the model's bounding box, in its unit.
@@ -153,7 +176,7 @@ impl Signature {
     }
 
     /// One BLOB, little-endian: magic, version, origin (f64 x 3), diagonal, radius, unit in mm or 0, then counted regions,
-    /// triangles and fits (f32).
+    /// triangles (f32), and the number of faces (0 or 1) with fit, landmarks (f32) and heights (i8).
     pub fn to_bytes(&self) -> Vec<u8> {
         let mut bytes = Vec::with_capacity(48 + self.regions.len() * 32 + self.triangles.len() * 88);
         bytes.extend(MAGIC);
@@ -164,7 +187,11 @@ impl Signature {
         bytes.extend(self.unit_mm.to_le_bytes());
         write_list(&mut bytes, &self.regions);
         write_list(&mut bytes, &self.triangles);
-        write_list(&mut bytes, &self.fits);
+        bytes.extend((self.faces.len() as u32).to_le_bytes());
+        for face in &self.faces {
+            bytes.extend(face.fit.iter().chain(&face.landmarks).flat_map(|x| x.to_le_bytes()));
+            bytes.extend(face.dense.to_bytes());
+        }
         bytes
     }
 
@@ -187,17 +214,28 @@ impl Signature {
         let unit_mm = reader.float("unit")?;
         let regions = reader.list("regions")?;
         let triangles = reader.list("triangles")?;
-        let fits: Vec<StoredFit> = reader.list("fit")?;
-        if fits.len() > 1 {
-            return Err(SignatureError::Damaged(format!("{} fits", fits.len())));
-        }
+        let faces = match u32::from_le_bytes(reader.take("faces")?) {
+            0 => Vec::new(),
+            1 => vec![reader.face()?],
+            count => return Err(SignatureError::Damaged(format!("{count} faces"))),
+        };
         if !reader.bytes.is_empty() {
             return Err(SignatureError::Damaged(format!("{} bytes too many", reader.bytes.len())));
         }
         if origin.iter().any(|x| !x.is_finite()) {
             return Err(SignatureError::Damaged("the origin is not finite".into()));
         }
-        Ok(Signature { origin, diagonal, radius, unit_mm, regions, triangles, fits })
+        Ok(Signature { origin, diagonal, radius, unit_mm, regions, triangles, faces })
+    }
+}
+
+impl StoredFace {
+    fn new(face: &FoundFace, origin: &Point3) -> StoredFace {
+        let mut landmarks = [0.0; 3 * LANDMARKS.len()];
+        for (slots, place) in landmarks.chunks_exact_mut(3).zip(&face.landmarks) {
+            slots.copy_from_slice((place - origin).cast::<f32>().as_slice());
+        }
+        StoredFace { fit: stored_fit(&face.fit, origin), landmarks, dense: face.dense.clone() }
     }
 }
 
@@ -241,6 +279,22 @@ impl Reader<'_> {
         if value.is_finite() { Ok(value) } else { Err(SignatureError::Damaged(format!("{what}: not a finite number"))) }
     }
 
+    fn floats<const N: usize>(&mut self, what: &str) -> Result<[f32; N], SignatureError> {
+        let mut values = [0.0; N];
+        for value in &mut values {
+            *value = self.float(what)?;
+        }
+        Ok(values)
+    }
+
+    fn face(&mut self) -> Result<StoredFace, SignatureError> {
+        Ok(StoredFace {
+            fit: self.floats("fit")?,
+            landmarks: self.floats("landmarks")?,
+            dense: DenseSignature::from_bytes(self.take("heights")?),
+        })
+    }
+
     fn list<const N: usize>(&mut self, what: &str) -> Result<Vec<[f32; N]>, SignatureError> {
         let count = u32::from_le_bytes(self.take(what)?) as usize;
         if count > MOST_ENTRIES {
@@ -248,11 +302,7 @@ impl Reader<'_> {
         }
         let mut list = Vec::with_capacity(count);
         for _ in 0..count {
-            let mut entry = [0.0; N];
-            for value in &mut entry {
-                *value = self.float(what)?;
-            }
-            list.push(entry);
+            list.push(self.floats(what)?);
         }
         Ok(list)
     }
@@ -286,8 +336,14 @@ pub(crate) mod tests {
             stretch: Vector3::repeat(1.0),
             motion: Motion::new(Vector3::new(1.0, 2.0, 3.0), Vector3::new(0.1, 0.2, 0.3)),
         };
-        let fit = Some(Fit { pose, weights: Weights::repeat(seed), residual_mm: 1.5 + seed.sin(), observed: 0.9 });
-        Signature::new(bounds, 8.0, Unit::Cm, &regions, &Detection { candidates: vec![candidate], fit })
+        let fit = Fit { pose, weights: Weights::repeat(seed), residual_mm: 1.5 + seed.sin(), observed: 0.9 };
+        let heights = std::array::from_fn(|k| (20.0 * (seed + 0.1 * k as f64).sin()) as i8 as u8);
+        let face = FoundFace {
+            fit,
+            landmarks: std::array::from_fn(|k| Point3::new(k as f64, 2.0, 3.0)),
+            dense: DenseSignature::from_bytes(heights),
+        };
+        Signature::new(bounds, 8.0, Unit::Cm, &regions, &Detection { candidates: vec![candidate], face: Some(face) })
     }
 
     #[test]
@@ -295,7 +351,7 @@ pub(crate) mod tests {
         let signature = example(0.3, 10);
         let bytes = signature.to_bytes();
         assert_eq!(Signature::from_bytes(&bytes), Ok(signature));
-        assert_eq!(bytes.len(), 44 + 4 + 10 * 32 + 4 + 88 + 4 + 52);
+        assert_eq!(bytes.len(), 44 + 4 + 10 * 32 + 4 + 88 + 4 + 4 * (13 + MODES + 30) + 300);
     }
 
     #[test]
@@ -304,7 +360,7 @@ pub(crate) mod tests {
         let region = Region { center: far, normal: Vector3::x(), strength: 1.0, mean_curvature: 0.1 };
         let bounds = Bounds { min: far, max: far + Vector3::new(0.1, 0.1, 0.1) };
         let signature =
-            Signature::new(bounds, 0.05, Unit::M, &[region], &Detection { candidates: Vec::new(), fit: None });
+            Signature::new(bounds, 0.05, Unit::M, &[region], &Detection { candidates: Vec::new(), face: None });
         let back = signature.regions().next().expect("one region");
         assert!((back.center - far).norm() < 1e-8);
     }
@@ -317,7 +373,9 @@ pub(crate) mod tests {
         let expected =
             Motion::new(Vector3::new(1.0, 2.0, 3.0), Vector3::new(0.1, 0.2, 0.3)) * Point3::from(p.coords * 0.1);
         assert!((fit.pose.point(&p) - expected).norm() < 1e-4);
-        assert!((fit.observed - 0.9).abs() < 1e-6);
+        assert!((fit.observed - 0.9).abs() < 1e-6 && (fit.weights[2] - 0.3).abs() < 1e-6);
+        let landmarks = signature.landmarks().expect("the example has them");
+        assert!((landmarks[7] - Point3::new(7.0, 2.0, 3.0)).norm() < 1e-5);
     }
 
     #[test]

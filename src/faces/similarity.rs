@@ -35,6 +35,30 @@ impl Similarity {
         Point3::from(self.motion.rotation * stretched + self.motion.translation.vector)
     }
 
+    /// The place of the standard that lies at `p` in the model.
+    pub fn standard_point(&self, p: &Point3) -> Point3 {
+        let back = self.motion.rotation.inverse() * (p.coords - self.motion.translation.vector) / self.scale;
+        Point3::from(back.component_div(&self.stretch))
+    }
+
+    /// The least-squares similarity, without stretch, that maps points onto their counterparts (Umeyama, 1991).
+    pub fn of_points(from: &[Point3], to: &[Point3]) -> Similarity {
+        let count = from.len().max(1) as f64;
+        let center = |points: &[Point3]| points.iter().map(|p| p.coords).sum::<Vector3>() / count;
+        let (a, b) = (center(from), center(to));
+        let mut correlation = nalgebra::Matrix3::zeros();
+        let mut spread = 0.0;
+        for (p, q) in from.iter().zip(to) {
+            correlation += (q.coords - b) * (p.coords - a).transpose();
+            spread += (p.coords - a).norm_squared();
+        }
+        let rotation = crate::geometry::se3::nearest_rotation(&correlation);
+        let turned = rotation.to_rotation_matrix().matrix().transpose() * correlation;
+        let scale = if spread > 0.0 { turned.trace() / spread } else { 1.0 };
+        let translation = b - rotation * a * scale;
+        Similarity { scale, stretch: Vector3::repeat(1.0), motion: Motion::from_parts(translation.into(), rotation) }
+    }
+
     /// A surface normal of the standard in the model; unit length stays.
     pub fn normal(&self, n: &Vector3) -> Vector3 {
         (self.motion.rotation * n.component_div(&self.stretch)).normalize()
@@ -69,8 +93,11 @@ mod tests {
         let to = Triangle::new(triangle().corners.map(|p| truth.point(&p)));
         let found = Similarity::of_triangles(&triangle(), &Vector3::z(), &to, &truth.normal(&Vector3::z()));
         assert!((found.scale - 2.5).abs() < 1e-9);
+        let corners = Similarity::of_points(&triangle().corners, &to.corners);
         for p in [Point3::new(1.0, 2.0, 3.0), Point3::origin()] {
             assert!((found.point(&p) - truth.point(&p)).norm() < 1e-9);
+            assert!((corners.point(&p) - truth.point(&p)).norm() < 1e-9);
+            assert!((truth.standard_point(&truth.point(&p)) - p).norm() < 1e-9);
         }
     }
 

@@ -56,6 +56,13 @@ pub struct Fit {
     pub observed: f64,
 }
 
+impl Fit {
+    /// Where the deformed standard lies.
+    pub fn placement(&self) -> Placement {
+        Placement { pose: self.pose, weights: self.weights }
+    }
+}
+
 /// A template point's counterpart on the surface.
 #[derive(Debug, Clone, Copy)]
 pub struct Counterpart {

@@ -1,0 +1,129 @@
+//! The dense signature: who is it? The height of the face over the plain standard, point by point.
+
+use super::modes::Weights;
+use super::similarity::Similarity;
+use super::template::{TEMPLATE_POINTS, Template};
+use super::verification::{Placement, Target};
+use crate::geometry::{Point3, Vector3};
+
+/// Heights in steps of 0.1 mm on the standard, at the template's points; [`UNSEEN`] where there is no surface.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct DenseSignature([i8; TEMPLATE_POINTS]);
+
+/// Stands for a point where the model has no surface.
+const UNSEEN: i8 = i8::MIN;
+/// The height that 1 stands for, mm on the standard.
+const STEP_MM: f64 = 0.1;
+/// Surface farther than this from the standard's is not the face's, mm on the standard.
+const MOST_HEIGHT_MM: f64 = 12.0;
+/// A point's height is the mean over the samples this near to its normal, mm on the standard.
+const FOOTPRINT_MM: f64 = 3.0;
+/// Two signatures are compared with at least this share of the points seen by both.
+const LEAST_COMMON: f64 = 0.4;
+/// The greatest differences, which hair and holes make, are left out.
+const KEPT_SHARE: f64 = 0.9;
+
+impl DenseSignature {
+    /// The signature of the face at `placement`.
+    ///
+    /// Heights are measured from the plain standard, laid as well as turn, place and size allow onto the standard as
+    /// it was fitted: what the fit deformed is part of what tells faces apart.
+    pub fn new(target: &Target, template: &Template, placement: &Placement) -> DenseSignature {
+        let plain = template.shaped(&Weights::zeros(), TEMPLATE_POINTS);
+        let fitted = template.shaped(&placement.weights, TEMPLATE_POINTS);
+        let posed: Vec<Point3> = fitted.points.iter().map(|p| placement.pose.point(p)).collect();
+        let pose = Similarity::of_points(&plain.points, &posed);
+        let heights: Vec<Option<f64>> =
+            plain.points.iter().zip(&plain.normals).map(|(p, n)| height(target, &pose, p, n)).collect();
+        let seen = heights.iter().flatten();
+        let mean = seen.clone().sum::<f64>() / seen.count().max(1) as f64;
+        let step = |height: &Option<f64>| {
+            height.map_or(UNSEEN, |h| ((h - mean) / STEP_MM).round().clamp(-127.0, 127.0) as i8)
+        };
+        let mut steps = [UNSEEN; TEMPLATE_POINTS];
+        for (slot, height) in steps.iter_mut().zip(&heights) {
+            *slot = step(height);
+        }
+        DenseSignature(steps)
+    }
+
+    /// Its bytes, one a point.
+    pub fn to_bytes(&self) -> [u8; TEMPLATE_POINTS] {
+        self.0.map(|step| step as u8)
+    }
+
+    /// The inverse of [`DenseSignature::to_bytes`].
+    pub fn from_bytes(bytes: [u8; TEMPLATE_POINTS]) -> DenseSignature {
+        DenseSignature(bytes.map(|byte| byte as i8))
+    }
+
+    /// How much two faces differ: root mean square of the differences that are not among the greatest tenth, mm on the
+    /// standard, their mean removed; `None` if too few points are seen on both.
+    pub fn distance_mm(&self, other: &DenseSignature) -> Option<f64> {
+        let pairs = self.0.iter().zip(&other.0).filter(|(a, b)| **a != UNSEEN && **b != UNSEEN);
+        let mut differences: Vec<i32> = pairs.map(|(a, b)| i32::from(*a) - i32::from(*b)).collect();
+        if (differences.len() as f64) < LEAST_COMMON * TEMPLATE_POINTS as f64 {
+            return None;
+        }
+        let mean = f64::from(differences.iter().sum::<i32>()) / differences.len() as f64;
+        differences.sort_by(|a, b| (f64::from(*a) - mean).abs().total_cmp(&(f64::from(*b) - mean).abs()));
+        differences.truncate((KEPT_SHARE * differences.len() as f64).ceil() as usize);
+        let squares: f64 = differences.iter().map(|d| (f64::from(*d) - mean).powi(2)).sum();
+        Some(STEP_MM * (squares / differences.len() as f64).sqrt())
+    }
+}
+
+/// How high the surface stands over a point of the standard, along its normal, mm on the standard.
+fn height(target: &Target, pose: &Similarity, point: &Point3, normal: &Vector3) -> Option<f64> {
+    let (foot, direction) = (pose.point(point), pose.normal(normal));
+    let near = target.counterpart(&foot, &direction, MOST_HEIGHT_MM * pose.scale, 0.3)?;
+    // the surface over the foot: the samples near the normal's line at about the nearest sample's height
+    let guess = foot + direction * direction.dot(&(near.point - foot));
+    let (mut sum, mut weights) = (0.0, 0.0);
+    let footprint = FOOTPRINT_MM * pose.scale;
+    target.grid.for_each_within(&guess, footprint, |sample, distance2| {
+        let n = target.samples.normals[sample] * target.sign;
+        let facing = n.dot(&direction);
+        if facing > 0.3 {
+            // where the sample's tangent plane meets the line
+            let offset = target.samples.points[sample] - foot;
+            let weight = target.samples.areas[sample] * facing * (1.0 - distance2 / (footprint * footprint)).powi(2);
+            sum += weight * offset.dot(&n) / facing;
+            weights += weight;
+        }
+    });
+    (weights > 0.0).then(|| sum / weights / pose.scale).filter(|h| h.abs() <= MOST_HEIGHT_MM)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn example(bump: i8) -> DenseSignature {
+        let mut steps = [0; TEMPLATE_POINTS];
+        for (k, step) in steps.iter_mut().enumerate() {
+            *step = if k % 2 == 0 { bump } else { -bump };
+        }
+        DenseSignature(steps)
+    }
+
+    #[test]
+    fn distances_are_in_millimetres_and_a_shift_does_not_matter() {
+        let (flat, wavy) = (example(0), example(10));
+        assert_eq!(flat.distance_mm(&flat), Some(0.0));
+        assert!((flat.distance_mm(&wavy).expect("all is seen") - 1.0).abs() < 1e-9);
+        let raised = DenseSignature(flat.0.map(|s| s + 50));
+        assert_eq!(flat.distance_mm(&raised), Some(0.0));
+    }
+
+    #[test]
+    fn bytes_round_trip_and_unseen_points_do_not_count() {
+        let mut steps = example(10).0;
+        steps[..100].fill(UNSEEN);
+        let partly = DenseSignature(steps);
+        assert_eq!(DenseSignature::from_bytes(partly.to_bytes()), partly);
+        assert_eq!(partly.distance_mm(&example(10)), Some(0.0));
+        steps[..200].fill(UNSEEN);
+        assert_eq!(DenseSignature(steps).distance_mm(&example(10)), None);
+    }
+}

@@ -1,0 +1,103 @@
+//! The landmarks of a face: carried over by the fitted standard, then moved to where the surface itself shows them.
+
+use super::modes::{self, LANDMARKS};
+use super::verification::{Placement, Target};
+use crate::geometry::{Point3, Vector3};
+use crate::saliency::Samples;
+
+/// The landmarks in the order of [`LANDMARKS`], in the model's frame and unit.
+pub type Landmarks = [Point3; LANDMARKS.len()];
+
+/// A refinement farther than this from where the standard says is none, mm on the standard.
+const MOST_MOVE_MM: f64 = 5.0;
+/// Carried landmarks are brought onto the surface if it is this near, mm on the standard.
+const ON_SURFACE_MM: f64 = 4.0;
+/// The samples around an extremum within this are averaged, mm on the standard.
+const SMOOTHING_MM: f64 = 2.5;
+
+/// Where a landmark shows on the surface: the point that lies farthest in a direction of the standard's frame, within
+/// a radius around the carried place, and where the landmark is from there. Both were measured on the heads whose
+/// landmarks are exact.
+struct Extremum {
+    landmark: &'static str,
+    direction: [f64; 3],
+    radius_mm: f64,
+    offset_mm: [f64; 3],
+    /// How much it counts against the carried place.
+    weight: f64,
+}
+
+/// The nose's apex seen 15 degrees from above, and the pits of the inner eye corners: their deepest points lie inward
+/// of the corners and above them.
+const EXTREMA: [Extremum; 3] = [
+    Extremum {
+        landmark: "nose_tip",
+        direction: [0.0, 0.26, 0.97],
+        radius_mm: 10.0,
+        offset_mm: [0.0, 0.0, 0.0],
+        weight: 0.7,
+    },
+    Extremum {
+        landmark: "eye_r_inner",
+        direction: [0.0, 0.0, -1.0],
+        radius_mm: 8.0,
+        offset_mm: [-3.4, -1.5, 0.8],
+        weight: 0.5,
+    },
+    Extremum {
+        landmark: "eye_l_inner",
+        direction: [0.0, 0.0, -1.0],
+        radius_mm: 8.0,
+        offset_mm: [3.4, -1.5, 0.8],
+        weight: 0.5,
+    },
+];
+
+/// The landmarks of the face that was found at `placement`. A refinement that leaves its neighbourhood is dropped.
+pub fn landmarks(target: &Target, placement: &Placement) -> Landmarks {
+    let pose = &placement.pose;
+    let mut carried = modes::landmarks(&placement.weights);
+    for extremum in &EXTREMA {
+        let Some(index) = LANDMARKS.iter().position(|name| *name == extremum.landmark) else { continue };
+        if let Some(found) = extremum.find(target, placement, &carried[index]) {
+            carried[index] += (found - carried[index]) * extremum.weight;
+        }
+    }
+    carried.map(|place| {
+        let point = pose.point(&place);
+        let near = target.grid.nearest_where(&point, ON_SURFACE_MM * pose.scale, |_| true);
+        near.map_or(point, |(sample, _)| on_plane(target.samples, sample, &point))
+    })
+}
+
+impl Extremum {
+    /// The landmark by the extremum, in the standard's frame; `None` if it isn't a proper one.
+    fn find(&self, target: &Target, placement: &Placement, carried: &Point3) -> Option<Point3> {
+        let pose = &placement.pose;
+        let expected = carried - Vector3::from(self.offset_mm);
+        let center = pose.point(&expected);
+        let direction = (pose.motion.rotation * Vector3::from(self.direction)).normalize();
+        let mut best: Option<(f64, usize)> = None;
+        target.grid.for_each_within(&center, self.radius_mm * pose.scale, |sample, _| {
+            let height = direction.dot(&(target.samples.points[sample] - center));
+            if best.is_none_or(|(most, _)| height > most) {
+                best = Some((height, sample));
+            }
+        });
+        let (_, extreme) = best?;
+        let (mut sum, mut count) = (Vector3::zeros(), 0.0);
+        let around = target.samples.points[extreme];
+        target.grid.for_each_within(&around, SMOOTHING_MM * pose.scale, |sample, _| {
+            sum += target.samples.points[sample] - around;
+            count += 1.0;
+        });
+        let found = pose.standard_point(&(around + sum / f64::max(count, 1.0))) + Vector3::from(self.offset_mm);
+        ((found - carried).norm() <= MOST_MOVE_MM).then_some(found)
+    }
+}
+
+/// The point brought onto the tangent plane of a sample.
+fn on_plane(samples: &Samples, sample: usize, point: &Point3) -> Point3 {
+    let normal = samples.normals[sample];
+    point - normal * normal.dot(&(point - samples.points[sample]))
+}
