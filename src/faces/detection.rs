@@ -51,6 +51,8 @@ const SECOND_LOOK: Search = Search {
 };
 /// How many get the second look.
 const FINALISTS: usize = 4;
+/// Fits whose corners lie this near to each other stand at one place, mm on the standard.
+const SAME_PLACE_MM: f64 = 6.0;
 /// The spacing of the finer samples, mm on the standard, and how far around the face they reach.
 const FINE_SPACING_MM: f64 = 3.0;
 const FINE_REACH_MM: f64 = 110.0;
@@ -94,6 +96,15 @@ pub struct FoundFace {
 struct Finalist {
     fit: Fit,
     sign: f64,
+}
+
+impl Finalist {
+    /// Whether the corners of the standard's triangle lie at about the same places.
+    fn stands_with(&self, other: &Finalist, standard: &Standard) -> bool {
+        let apart = |p: &Point3| (self.fit.pose.point(p) - other.fit.pose.point(p)).norm();
+        let most = SAME_PLACE_MM * self.fit.pose.scale;
+        self.sign == other.sign && standard.annotated.corners.iter().all(|corner| apart(corner) < most)
+    }
 }
 
 impl Oriented<'_> {
@@ -152,7 +163,7 @@ pub fn detect(surface: &Oriented, unit: Unit, standard: &Standard, progress: &Pr
         finalists.retain(|f| TRUE_SIZES.contains(&(f.fit.pose.scale * mm)));
     }
     found.sort_by(|a, b| a.cost(standard).total().total_cmp(&b.cost(standard).total()));
-    Ok(Detection { candidates: found, face: verified(surface, finalists) })
+    Ok(Detection { candidates: found, face: verified(surface, finalists, standard) })
 }
 
 /// Adds a level's triangles and their first fits.
@@ -185,10 +196,24 @@ fn first_look(target: &Target, candidate: &Candidate, standard: &Standard) -> Fi
     score(target, template::face(), FIRST_LOOK.points, &placement)
 }
 
-/// The best of the second looks at the best of the first, ties by order.
-fn verified(surface: &Oriented, mut finalists: Vec<Finalist>) -> Option<FoundFace> {
+/// The best few that stand at places of their own: many triangles lead to the same one. Ties by order.
+fn distinct(mut finalists: Vec<Finalist>, standard: &Standard) -> Vec<Finalist> {
     finalists.sort_by(|a, b| a.fit.residual_mm.total_cmp(&b.fit.residual_mm));
-    finalists.truncate(FINALISTS);
+    let mut kept: Vec<Finalist> = Vec::new();
+    for finalist in finalists {
+        if kept.len() == FINALISTS {
+            break;
+        }
+        if !kept.iter().any(|other| other.stands_with(&finalist, standard)) {
+            kept.push(finalist);
+        }
+    }
+    kept
+}
+
+/// The best of the second looks at the best of the first, ties by order.
+fn verified(surface: &Oriented, finalists: Vec<Finalist>, standard: &Standard) -> Option<FoundFace> {
+    let finalists = distinct(finalists, standard);
     let looks = finalists.iter().map(|finalist| second_look(surface, finalist));
     let best = looks.reduce(|best, next| if next.fit.residual_mm < best.fit.residual_mm { next } else { best })?;
     Some(closest_look(surface, &best))

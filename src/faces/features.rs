@@ -24,8 +24,8 @@ const LEAST_CAP: f64 = 0.6;
 /// An eye corner is a pit at least this deep (eye corners: 1 to 6).
 const LEAST_PIT: f64 = 0.5;
 /// The most candidates of either kind.
-const MOST_NOSES: usize = 15;
-const MOST_EYES: usize = 26;
+const MOST_NOSES: usize = 20;
+const MOST_EYES: usize = 40;
 
 /// Curvatures of the samples at both radii, for normals as they are.
 #[derive(Debug, Clone)]
