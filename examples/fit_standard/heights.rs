@@ -47,7 +47,8 @@ fn fit(samples: &[Sample]) -> DVector<f64> {
         let mut right = DVector::zeros(unknowns);
         let (mut squares, mut weights) = (0.0, 0.0);
         for sample in samples {
-            let terms = SPLINE.terms(sample.point.x, sample.point.y).map(|t| (t.row * COLUMNS + t.column, t.weights[0]));
+            let terms =
+                SPLINE.terms(sample.point.x, sample.point.y).map(|t| (t.row * COLUMNS + t.column, t.weights[0]));
             let residual = sample.point.z - terms.iter().map(|(k, w)| w * coefficients[*k]).sum::<f64>();
             let robust = (1.0 + (residual / ROBUST_MM).powi(2)).powi(-2);
             let weight = sample.weight * if round == 0 { 1.0 } else { robust };

@@ -25,11 +25,8 @@ fn main() {
     };
     let kept = SOURCES.into_iter().filter(|source| !left_out.iter().any(|out| out == source));
     let faces: Vec<PosedFace> = kept.flat_map(|source| posed_faces(Path::new(data), source)).collect();
-    let (name, table) = if with_modes {
-        ("modes_table.rs", modes::table(&faces))
-    } else {
-        ("relief_table.rs", heights::table(&faces))
-    };
+    let (name, table) =
+        if with_modes { ("modes_table.rs", modes::table(&faces)) } else { ("relief_table.rs", heights::table(&faces)) };
     std::fs::write(Path::new(out).join(name), table).expect("the table can be written");
 }
 

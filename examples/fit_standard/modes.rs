@@ -5,8 +5,8 @@ use nalgebra::{DMatrix, DVector};
 use visage::faces::modes::{COLUMNS, LANDMARKS, MODES, ROWS, SPLINE};
 use visage::faces::relief;
 use visage::faces::spline::Term;
+use visage::faces::target::Target;
 use visage::faces::template::is_in_region;
-use visage::faces::verification::Target;
 use visage::geometry::{Point3, Vector3};
 use visage::saliency::{CellGrid, Samples};
 
@@ -242,9 +242,8 @@ pub fn table(faces: &[PosedFace]) -> String {
         for face in &mut all {
             face.align(&middle);
         }
-        middle = (0..places.len())
-            .map(|k| Point3::from(mean(all.iter().map(|f| (f.points[k].coords, f.weight)))))
-            .collect();
+        middle =
+            (0..places.len()).map(|k| Point3::from(mean(all.iter().map(|f| (f.points[k].coords, f.weight))))).collect();
     }
     let landmarks: Vec<Vector3> = (0..LANDMARKS.len())
         .map(|l| mean(all.iter().filter_map(|f| Some((f.landmarks[l]?.coords, f.weight)))))
@@ -260,7 +259,8 @@ pub fn table(faces: &[PosedFace]) -> String {
         eprintln!("mode: {spread:.2} mm");
         displacements.push(fields.iter().zip(&combination).map(|(f, a)| f * *a).sum());
         let moved = |l: usize| {
-            let offsets = all.iter().zip(&combination).filter_map(|(f, a)| Some((f.landmarks[l]?.coords - landmarks[l]) * *a));
+            let offsets =
+                all.iter().zip(&combination).filter_map(|(f, a)| Some((f.landmarks[l]?.coords - landmarks[l]) * *a));
             offsets.sum::<Vector3>()
         };
         carried.push((0..LANDMARKS.len()).map(moved).collect());
@@ -306,7 +306,8 @@ fn source(displacements: &[DVector<f64>], landmarks: &[Vec<Vector3>]) -> String 
             let first = 3 * (row * COLUMNS + column);
             vector([field[first], field[first + 1], field[first + 2]])
         };
-        let row = |r: usize| format!("        [{}],\n", (0..COLUMNS).map(|c| cell(r, c)).collect::<Vec<_>>().join(", "));
+        let row =
+            |r: usize| format!("        [{}],\n", (0..COLUMNS).map(|c| cell(r, c)).collect::<Vec<_>>().join(", "));
         format!("    [\n{}    ],\n", (0..ROWS).map(row).collect::<String>())
     };
     let fields: String = displacements.iter().map(rows).collect();

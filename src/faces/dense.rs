@@ -2,8 +2,9 @@
 
 use super::modes::Weights;
 use super::similarity::Similarity;
+use super::target::Target;
 use super::template::{TEMPLATE_POINTS, Template};
-use super::verification::{Placement, Target};
+use super::verification::Placement;
 use crate::geometry::{Point3, Vector3};
 
 /// Heights in steps of 0.1 mm on the standard, at the template's points; [`UNSEEN`] where there is no surface.
@@ -37,9 +38,8 @@ impl DenseSignature {
             plain.points.iter().zip(&plain.normals).map(|(p, n)| height(target, &pose, p, n)).collect();
         let seen = heights.iter().flatten();
         let mean = seen.clone().sum::<f64>() / seen.count().max(1) as f64;
-        let step = |height: &Option<f64>| {
-            height.map_or(UNSEEN, |h| ((h - mean) / STEP_MM).round().clamp(-127.0, 127.0) as i8)
-        };
+        let step =
+            |height: &Option<f64>| height.map_or(UNSEEN, |h| ((h - mean) / STEP_MM).round().clamp(-127.0, 127.0) as i8);
         let mut steps = [UNSEEN; TEMPLATE_POINTS];
         for (slot, height) in steps.iter_mut().zip(&heights) {
             *slot = step(height);

@@ -5,13 +5,12 @@ use super::candidates::{Candidate, candidates};
 use super::dense::DenseSignature;
 use super::features::{features, places};
 use super::landmarks::{self, Landmarks};
+use super::modes::Weights;
 use super::similarity::Similarity;
 use super::standard::{INNER_EYE_DISTANCE_MM, Standard};
+use super::target::Target;
 use super::template::{self, TEMPLATE_POINTS};
-use super::modes::Weights;
-use super::verification::{
-    Fit, KEPT_SHARE, PROPORTION_WEIGHT, Placement, RIGID_PROPORTIONS, Search, Target, fit_pose, score,
-};
+use super::verification::{Fit, KEPT_SHARE, PROPORTION_WEIGHT, Placement, RIGID_PROPORTIONS, Search, fit_pose, score};
 use crate::geometry::{Mesh, Point3, Unit, Vector3};
 use crate::progress::{Canceled, Progress};
 use crate::saliency::{CellGrid, Samples, Side};

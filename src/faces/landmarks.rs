@@ -1,7 +1,8 @@
 //! The landmarks of a face: carried over by the fitted standard, then moved to where the surface itself shows them.
 
 use super::modes::{self, LANDMARKS};
-use super::verification::{Placement, Target};
+use super::target::Target;
+use super::verification::Placement;
 use crate::geometry::{Point3, Vector3};
 use crate::saliency::Samples;
 

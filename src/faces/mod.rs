@@ -18,6 +18,7 @@ pub mod signature;
 pub mod similarity;
 pub mod spline;
 pub mod standard;
+pub mod target;
 pub mod template;
 pub mod triangle;
 pub mod verification;
@@ -25,8 +26,8 @@ pub mod verification;
 pub use alignment::sum_of_distances;
 pub use candidates::{Candidate, Cost};
 pub use dense::DenseSignature;
-pub use landmarks::Landmarks;
 pub use judgement::{MatchMethod, Verdict, judge};
+pub use landmarks::Landmarks;
 pub use signature::{Signature, SignatureError, SignatureSummary};
 pub use standard::Standard;
 pub use triangle::{Shape, Triangle};
@@ -187,7 +188,7 @@ pub(crate) mod tests {
         let (columns, rows) = (75, 68);
         let points = (0..columns * rows)
             .map(|k| (f64::from(k % columns) * 1.5 - 55.5, f64::from(k / columns) * 1.5 - 29.0))
-            .map(|(x, y)| relief::at(x, y).0)
+            .map(|(x, y)| template::at(x, y).0)
             .collect();
         let corners = (0..rows - 1).flat_map(|row| (0..columns - 1).map(move |column| (row * columns + column) as u32));
         let (right, up) = (1, columns as u32);

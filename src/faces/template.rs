@@ -86,6 +86,11 @@ impl Node {
     }
 }
 
+/// The built-in face over (x, y) of the relief: its point and outward unit normal there.
+pub fn at(x: f64, y: f64) -> (Point3, Vector3) {
+    Node::at(x, y).shaped(&Weights::zeros())
+}
+
 fn region() -> Vec<Node> {
     let half = (relief::HALF_WIDTH_MM / STEP_MM) as i32;
     let rows = ((relief::HIGHEST_MM - relief::LOWEST_MM) / STEP_MM) as i32;

@@ -3,9 +3,9 @@
 
 use super::modes::{MODES, Weights};
 use super::similarity::Similarity;
+use super::target::{Counterpart, Target};
 use super::template::Template;
 use crate::geometry::{Point3, Vector3};
-use crate::saliency::{CellGrid, Samples};
 
 /// Template points farther from the surface than this say no more than that it isn't there, mm.
 pub const FAR_MM: f64 = 12.0;
@@ -19,27 +19,12 @@ const NORMAL_LEVER_MM: f64 = 8.7;
 /// A point this far off, mm, most of it along the surface, beside a rim, is not seen rather than not there.
 const UNSEEN_MM: f64 = 2.5;
 const UNSEEN_TANGENTIAL: f64 = 0.6;
-/// A sample lies on a rim if its neighbours leave a sector this wide empty, radians.
-const RIM_SECTOR: f64 = 2.0 * std::f64::consts::FRAC_PI_3;
-/// Its neighbours are looked for within this, in spacings.
-const RIM_RADIUS: f64 = 3.2;
 /// Samples stand for the surface around them: a point that near along the surface, in spacings, is on it.
 const SAMPLE_REACH: f64 = 0.7;
 /// With a smaller share of the template seen there is no verdict.
 pub const LEAST_OBSERVED: f64 = 0.5;
 /// Below this share the residual is raised: what was not seen could not disagree.
 const FULLY_OBSERVED: f64 = 0.85;
-
-/// Samples of a model with their grid, normals as they are; `sign` turns them outward.
-#[derive(Debug, Clone, Copy)]
-pub struct Target<'a> {
-    /// The samples.
-    pub samples: &'a Samples,
-    /// Their grid.
-    pub grid: &'a CellGrid,
-    /// 1, or -1 if the samples' normals point inward.
-    pub sign: f64,
-}
 
 /// How well the standard's surface fits at a place.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -60,50 +45,6 @@ impl Fit {
     /// Where the deformed standard lies.
     pub fn placement(&self) -> Placement {
         Placement { pose: self.pose, weights: self.weights }
-    }
-}
-
-/// A template point's counterpart on the surface.
-#[derive(Debug, Clone, Copy)]
-pub struct Counterpart {
-    /// The sample.
-    pub sample: usize,
-    /// Its position.
-    pub point: Point3,
-    /// Its outward normal.
-    pub normal: Vector3,
-    /// Its squared distance.
-    pub squared: f64,
-}
-
-impl Target<'_> {
-    /// The nearest sample within `radius` that looks the way of `normal`.
-    pub fn counterpart(&self, point: &Point3, normal: &Vector3, radius: f64, least_cosine: f64) -> Option<Counterpart> {
-        let looks_the_same_way = |sample: usize| self.samples.normals[sample].dot(normal) * self.sign > least_cosine;
-        let nearest = self.grid.nearest_where(point, radius, looks_the_same_way);
-        nearest.map(|(sample, squared)| Counterpart {
-            sample,
-            point: self.samples.points[sample],
-            normal: self.samples.normals[sample] * self.sign,
-            squared,
-        })
-    }
-
-    /// Whether the sample's neighbours leave a wide sector empty.
-    fn is_on_rim(&self, sample: usize) -> bool {
-        let (center, normal) = (self.samples.points[sample], self.samples.normals[sample]);
-        let [x, y] = crate::saliency::quadric::tangents(&normal);
-        let mut angles = Vec::new();
-        self.grid.for_each_within(&center, RIM_RADIUS * self.samples.spacing, |other, _| {
-            let offset = self.samples.points[other] - center;
-            if other != sample && self.samples.normals[other].dot(&normal) > 0.0 {
-                angles.push(offset.dot(&y).atan2(offset.dot(&x)));
-            }
-        });
-        angles.sort_by(f64::total_cmp);
-        let Some((first, last)) = angles.first().zip(angles.last()) else { return true };
-        let around = first + std::f64::consts::TAU - last;
-        angles.windows(2).map(|pair| pair[1] - pair[0]).fold(around, f64::max) > RIM_SECTOR
     }
 }
 
@@ -153,16 +94,14 @@ pub struct Placement {
 pub fn fit_pose(target: &Target, template: &Template, start: &Placement, search: &Search) -> Placement {
     let mut now = *start;
     let rest = template.shaped(&Weights::zeros(), search.points);
-    let middle =
-        Point3::from(rest.points.iter().map(|p| p.coords).sum::<Vector3>() / rest.points.len().max(1) as f64);
+    let middle = Point3::from(rest.points.iter().map(|p| p.coords).sum::<Vector3>() / rest.points.len().max(1) as f64);
     for round in 0..search.rounds {
         let Some(step) = pose_step(target, template, search, &middle, &now, round) else { break };
         let turn = step.fixed_rows::<3>(0).into_owned();
         let growth = step.fixed_rows::<3>(3).map(|g| 1.0 + g.clamp(-0.2, 0.2));
         let shift = step.fixed_rows::<3>(6).into_owned() * lever(&now.pose);
         let grown = now.pose.nudged(&middle, &turn, &growth, &shift);
-        let allowed =
-            grown.scale.clamp(start.pose.scale / search.most_growth, start.pose.scale * search.most_growth);
+        let allowed = grown.scale.clamp(start.pose.scale / search.most_growth, start.pose.scale * search.most_growth);
         now.pose = grown.nudged(&middle, &Vector3::zeros(), &Vector3::repeat(allowed / grown.scale), &Vector3::zeros());
         now.weights = (now.weights + step.fixed_rows::<MODES>(9)).map(|w| w.clamp(-MOST_WEIGHT, MOST_WEIGHT));
         if round >= search.rigid_rounds && step.norm() < SETTLED {
@@ -297,13 +236,14 @@ mod tests {
     use super::*;
     use crate::faces::template;
     use crate::geometry::Motion;
+    use crate::saliency::{CellGrid, Samples};
 
     /// The built-in face as samples 3 mm apart, posed.
     fn posed(pose: &Similarity, keep: impl Fn(f64, f64) -> bool) -> Samples {
         let places = (0..38 * 34).map(|k| (f64::from(k % 38) * 3.0 - 55.5, f64::from(k / 38) * 3.0 - 29.0));
         let mut samples = Samples { spacing: 3.0 * pose.scale, ..Samples::default() };
         for (x, y) in places.filter(|&(x, y)| keep(x, y)) {
-            let (point, normal) = crate::faces::relief::at(x, y);
+            let (point, normal) = template::at(x, y);
             samples.points.push(pose.point(&point));
             samples.normals.push(pose.normal(&normal));
             samples.areas.push(1.0);
@@ -329,8 +269,13 @@ mod tests {
         )
     }
 
+    fn plain(pose: Similarity) -> Placement {
+        Placement { pose, weights: Weights::zeros() }
+    }
+
     fn search(points: usize, rounds: usize) -> Search {
-        Search { points, rounds, most_growth: 1.3, proportion_weight: PROPORTION_WEIGHT }
+        let (proportion_weight, kept_share) = (PROPORTION_WEIGHT, 0.95);
+        Search { points, rounds, most_growth: 1.3, proportion_weight, kept_share, rigid_rounds: 3 }
     }
 
     #[test]
@@ -338,13 +283,34 @@ mod tests {
         let samples = posed(&truth(), |_, _| true);
         let grid = CellGrid::new(&samples.points, 2.0 * samples.spacing);
         let target = Target { samples: &samples, grid: &grid, sign: 1.0 };
-        let before = score(&target, template::face(), 300, &start());
-        let pose = fit_pose(&target, template::face(), &start(), &search(300, 30));
-        let after = score(&target, template::face(), 300, &pose);
+        let before = score(&target, template::face(), 300, &plain(start()));
+        let found = fit_pose(&target, template::face(), &plain(start()), &search(300, 30));
+        let after = score(&target, template::face(), 300, &found);
         assert!(before.residual_mm > 2.0 && after.residual_mm < 0.4, "{before:?} {after:?}");
-        assert!((pose.scale / 0.02 - 1.0).abs() < 0.02);
+        assert!((found.pose.scale / 0.02 - 1.0).abs() < 0.02);
         let nose = Point3::new(0.0, 4.0, 131.0);
-        assert!((pose.point(&nose) - truth().point(&nose)).norm() < 0.02 * 2.0);
+        assert!((found.pose.point(&nose) - truth().point(&nose)).norm() < 0.02 * 2.0);
+    }
+
+    #[test]
+    fn a_deformed_face_gives_its_weights_back() {
+        let weights = Weights::from_fn(|mode, _| [1.2, -0.8, 0.5][mode.min(2)] * f64::from(u8::from(mode < 3)));
+        let shaped = template::face().shaped(&weights, template::TEMPLATE_POINTS);
+        // three hundred points 6 mm apart are sparse, but all of the face
+        let samples = Samples {
+            points: shaped.points.iter().map(|p| truth().point(p)).collect(),
+            normals: shaped.normals.iter().map(|n| truth().normal(n)).collect(),
+            areas: vec![1.0; shaped.points.len()],
+            spacing: 6.0 * truth().scale,
+        };
+        let grid = CellGrid::new(&samples.points, 2.0 * samples.spacing);
+        let target = Target { samples: &samples, grid: &grid, sign: 1.0 };
+        let [stiff, free] = [30, 3].map(|rigid_rounds| {
+            let search = Search { rigid_rounds, ..search(300, 30) };
+            score(&target, template::face(), 300, &fit_pose(&target, template::face(), &plain(truth()), &search))
+        });
+        assert!(free.residual_mm < 0.8 * stiff.residual_mm, "{} {}", free.residual_mm, stiff.residual_mm);
+        assert!((0..3).all(|mode| free.weights[mode] * weights[mode] > 0.1), "{}", free.weights);
     }
 
     #[test]
@@ -352,7 +318,7 @@ mod tests {
         let samples = posed(&truth(), |x, _| x < 16.0);
         let grid = CellGrid::new(&samples.points, 2.0 * samples.spacing);
         let target = Target { samples: &samples, grid: &grid, sign: 1.0 };
-        let fit = score(&target, template::face(), 300, &truth());
+        let fit = score(&target, template::face(), 300, &plain(truth()));
         assert!((0.6..0.75).contains(&fit.observed) && fit.residual_mm < 1.0, "{fit:?}");
     }
 
@@ -361,7 +327,7 @@ mod tests {
         let samples = posed(&truth(), |_, _| true);
         let grid = CellGrid::new(&samples.points, 2.0 * samples.spacing);
         let target = Target { samples: &samples, grid: &grid, sign: -1.0 };
-        assert!(score(&target, template::face(), 300, &truth()).residual_mm >= 8.0);
+        assert!(score(&target, template::face(), 300, &plain(truth())).residual_mm >= 8.0);
     }
 
     #[test]
@@ -369,7 +335,7 @@ mod tests {
         let samples = posed(&truth(), |_, _| true);
         let grid = CellGrid::new(&samples.points, 2.0 * samples.spacing);
         let target = Target { samples: &samples, grid: &grid, sign: 1.0 };
-        let astray = Similarity { motion: Motion::translation(900.0, 0.0, 0.0), ..truth() };
+        let astray = plain(Similarity { motion: Motion::translation(900.0, 0.0, 0.0), ..truth() });
         assert_eq!(fit_pose(&target, template::face(), &astray, &search(90, 5)), astray);
         assert_eq!(score(&target, template::face(), 90, &astray).residual_mm, FAR_MM);
     }

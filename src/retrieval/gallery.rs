@@ -9,13 +9,15 @@ use super::triangle_index::{Hit, TriangleIndex};
 use super::triangle_query::TriangleQuery;
 use super::triangles::{IndexedTriangle, triangles_of};
 use super::{Match, MatchMethod, ModelId};
-use crate::faces::{self, Signature, Triangle, Verdict, judgement, standard};
+use crate::faces::{self, DenseSignature, Signature, Triangle, Verdict, judgement, standard};
 use crate::geometry::{Point3, Vector3};
 
 /// What is kept of a model in memory.
 #[derive(Debug, Clone)]
 pub(super) struct Entry {
     pub triangles: Vec<IndexedTriangle>,
+    /// What tells its face from others, if it has one.
+    pub dense: Option<DenseSignature>,
     descriptors: Verdict,
     verified: Verdict,
     literal: Verdict,
@@ -26,6 +28,7 @@ impl Entry {
         let face = standard::face();
         Entry {
             triangles: triangles_of(signature),
+            dense: signature.dense().cloned(),
             descriptors: faces::judge(signature, &face, MatchMethod::Descriptors),
             verified: faces::judge(signature, &face, MatchMethod::Verified),
             literal: faces::judge(signature, &face, MatchMethod::Literal),
