@@ -50,6 +50,8 @@ const SECOND_LOOK: Search = Search {
 };
 /// How many get the second look.
 const FINALISTS: usize = 4;
+/// A first look this many times worse than the best gets none.
+const HOPELESS: f64 = 1.6;
 /// Fits whose corners lie this near to each other stand at one place, mm on the standard.
 const SAME_PLACE_MM: f64 = 6.0;
 /// The spacing of the finer samples, mm on the standard, and how far around the face they reach.
@@ -200,7 +202,8 @@ fn distinct(mut finalists: Vec<Finalist>, standard: &Standard) -> Vec<Finalist> 
     finalists.sort_by(|a, b| a.fit.residual_mm.total_cmp(&b.fit.residual_mm));
     let mut kept: Vec<Finalist> = Vec::new();
     for finalist in finalists {
-        if kept.len() == FINALISTS {
+        let hopeless = kept.first().is_some_and(|best| finalist.fit.residual_mm > HOPELESS * best.fit.residual_mm);
+        if hopeless || kept.len() == FINALISTS {
             break;
         }
         if !kept.iter().any(|other| other.stands_with(&finalist, standard)) {

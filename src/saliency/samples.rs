@@ -26,8 +26,10 @@ pub(super) struct Gathered {
     pub cell_of: Vec<u32>,
 }
 
-/// Pieces of a face are no longer than this, in cells: about six of them meet in a cell.
-const PIECE_IN_CELLS: f64 = 0.7;
+/// Pieces of a face are no longer than this, in cells: some four of them meet in a cell.
+const PIECE_IN_CELLS: f64 = 0.5;
+/// No face is cut into more rows, or a row into more pieces: such a face is larger than any grid that is asked for.
+const MOST_PIECES: f64 = 4096.0;
 
 impl Samples {
     /// Samples of a mesh by area: large faces are cut into pieces, so faces and vertices of any size do.
@@ -45,13 +47,11 @@ impl Samples {
         keep: impl Fn(&[u32; 3]) -> bool,
     ) -> Samples {
         let mut cells = Cells::new(spacing, mesh.bounds());
-        let mut stack = Vec::new();
         for (index, face) in mesh.faces.iter().enumerate().filter(|(_, face)| keep(face)) {
             let area = 0.5 * mesh.area_normal(index).norm();
             if area > 0.0 {
                 let corners = face.map(|v| (mesh.vertices[v as usize], vertex_normals[v as usize]));
-                stack.push((corners, area));
-                cells.add_pieces(&mut stack, PIECE_IN_CELLS * spacing);
+                cells.add_face(&corners, area, PIECE_IN_CELLS * spacing);
             }
         }
         cells.finish()
@@ -84,15 +84,14 @@ pub(super) fn gather(points: &[Point3], normals: &[Vector3], areas: &[f64], spac
     Gathered { samples: cells.finish(), cell_of }
 }
 
-/// A face's corners with their normals.
-type Piece = [(Point3, Vector3); 3];
-
 struct Cells {
     spacing: f64,
     origin: Point3,
     slots: HashMap<(u64, bool), u32, BuildHasherDefault<KeyHasher>>,
     first_normals: Vec<Vector3>,
     sums: Vec<(Vector3, Vector3, f64)>,
+    /// The cell that was looked up last, with its slot.
+    last: ((u64, bool), u32),
 }
 
 impl Cells {
@@ -103,6 +102,7 @@ impl Cells {
             slots: HashMap::default(),
             first_normals: Vec::new(),
             sums: Vec::new(),
+            last: ((0, false), u32::MAX),
         }
     }
 
@@ -123,28 +123,38 @@ impl Cells {
     }
 
     fn slot(&mut self, key: u64, second: bool, normal: &Vector3) -> u32 {
+        // what is added mostly comes cell by cell
+        if self.last.0 == (key, second) && (self.last.1 as usize) < self.sums.len() {
+            return self.last.1;
+        }
         let next = self.sums.len() as u32;
         let slot = *self.slots.entry((key, second)).or_insert(next);
         if slot == next {
             self.sums.push((Vector3::zeros(), Vector3::zeros(), 0.0));
             self.first_normals.push(*normal);
         }
+        self.last = ((key, second), slot);
         slot
     }
 
-    /// Halves the longest edge until every piece is short; the pieces share the area evenly.
-    fn add_pieces(&mut self, stack: &mut Vec<(Piece, f64)>, longest: f64) {
-        while let Some((piece, area)) = stack.pop() {
-            let edges2 = [0, 1, 2].map(|k| (piece[(k + 1) % 3].0 - piece[k].0).norm_squared());
-            let k = (0..3).fold(0, |best, k| if edges2[k] > edges2[best] { k } else { best });
-            if edges2[k] > longest * longest {
-                let (a, b, c) = (piece[k], piece[(k + 1) % 3], piece[(k + 2) % 3]);
-                let middle = (nalgebra::center(&a.0, &b.0), (a.1 + b.1) * 0.5);
-                stack.push(([a, middle, c], 0.5 * area));
-                stack.push(([middle, b, c], 0.5 * area));
-            } else {
-                let point = Point3::from((piece[0].0.coords + piece[1].0.coords + piece[2].0.coords) / 3.0);
-                self.add(&point, &(piece[0].1 + piece[1].1 + piece[2].1), area);
+    /// Cuts a face into pieces no longer than `longest`, in rows along its longest edge; each counts by its area.
+    fn add_face(&mut self, corners: &[(Point3, Vector3); 3], area: f64, longest: f64) {
+        let length2 = |k: usize| (corners[(k + 1) % 3].0 - corners[k].0).norm_squared();
+        let k = (0..3).fold(0, |best, k| if length2(k) > length2(best) { k } else { best });
+        let (a, b, c) = (corners[k], corners[(k + 1) % 3], corners[(k + 2) % 3]);
+        let length = length2(k).sqrt();
+        let pieces = |extent: f64| (extent / longest).ceil().clamp(1.0, MOST_PIECES);
+        let rows = pieces(2.0 * area / length);
+        let [along, up] = [(b.0 - a.0, b.1 - a.1), (c.0 - a.0, c.1 - a.1)];
+        for row in 0..rows as usize {
+            // a row is a trapezoid: its two widths as shares of the base, and the height of its centroid
+            let (lower, upper) = (1.0 - row as f64 / rows, 1.0 - (row + 1) as f64 / rows);
+            let v = (row as f64 + (lower + 2.0 * upper) / (lower + upper) / 3.0) / rows;
+            let count = pieces(length * 0.5 * (lower + upper));
+            let share = area * (lower * lower - upper * upper) / count;
+            for piece in 0..count as usize {
+                let u = (piece as f64 + 0.5) / count * (1.0 - v);
+                self.add(&(a.0 + along.0 * u + up.0 * v), &(a.1 + along.1 * u + up.1 * v), share);
             }
         }
     }
