@@ -44,12 +44,14 @@ const LAYERS: &[(&str, &[&str])] = &[
     ),
     (
         "cli",
-        // of registration only what benches compare: recipes and figures of merit that no service needs
+        // of the algorithms only what benches compare: recipes and figures of merit that no service needs
         &[
             "geometry",
             "registration",
             "formats",
             "synthetic",
+            "faces",
+            "retrieval",
             "pipeline",
             "progress",
             "config",

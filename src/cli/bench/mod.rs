@@ -2,6 +2,7 @@
 
 mod child;
 pub mod cost;
+pub mod faces;
 pub mod paper;
 pub mod scale;
 
@@ -18,6 +19,8 @@ pub struct BenchArgs {
 enum Bench {
     /// Tables 1 and 2 of the paper: its method, its two baselines and `joint` on Stanford's scans, from disturbed poses.
     Paper(paper::PaperArgs),
+    /// Faces against other things, step by step; landmarks; what disturbances do.
+    Faces(faces::FacesArgs),
     /// Where the CPU time of a registration goes, in passes of neighbour search.
     Cost(cost::CostArgs),
     /// What a registration costs as the views of one code-made object grow in number.
@@ -28,6 +31,7 @@ enum Bench {
 pub fn run(args: BenchArgs) -> anyhow::Result<()> {
     match args.bench {
         Bench::Paper(args) => paper::run(args),
+        Bench::Faces(args) => faces::run(args),
         Bench::Cost(args) => cost::run(args),
         Bench::Scale(args) => scale::run(args),
     }

@@ -1,0 +1,70 @@
+//! `visage bench faces`: the paper's Table 3 for the faces of a labelled set, faces against other things step by step,
+//! landmark errors, and what disturbances do to a verdict. Every unit is taken as unknown.
+
+mod dataset;
+mod robustness;
+mod roc;
+mod tables;
+
+use std::path::PathBuf;
+
+use anyhow::Context;
+use clap::Args;
+use rayon::prelude::*;
+
+use crate::faces::{self, Signature};
+use crate::geometry::{Surface, Unit};
+use crate::progress::Progress;
+use dataset::Row;
+
+/// Arguments of `visage bench faces`.
+#[derive(Debug, Args)]
+pub struct FacesArgs {
+    /// A folder with `manifest.csv` and the models it names; rows with ambiguous = 1 are left out.
+    #[arg(long)]
+    data: PathBuf,
+    /// Writes `faces.md` and `roc.svg` there instead of printing.
+    #[arg(long)]
+    out: Option<PathBuf>,
+    /// Also disturbs every model: turned, subdivided, thinned to a noisy cloud, cut in half.
+    #[arg(long)]
+    robustness: bool,
+}
+
+/// A model of the set with its signature.
+struct Judged {
+    row: Row,
+    surface: Surface,
+    signature: Signature,
+}
+
+/// Runs the measurement.
+pub fn run(args: FacesArgs) -> anyhow::Result<()> {
+    let rows = dataset::read(&args.data)?;
+    let judged = rows
+        .into_par_iter()
+        .map(|row| {
+            let surface = dataset::load(&args.data, &row)?;
+            let signature = described(&surface).with_context(|| format!("{} can't be described", row.file))?;
+            Ok(Judged { row, surface, signature })
+        })
+        .collect::<anyhow::Result<Vec<Judged>>>()?;
+    let mut report = tables::all(&judged);
+    if args.robustness {
+        report += &robustness::table(&judged);
+    }
+    let Some(out) = args.out else {
+        print!("{report}");
+        return Ok(());
+    };
+    std::fs::create_dir_all(&out).with_context(|| format!("{} can't be made", out.display()))?;
+    for (name, content) in [("faces.md", report), ("roc.svg", roc::picture(&judged))] {
+        let path = out.join(name);
+        std::fs::write(&path, content).with_context(|| format!("{} can't be written", path.display()))?;
+    }
+    Ok(())
+}
+
+fn described(surface: &Surface) -> anyhow::Result<Signature> {
+    Ok(faces::describe(surface, Unit::Unknown, &Progress::silent())?)
+}
