@@ -156,7 +156,9 @@ fn try_join(scene: &Scene, left: &Group, right: &Group, link: &Link, waiting: &[
     let radius = right.views.iter().map(|view| sketches[*view].radius).fold(0.0, f64::max);
     let rivals = waiting.iter().filter(|other| {
         let same_pair = (other.i, other.j) == (link.i, link.j);
-        same_pair && other.strength() > RIVAL * link.strength() && !alike(&other.motion_i_j, &link.motion_i_j, radius, DRIFT * edge)
+        same_pair
+            && other.strength() > RIVAL * link.strength()
+            && !alike(&other.motion_i_j, &link.motion_i_j, radius, DRIFT * edge)
     });
     for rival in rivals {
         let Some(motion) = implied(left, right, rival) else { continue };

@@ -28,7 +28,7 @@ impl Descriptors {
     }
 
     /// The number of descriptions.
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.len
     }
 

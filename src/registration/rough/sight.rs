@@ -38,7 +38,7 @@ impl SightMap {
         map.origin = [bound(0, f32::min, f32::INFINITY), bound(1, f32::min, f32::INFINITY)];
         let extent = |axis: usize| {
             let last = bound(axis, f32::max, f32::NEG_INFINITY);
-            ((last - map.origin[axis]) / map.cell).max(0.0).min(4096.0) as usize + 1
+            ((last - map.origin[axis]) / map.cell).clamp(0.0, 4096.0) as usize + 1
         };
         (map.columns, map.rows) = (extent(0), extent(1));
         let mut own = vec![f32::NEG_INFINITY; map.columns * map.rows];

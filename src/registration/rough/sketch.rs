@@ -74,7 +74,7 @@ impl Sketch {
     }
 
     /// The number of surfels.
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.normals.len()
     }
 

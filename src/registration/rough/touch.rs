@@ -44,7 +44,12 @@ pub fn touching_share(i: &View, j: &View, motion_i_j: &Motion, spacing: f64) -> 
 }
 
 /// The moved samples that have a point of the view within `reach`, with that point.
-fn nearest(view: &View, samples: &[LocalPoint], motion: &Motion, reach: f64) -> Vec<(nalgebra::Vector3<f64>, LocalPoint)> {
+fn nearest(
+    view: &View,
+    samples: &[LocalPoint],
+    motion: &Motion,
+    reach: f64,
+) -> Vec<(nalgebra::Vector3<f64>, LocalPoint)> {
     let reach2 = (reach * reach) as f32;
     samples
         .iter()
