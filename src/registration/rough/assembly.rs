@@ -65,6 +65,10 @@ const RIVAL: f64 = 0.85;
 const TOUCHING: f64 = 0.75;
 /// looking at this many pairs.
 const WITNESSES: usize = 3;
+/// Distances up to this many times the set's noise are nothing to wonder at.
+const TOLERATED_NOISE: f64 = 1.6;
+/// Noise below this, in edges, is that of sampling.
+const LEAST_NOISE: f64 = 0.012;
 
 impl Link {
     /// How much speaks for it, to rank links: agreement counts, conflict counts more.
@@ -89,6 +93,28 @@ pub struct Scene<'a> {
     pub spacing: f64,
     /// Edge of the surfels' voxels.
     pub edge: f64,
+    /// Root mean square distance, in edges, of surfaces that are the same: the set's own level of noise.
+    pub noise: f64,
+}
+
+impl Scene<'_> {
+    /// How much speaks for a link in this set: surfaces that are the same lie as near to each other as the noise lets
+    /// them, like ones do not.
+    pub fn strength(&self, link: &Link) -> f64 {
+        let excess = link.evidence.rms() / (self.edge * TOLERATED_NOISE * self.noise);
+        link.strength() / (excess * excess).max(1.0)
+    }
+}
+
+/// The noise of a set by its links: a low quantile of the best, since most of the rest may be wrong.
+pub fn noise_level(links: &[Link], edge: f64) -> f64 {
+    let mut levels: Vec<f64> = links
+        .iter()
+        .filter(|link| link.evidence.overlap() > 0.2 && link.evidence.consistency() > 0.8)
+        .map(|link| link.evidence.rms() / edge)
+        .collect();
+    levels.sort_by(f64::total_cmp);
+    levels.get(levels.len() / 4).copied().unwrap_or(0.0).max(LEAST_NOISE)
 }
 
 /// What came of trying a link.
@@ -104,7 +130,7 @@ pub fn assemble(scene: &Scene, links: &[Link], progress: &Progress) -> Result<As
     let mut groups: Vec<Option<Group>> = (0..sketches.len()).map(|view| Some(Group::of(view))).collect();
     let mut home: Vec<usize> = (0..sketches.len()).collect();
     let mut waiting: Vec<&Link> = links.iter().filter(|link| link.is_promising()).collect();
-    waiting.sort_by(|a, b| b.strength().total_cmp(&a.strength()).then((a.i, a.j).cmp(&(b.i, b.j))));
+    waiting.sort_by(|a, b| scene.strength(b).total_cmp(&scene.strength(a)).then((a.i, a.j).cmp(&(b.i, b.j))));
     let mut ambiguous = vec![false; sketches.len()];
     // a link that was refused is tried again when one of its groups has grown
     let mut refused_at = vec![(0, 0); waiting.len()];
@@ -145,7 +171,7 @@ fn try_join(scene: &Scene, left: &Group, right: &Group, link: &Link, waiting: &[
     let (sketches, edge) = (scene.sketches, scene.edge);
     let Some(motion) = implied(left, right, link) else { return Attempt::Refused };
     let measured = measure_all(sketches, left, right, &motion, edge);
-    let mut grounds = Grounds::of(&measured);
+    let mut grounds = Grounds::of(scene, &measured);
     if !grounds.suffice() {
         return Attempt::Refused;
     }
@@ -156,13 +182,12 @@ fn try_join(scene: &Scene, left: &Group, right: &Group, link: &Link, waiting: &[
     let radius = right.views.iter().map(|view| sketches[*view].radius).fold(0.0, f64::max);
     let rivals = waiting.iter().filter(|other| {
         let same_pair = (other.i, other.j) == (link.i, link.j);
-        same_pair
-            && other.strength() > RIVAL * link.strength()
-            && !alike(&other.motion_i_j, &link.motion_i_j, radius, DRIFT * edge)
+        let is_other = !alike(&other.motion_i_j, &link.motion_i_j, radius, DRIFT * edge);
+        same_pair && is_other && scene.strength(other) > RIVAL * scene.strength(link)
     });
     for rival in rivals {
         let Some(motion) = implied(left, right, rival) else { continue };
-        let other = Grounds::of(&measure_all(sketches, left, right, &motion, edge));
+        let other = Grounds::of(scene, &measure_all(sketches, left, right, &motion, edge));
         grounds.rival = grounds.rival.max(other.strength / grounds.strength);
     }
     if grounds.rival < RIVAL && slides(sketches, &measured, edge, SAMPLES) {
@@ -181,7 +206,7 @@ fn try_join(scene: &Scene, left: &Group, right: &Group, link: &Link, waiting: &[
 /// How well the strongest pairs of a join touch at full resolution.
 fn touching(scene: &Scene, measured: &[Link]) -> f64 {
     let mut strongest: Vec<&Link> = measured.iter().collect();
-    strongest.sort_by(|a, b| b.strength().total_cmp(&a.strength()).then((a.i, a.j).cmp(&(b.i, b.j))));
+    strongest.sort_by(|a, b| scene.strength(b).total_cmp(&scene.strength(a)).then((a.i, a.j).cmp(&(b.i, b.j))));
     let shares: Vec<f64> = strongest
         .iter()
         .take(WITNESSES)
@@ -251,6 +276,11 @@ impl Group {
     /// A view's pose in the group's world.
     pub fn pose_of(&self, view: usize) -> Option<Motion> {
         self.views.iter().position(|v| *v == view).map(|k| self.local_poses[k])
+    }
+
+    /// How sure it is that a view belongs where it is.
+    pub fn confidence_of(&self, view: usize) -> Option<f64> {
+        self.views.iter().position(|v| *v == view).map(|k| self.confidences[k])
     }
 
     /// Both groups in this one's world, views in order. A join is a doubt about the smaller side.

@@ -1,6 +1,6 @@
 //! How sure a join of two groups is, as a probability.
 
-use super::assembly::Link;
+use super::assembly::{Link, Scene};
 
 /// What a join rests on.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -27,12 +27,12 @@ const CONSISTENT: f64 = 0.7;
 
 impl Grounds {
     /// Adds up what all pairs say.
-    pub fn of(measured: &[Link]) -> Self {
+    pub fn of(scene: &Scene, measured: &[Link]) -> Self {
         let agree: f64 = measured.iter().map(|link| link.evidence.agree()).sum();
         let conflict: f64 = measured.iter().map(|link| link.evidence.conflict()).sum();
         Grounds {
-            strength: measured.iter().map(Link::strength).sum(),
-            strongest: measured.iter().map(Link::strength).fold(0.0, f64::max),
+            strength: measured.iter().map(|link| scene.strength(link)).sum(),
+            strongest: measured.iter().map(|link| scene.strength(link)).fold(0.0, f64::max),
             consistency: agree / (agree + conflict).max(1.0),
             rival: 0.0,
             touching: 0.0,

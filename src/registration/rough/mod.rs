@@ -22,7 +22,7 @@ pub mod verification;
 
 use rayon::prelude::*;
 
-use self::assembly::{Assembly, Group, Link, Scene, assemble};
+use self::assembly::{Assembly, Group, Link, Scene, assemble, noise_level};
 use self::sketch::{Sketch, sketch_all};
 use super::multiview;
 use super::sensor::Sensor;
@@ -84,7 +84,7 @@ pub fn rough(
         })
         .collect::<Result<_, Canceled>>()?;
     let links: Vec<Link> = links.into_iter().flatten().collect();
-    let scene = Scene { views, sketches: &sketches, spacing: multiview::common_spacing(views), edge };
+    let scene = Scene { views, sketches: &sketches, spacing: multiview::common_spacing(views), edge, noise: noise_level(&links, edge) };
     let Assembly { groups, ambiguous } = assemble(&scene, &links, progress)?;
     Ok(Rough { groups, ambiguous, links, edge })
 }

@@ -38,6 +38,10 @@ pub struct Placement {
     pub result: Multiview,
     /// For each view where its pose came from; `None` = unplaced.
     pub origins: Vec<Option<Origin>>,
+    /// For each view how sure its pose is, 0 to 1; 0 for unplaced ones.
+    pub confidences: Vec<f64>,
+    /// For each view whether it could be laid on others in several ways that are equally good.
+    pub ambiguous: Vec<bool>,
     /// Groups of two views or more that hang together; the first is the one that is placed.
     pub groups: Vec<PlacedGroup>,
 }
@@ -68,7 +72,10 @@ pub fn place(
     }
     let mut result = placed.unwrap_or_else(|| Multiview::alone(views.len()));
     let origins = settle_world(views, given, &mut result);
-    Ok(Placement { result, origins, groups })
+    let main = rough.groups.first().filter(|group| group.views.len() > 1);
+    let sure = |view: usize| main.and_then(|group| group.confidence_of(view)).filter(|_| result.placed[view]);
+    let confidences = (0..views.len()).map(|view| sure(view).unwrap_or(0.0)).collect();
+    Ok(Placement { result, origins, confidences, ambiguous: rough.ambiguous, groups })
 }
 
 /// The views of a refined group that still hang together, in the frame of the first.

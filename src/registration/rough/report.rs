@@ -11,6 +11,10 @@ use crate::registration::view::View;
 #[derive(Debug, Clone)]
 pub struct PlacementReport {
     origins: Vec<Option<Origin>>,
+    /// For each view; `None` if its pose was given and nothing else was tried.
+    confidences: Option<Vec<f64>>,
+    /// For each view why it has no pose.
+    reasons: Vec<Option<&'static str>>,
     groups: Vec<PlacedGroup>,
 }
 
@@ -27,27 +31,54 @@ impl PlacementReport {
     /// All poses were given, and refined from there.
     pub fn of_given(result: &Multiview) -> Self {
         PlacementReport {
-            origins: result.placed.iter().map(|p| p.then_some(Origin::Given)).collect(),
+            origins: result.placed.iter().map(|placed| placed.then_some(Origin::Given)).collect(),
+            confidences: None,
+            reasons: result.placed.iter().map(|placed| (!placed).then_some(APART)).collect(),
             groups: Vec::new(),
         }
     }
 
     /// The views were placed by their surface.
     pub fn of(placement: &Placement) -> Self {
-        PlacementReport { origins: placement.origins.clone(), groups: placement.groups.clone() }
+        let reason = |(placed, ambiguous): (&bool, &bool)| match (placed, ambiguous) {
+            (true, _) => None,
+            (false, true) => Some(AMBIGUOUS),
+            (false, false) => Some(APART),
+        };
+        PlacementReport {
+            origins: placement.origins.clone(),
+            confidences: Some(placement.confidences.clone()),
+            reasons: placement.result.placed.iter().zip(&placement.ambiguous).map(reason).collect(),
+            groups: placement.groups.clone(),
+        }
     }
 
-    /// Adds `pose` (`given`, `corrected`, `found` or null) to each view of a report, and the groups.
+    /// How sure the whole is: as sure as its least sure placed view.
+    fn confidence(&self) -> Option<f64> {
+        let sure = self.confidences.as_ref()?;
+        let placed = self.origins.iter().zip(sure).filter(|(origin, _)| origin.is_some());
+        placed.map(|(_, sure)| *sure).min_by(f64::total_cmp)
+    }
+
+    /// Adds to each view of a report `pose` (`given`, `corrected`, `found` or null), `confidence` and, if it has no
+    /// place, `unplaced` with the reason; and to the report the `confidence` of the whole and the groups.
     pub fn write_into(&self, report: &mut serde_json::Value, names: &[String], views: &[View]) {
         if let Some(rows) = report["views"].as_array_mut() {
-            for (row, origin) in rows.iter_mut().zip(&self.origins) {
-                row["pose"] = serde_json::json!(origin);
+            for (view, row) in rows.iter_mut().enumerate() {
+                row["pose"] = serde_json::json!(self.origins[view]);
+                row["confidence"] = serde_json::json!(self.confidences.as_ref().map(|sure| sure[view]));
+                row["unplaced"] = serde_json::json!(self.reasons[view]);
             }
         }
-        report["groups"] =
-            serde_json::json!(self.groups.iter().map(|group| group_report(group, names, views)).collect::<Vec<_>>());
+        report["confidence"] = serde_json::json!(self.confidence());
+        report["groups"] = serde_json::json!(
+            self.groups.iter().map(|group| group_report(group, names, views)).collect::<Vec<_>>()
+        );
     }
 }
+
+const APART: &str = "no other view's surface bears out a place for it: it shows something else, or overlaps too little";
+const AMBIGUOUS: &str = "it fits the others in several ways that are equally good: the object looks the same from several sides";
 
 fn group_report<'a>(group: &PlacedGroup, names: &'a [String], views: &[View]) -> GroupReport<'a> {
     let first = group.views.first().map(|view| views[*view].scan_pose(&group.local_poses[0]).inverse());

@@ -5,11 +5,15 @@ use crate::geometry::neighbours::LocalPoint;
 use crate::geometry::normals::{self, local_planes};
 use crate::geometry::se3;
 use crate::registration::joint::normal_equations::PairSums;
-use crate::registration::quality::{NEAR, TOUCHING};
+use crate::registration::quality::NEAR;
 use crate::registration::view::View;
 
 /// Points of a view that are laid on the other.
 const SAMPLES: usize = 300;
+/// A point has a counterpart if it lies no farther than this beside its nearest one, in spacings;
+const BESIDE: f64 = 2.0;
+/// it touches it if it lies no farther than this above or below.
+const ON: f64 = 1.0;
 /// Search distances of the steps, in spacings; the first also covers what surfels left over.
 const REACHES: [f64; 5] = [8.0, 6.0, 4.0, 3.0, 3.0];
 
@@ -35,12 +39,19 @@ pub fn touching_share(i: &View, j: &View, motion_i_j: &Motion, spacing: f64) -> 
         motion = se3::exp(&twist) * motion;
     }
     let found = nearest(i, &samples, &motion, NEAR * spacing);
-    let touching2 = (TOUCHING * spacing).powi(2);
-    let touching = found
-        .iter()
-        .filter(|(moved, target)| (moved - nalgebra::Vector3::from(*target).cast::<f64>()).norm_squared() < touching2)
-        .count();
-    (!found.is_empty()).then(|| touching as f64 / found.len() as f64)
+    let places: Vec<LocalPoint> = found.iter().map(|(_, target)| *target).collect();
+    let planes = local_planes(&i.indexed, &places, normals::NEIGHBOURS);
+    let (mut near, mut touching) = (0usize, 0usize);
+    for ((moved, target), plane) in found.iter().zip(&planes) {
+        let offset = moved - nalgebra::Vector3::from(*target).cast::<f64>();
+        let height = nalgebra::Vector3::from(plane.normal).cast::<f64>().dot(&offset).abs();
+        // a point that lies beside its nearest one lies beyond a rim: it has no counterpart
+        if offset.norm_squared() - height * height < (BESIDE * spacing).powi(2) {
+            near += 1;
+            touching += usize::from(height < ON * spacing);
+        }
+    }
+    (near > 0).then(|| touching as f64 / near as f64)
 }
 
 /// The moved samples that have a point of the view within `reach`, with that point.

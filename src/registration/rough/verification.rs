@@ -64,6 +64,11 @@ impl Evidence {
         self.j_in_i.squares + self.i_in_j.squares
     }
 
+    /// Root mean square distance of the surfels that agree, a length.
+    pub fn rms(&self) -> f64 {
+        (self.squares() / self.agree().max(1.0)).sqrt()
+    }
+
     /// Share of what speaks for the motion among all that speaks.
     pub fn consistency(&self) -> f64 {
         self.agree() / (self.agree() + self.conflict()).max(1.0)
