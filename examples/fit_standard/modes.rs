@@ -317,6 +317,7 @@ fn source(displacements: &[DVector<f64>], landmarks: &[Vec<Vector3>]) -> String 
         .collect();
     format!(
         "//! The modes of the built-in face, mm. Made by `examples/fit_standard`; not to be edited by hand.\n\n\
+         #![allow(clippy::approx_constant)] // a displacement may happen to look like one\n\n\
          use super::modes::{{COLUMNS, LANDMARKS, MODES, ROWS}};\n\n\
          /// Displacements (across, up, out): the mean correction, then each mode at one standard deviation. Rows from\n\
          /// the upper lip to the forehead, columns from the midline outward.\n\

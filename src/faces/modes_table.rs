@@ -1,5 +1,7 @@
 //! The modes of the built-in face, mm. Made by `examples/fit_standard`; not to be edited by hand.
 
+#![allow(clippy::approx_constant)] // a displacement may happen to look like one
+
 use super::modes::{COLUMNS, LANDMARKS, MODES, ROWS};
 
 /// Displacements (across, up, out): the mean correction, then each mode at one standard deviation. Rows from

@@ -1,10 +1,7 @@
 //! `exp(-x)` for the small x of Gaussian weights: a few multiplications instead of a call of the library, which would
 //! cost more than the rest of a weighted sum. The same bits on every machine.
 
-/// Arguments from 0 to this are served.
-pub const MOST: f64 = 2.0;
-
-/// `exp(-x)` for x in [0, [`MOST`]], relative error below 1e-5: the series of `exp(-x / 4)` to the fourth power.
+/// `exp(-x)` for x in [0, 2], relative error below 1e-5: the series of `exp(-x / 4)` to the fourth power.
 #[inline]
 pub fn falloff(x: f64) -> f64 {
     let t = -0.25 * x;
@@ -16,6 +13,9 @@ pub fn falloff(x: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// The largest argument it is made for.
+    const MOST: f64 = 2.0;
 
     #[test]
     fn it_is_the_exponential() {

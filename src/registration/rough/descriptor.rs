@@ -27,11 +27,6 @@ impl Descriptors {
         Descriptors { columns, len: rows.len() }
     }
 
-    /// The number of descriptions.
-    pub(crate) fn len(&self) -> usize {
-        self.len
-    }
-
     /// One of them.
     pub fn get(&self, index: usize) -> Descriptor {
         std::array::from_fn(|column| self.columns[column * self.len + index])

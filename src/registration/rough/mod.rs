@@ -84,7 +84,13 @@ pub fn rough(
         })
         .collect::<Result<_, Canceled>>()?;
     let links: Vec<Link> = links.into_iter().flatten().collect();
-    let scene = Scene { views, sketches: &sketches, spacing: multiview::common_spacing(views), edge, noise: noise_level(&links, edge) };
+    let scene = Scene {
+        views,
+        sketches: &sketches,
+        spacing: multiview::common_spacing(views),
+        edge,
+        noise: noise_level(&links, edge),
+    };
     let Assembly { groups, ambiguous } = assemble(&scene, &links, progress)?;
     Ok(Rough { groups, ambiguous, links, edge })
 }

@@ -71,14 +71,14 @@ impl PlacementReport {
             }
         }
         report["confidence"] = serde_json::json!(self.confidence());
-        report["groups"] = serde_json::json!(
-            self.groups.iter().map(|group| group_report(group, names, views)).collect::<Vec<_>>()
-        );
+        report["groups"] =
+            serde_json::json!(self.groups.iter().map(|group| group_report(group, names, views)).collect::<Vec<_>>());
     }
 }
 
 const APART: &str = "no other view's surface bears out a place for it: it shows something else, or overlaps too little";
-const AMBIGUOUS: &str = "it fits the others in several ways that are equally good: the object looks the same from several sides";
+const AMBIGUOUS: &str =
+    "it fits the others in several ways that are equally good: the object looks the same from several sides";
 
 fn group_report<'a>(group: &PlacedGroup, names: &'a [String], views: &[View]) -> GroupReport<'a> {
     let first = group.views.first().map(|view| views[*view].scan_pose(&group.local_poses[0]).inverse());

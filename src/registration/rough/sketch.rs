@@ -73,11 +73,6 @@ impl Sketch {
         Sketch { indexed, normals, is_inner, inner, sensor, side_clarity, radius, descriptors, sight }
     }
 
-    /// The number of surfels.
-    pub(crate) fn len(&self) -> usize {
-        self.normals.len()
-    }
-
     /// A surfel's position.
     pub fn position(&self, index: usize) -> nalgebra::Vector3<f32> {
         self.indexed.points[index].into()
