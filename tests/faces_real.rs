@@ -4,51 +4,66 @@ use std::path::PathBuf;
 use std::sync::OnceLock;
 use std::time::Instant;
 
-use rand::{RngExt, SeedableRng};
+use rand::{RngExt, SeedableRng, seq::SliceRandom};
 use rand_chacha::ChaCha8Rng;
 use visage::faces::judgement::MATCH_SCORE;
+use visage::faces::modes::LANDMARKS;
 use visage::faces::{self, MatchMethod, Signature, standard};
-use visage::geometry::{Cloud, Motion, Point3, Surface, Unit, Vector3};
+use visage::formats::{ReadLimits, read_surface};
+use visage::geometry::{Motion, Point3, Surface, Unit, Vector3};
 use visage::progress::Progress;
 use visage::retrieval::{Gallery, measures};
 
 struct Row {
     file: String,
     face: bool,
+    /// A whole head or face of the two morphable models: one that can be told from the others.
+    person: bool,
+    /// Exact or published landmarks in the order of [`LANDMARKS`]; others are left out.
+    landmarks: Vec<Option<Point3>>,
 }
 
 fn data() -> PathBuf {
     PathBuf::from(std::env::var("VISAGE_DATA").expect("VISAGE_DATA names the data folder")).join("faces")
 }
 
-/// The rows of the manifest with ambiguous = 0.
+/// The rows of the manifest with ambiguous = 0. No field before the landmarks holds a comma outside of quotes that
+/// matters here: quoted commas are taken out first.
 fn public_set() -> Vec<Row> {
     let text = std::fs::read_to_string(data().join("manifest.csv")).expect("the manifest is there");
-    text.lines()
-        .skip(1)
-        .map(|line| line.split(',').collect::<Vec<_>>())
-        .filter(|fields| fields[4] == "0")
-        .map(|fields| Row { file: fields[0].to_owned(), face: fields[1] == "face" })
+    let plain: String = text
+        .split('"')
+        .enumerate()
+        .map(|(k, part)| if k % 2 == 1 { part.replace(',', ";") } else { part.to_owned() })
+        .collect();
+    let mut lines = plain.lines().map(|line| line.split(',').collect::<Vec<_>>());
+    let header = lines.next().expect("a header");
+    let column = |name: &str| header.iter().position(|c| *c == name).expect("a known column");
+    let marks = LANDMARKS.map(column);
+    let [ambiguous, label, method, completeness] =
+        ["ambiguous", "label", "landmark_method", "completeness"].map(column);
+    let position = |field: &str| -> Option<Point3> {
+        let values: Vec<f64> = field.split_whitespace().filter_map(|v| v.parse().ok()).collect();
+        <[f64; 3]>::try_from(values).ok().map(Point3::from)
+    };
+    lines
+        .filter(|fields| fields[ambiguous] == "0")
+        .map(|fields| {
+            let holds = fields[method] == "exact" || fields[method].starts_with("published");
+            let modelled = fields[0].contains("/ict_") || fields[0].contains("/simpop_");
+            Row {
+                file: fields[0].to_owned(),
+                face: fields[label] == "face",
+                person: modelled && fields[completeness] == "whole",
+                landmarks: marks.map(|c| position(fields[c]).filter(|_| holds)).to_vec(),
+            }
+        })
         .collect()
 }
 
 fn load(file: &str) -> Surface {
     let bytes = std::fs::read(data().join(file)).expect("the model is there");
-    let end = bytes.windows(11).position(|w| w == b"end_header\n").expect("a PLY header") + 11;
-    let header = std::str::from_utf8(&bytes[..end]).expect("an ASCII header");
-    let count = |element: &str| -> usize {
-        let line = header.lines().find(|l| l.starts_with(&format!("element {element} "))).expect("the element");
-        line.rsplit(' ').next().expect("a count").parse().expect("a number")
-    };
-    let float = |at: usize| f64::from(f32::from_le_bytes(bytes[at..at + 4].try_into().expect("four bytes")));
-    let index = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().expect("four bytes"));
-    let (vertices, triangles) = (count("vertex"), count("face"));
-    let points =
-        (0..vertices).map(|v| end + 12 * v).map(|at| Point3::new(float(at), float(at + 4), float(at + 8))).collect();
-    let start = end + 12 * vertices;
-    let faces =
-        (0..triangles).map(|f| start + 13 * f + 1).map(|at| [index(at), index(at + 4), index(at + 8)]).collect();
-    Surface { cloud: Cloud::from_points(points), faces, ..Surface::default() }
+    read_surface(file, &bytes, &ReadLimits::default()).expect("a sound model")
 }
 
 fn described(surface: &Surface) -> Signature {
@@ -102,7 +117,7 @@ fn descriptors_tell_faces_from_other_things() {
         faces.iter().filter(|s| **s >= MATCH_SCORE).count() + others.iter().filter(|s| **s < MATCH_SCORE).count();
     let accuracy = right as f64 / (faces.len() + others.len()) as f64;
     println!("descriptors: AUC {auc:.3}, accuracy at the threshold {accuracy:.3}");
-    assert!(auc >= 0.95, "{auc}");
+    assert!(auc >= 0.96, "{auc}");
     assert!(accuracy >= 0.85, "{accuracy}");
 }
 
@@ -117,7 +132,61 @@ fn the_dense_check_splits_faces_from_other_things() {
     println!("verified: AUC {auc:.3}, worst face {worst_face:.2} mm, best other {best_other:.2} mm");
     assert_eq!(auc, 1.0);
     assert!(faces.iter().all(|s| *s >= MATCH_SCORE) && others.iter().all(|s| *s < MATCH_SCORE));
-    assert!(worst_face < 0.9 * best_other);
+    assert!(worst_face <= 0.75 * best_other);
+}
+
+#[test]
+#[ignore = "needs VISAGE_DATA"]
+fn landmarks_are_where_the_models_say() {
+    for name in ["eye_r_inner", "eye_l_inner", "eye_r_outer", "eye_l_outer", "nose_tip", "subnasale", "sellion"] {
+        let index = LANDMARKS.iter().position(|l| *l == name).expect("a known landmark");
+        let mut errors: Vec<f64> = gallery()
+            .iter()
+            .filter_map(|(row, _, signature)| {
+                let (truth, found) = (row.landmarks[index]?, signature.landmarks()?[index]);
+                Some((found - truth).norm() / signature.fit()?.pose.scale)
+            })
+            .collect();
+        errors.sort_by(f64::total_cmp);
+        let median = errors[errors.len() / 2];
+        println!("{name}: median {median:.2} mm over {} models", errors.len());
+        assert!(errors.len() >= 30 && median <= 2.7, "{name}: {median:.2} mm");
+    }
+}
+
+/// A third of the triangles, turned, with noise of 0.3 mm on the standard.
+fn remnant(surface: &Surface, mm: f64, seed: u64) -> Surface {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let mut faces = surface.faces.clone();
+    faces.shuffle(&mut random);
+    faces.truncate(surface.faces.len() / 3);
+    let axis = Vector3::from_fn(|_, _| random.random_range(-3.0..3.0));
+    let motion = Motion::new(Vector3::new(30.0, -7.0, 2.0), axis);
+    let mut copy = Surface { cloud: surface.cloud.moved(&motion), faces, ..Surface::default() };
+    for point in &mut copy.cloud.points {
+        // the sum of twelve has the variance 1
+        let normal = |_, _| (0..12).map(|_| random.random_range(-0.5..0.5)).sum::<f64>();
+        *point += Vector3::from_fn(normal) * 0.3 * mm;
+    }
+    copy
+}
+
+#[test]
+#[ignore = "needs VISAGE_DATA"]
+fn a_third_of_a_head_tells_who_it_is() {
+    let people: Vec<_> = gallery().iter().filter(|(row, ..)| row.person).collect();
+    assert_eq!(people.len(), 30);
+    let index = Gallery::build(people.iter().enumerate().map(|(id, (.., s))| (id as u128, s.clone())).collect());
+    let mut first = 0;
+    for (id, (row, surface, signature)) in people.iter().enumerate() {
+        let mm = signature.fit().expect("a face").pose.scale;
+        let ranked = index.by_probe(&described(&remnant(surface, mm, id as u64)), None, 2, None);
+        let scores: Vec<f64> = ranked.iter().map(|m| m.score).collect();
+        println!("{} {scores:.2?}", row.file);
+        first += usize::from(ranked[0].model_id == id as u128);
+    }
+    println!("who is it: {first} of {}", people.len());
+    assert!(first >= 29, "{first}");
 }
 
 #[test]
