@@ -63,10 +63,11 @@ impl PoseCovariance {
 const DAMPING: f64 = 1e-9;
 
 /// Residuals that are wrong in one way over whole sides of an object are not seen by the sandwich, since all poses
-/// yield to them: a surfel is the mean of a voxel and sags below a bent surface, by `edge^2 / 12 R`, and not alike for
-/// views from different directions. This is their root mean square in edges, times the root of the share of a view's
-/// correspondences that are wrong together. Fitted to half of the code-made shapes, tested on the others.
-const SYSTEMATIC: f64 = 0.0005;
+/// yield to them: a surfel is the mean of a voxel and sags below a surface bent by the view's radius R, by up to
+/// `edge^2 / 12 R`, and not alike for views from different directions. This is the share of `edge^2 / R` that is wrong,
+/// times the root of the share of a view's correspondences that are wrong together. Set on five of the code-made
+/// shapes, tested on others (`tests/truth.rs`).
+const SYSTEMATIC: f64 = 0.01;
 
 /// Edge of a cluster's cell, in edges of the surfels' voxels.
 const CELL: f64 = 3.0;
@@ -112,7 +113,8 @@ fn covariances(
         let spread = about_center * reality.stretch();
         let sandwich = spread * meat * spread.transpose() * (small_sample(count) / (slope * slope));
         let weight: f64 = evidence.iter().filter(|e| e.a == view || e.b == view).map(|e| e.weight).sum();
-        let systematic = spread * blocks[view] * spread.transpose() * (weight * (SYSTEMATIC * edge).powi(2));
+        let sag = SYSTEMATIC * edge * edge / surfels[view].radius;
+        let systematic = spread * blocks[view] * spread.transpose() * (weight * sag * sag);
         Some(PoseCovariance {
             center: Point3::from(center + middle),
             covariance: sandwich + systematic,
