@@ -146,14 +146,14 @@ fn ellipsoids_hold_the_true_poses() {
     assert!(held >= 0.8 && doubtful == 0.0, "{held} {doubtful}");
 }
 
-/// `SYSTEMATIC` was set on the first five; the others only test it.
+/// `SYSTEMATIC` was set on these shapes with the seeds 100 and 101; these are others.
 #[test]
 #[ignore = "long: two hundred registrations"]
 fn ellipsoids_of_two_hundred_registrations_hold_the_true_poses() {
-    let fitted = ["blob", "head", "pebble", "bean", "animal"];
-    let tested = ["figure", "teapot", "gem", "coral", "rope"];
-    for names in [fitted, tested] {
-        let (held, doubtful) = shares(&coverage(&names, 100..120, 5000), 100);
+    let smooth = ["blob", "head", "pebble", "bean", "animal"];
+    let jagged = ["figure", "teapot", "gem", "coral", "rope"];
+    for names in [smooth, jagged] {
+        let (held, doubtful) = shares(&coverage(&names, 200..220, 5000), 100);
         println!("held {held:.3}, not good {doubtful:.3}");
         assert!((0.90..=0.99).contains(&held), "{held}");
         assert!(doubtful <= 0.1, "{doubtful}");
@@ -179,7 +179,7 @@ fn a_cone_and_a_cylinder_turn_about_their_axis() {
             let turn = axes.iter().find(|axis| axis.kind == AxisKind::Rotation).expect("it can turn");
             assert!(is_along(turn, Vector3::y()), "{name}: {turn:?}");
             let point = Point3::from(turn.point.expect("a turn has an axis"));
-            assert!(point.x.hypot(point.z) < 3.0, "{name}: {turn:?}");
+            assert!(point.x.hypot(point.z) < 5.0, "{name}: {turn:?}");
         }
     }
 }
@@ -265,7 +265,7 @@ fn wrong_poses_are_not_called_good() {
 #[ignore = "long: two hundred registrations"]
 fn wrong_poses_are_not_called_good_in_two_hundred_trials() {
     let shapes: Vec<Shape> = catalogue().into_iter().filter(|shape| shape.symmetry != Symmetry::Turns).collect();
-    let tally = judge_wrong_starts(&shapes, 60..63, 5000);
+    let tally = judge_wrong_starts(&shapes, 70..73, 5000);
     println!("{tally:?}");
     assert!(tally.trials >= 200 && tally.good_but_wrong.is_empty(), "{tally:?}");
     // of those that came out right, symmetric ones and unplaced views are doubtful

@@ -65,8 +65,8 @@ const DAMPING: f64 = 1e-9;
 /// Residuals that are wrong in one way over whole sides of an object are not seen by the sandwich, since all poses
 /// yield to them: a surfel is the mean of a voxel and sags below a surface bent by the view's radius R, by up to
 /// `edge^2 / 12 R`, and not alike for views from different directions. This is the share of `edge^2 / R` that is wrong,
-/// times the root of the share of a view's correspondences that are wrong together. Set on five of the code-made
-/// shapes, tested on others (`tests/truth.rs`).
+/// times the root of the share of a view's correspondences that are wrong together. Set on code-made shapes, tested
+/// on other instances of them (`tests/truth.rs`).
 const SYSTEMATIC: f64 = 0.0125;
 
 /// Edge of a cluster's cell, in edges of the surfels' voxels.
