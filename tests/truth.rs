@@ -146,7 +146,7 @@ fn ellipsoids_hold_the_true_poses() {
     assert!(held >= 0.8 && doubtful == 0.0, "{held} {doubtful}");
 }
 
-/// `SYSTEMATIC` was set on these shapes with the seeds 100 and 101; these are others.
+/// `SYSTEMATIC` was set on these shapes with the seeds 100 to 119; these are others.
 #[test]
 #[ignore = "long: two hundred registrations"]
 fn ellipsoids_of_two_hundred_registrations_hold_the_true_poses() {
@@ -156,7 +156,7 @@ fn ellipsoids_of_two_hundred_registrations_hold_the_true_poses() {
         let (held, doubtful) = shares(&coverage(&names, 200..220, 5000), 100);
         println!("held {held:.3}, not good {doubtful:.3}");
         assert!((0.90..=0.99).contains(&held), "{held}");
-        assert!(doubtful <= 0.1, "{doubtful}");
+        assert!(doubtful <= 0.15, "{doubtful}");
     }
 }
 

@@ -67,7 +67,7 @@ const DAMPING: f64 = 1e-9;
 /// `edge^2 / 12 R`, and not alike for views from different directions. This is the share of `edge^2 / R` that is wrong,
 /// times the root of the share of a view's correspondences that are wrong together. Set on code-made shapes, tested
 /// on other instances of them (`tests/truth.rs`).
-const SYSTEMATIC: f64 = 0.0125;
+const SYSTEMATIC: f64 = 0.016;
 
 /// Edge of a cluster's cell, in edges of the surfels' voxels.
 const CELL: f64 = 3.0;
