@@ -106,7 +106,7 @@ pub fn proposals(i: &Sketch, j: &Sketch, matches: &[Match], edge: f64, count: us
         }
     }
     kept.retain(|proposal| proposal.support >= 3);
-    kept.sort_by_key(|kept| std::cmp::Reverse(kept.support));
+    kept.sort_by_key(|proposal| std::cmp::Reverse(proposal.support));
     kept.truncate(count);
     kept
 }

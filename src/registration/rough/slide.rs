@@ -4,7 +4,7 @@ use nalgebra::{Matrix6, Vector6};
 
 use super::assembly::Link;
 use super::sketch::Sketch;
-use super::verification::verify;
+use super::verification::{Evidence, verify};
 use crate::geometry::{Vector3, se3};
 use crate::registration::joint::normal_equations::PairSums;
 
@@ -12,31 +12,55 @@ use crate::registration::joint::normal_equations::PairSums;
 const SLIDE: f64 = 4.0;
 /// Distances below this, in edges, are those of one surface sampled twice.
 const FLAT: f64 = 0.03;
-/// They slide if this share of the surfels that agreed still does,
-const STILL_AGREE: f64 = 0.95;
+/// They slide if of what was said this share of what it was still agrees,
+const STILL_CONSISTENT: f64 = 0.97;
+/// at this share of the surfels at least (some leave the overlap),
+const STILL_AGREE: f64 = 0.6;
 /// and those lie on each other as well: their mean square distance grows by no more than this factor.
 const STILL_CLOSE: f64 = 1.5;
 
 /// Whether the pairs of a join, each by itself, still agree after a move along the direction that holds them least.
 pub fn slides(sketches: &[Sketch], measured: &[Link], edge: f64, samples: usize) -> bool {
-    let (mut before, mut after) = ([0.0; 2], [0.0; 2]);
+    let (mut before, mut after) = (Said::default(), Said::default());
     for link in measured.iter().filter(|link| link.strength() > 0.0) {
         let (i, j) = (&sketches[link.i], &sketches[link.j]);
         let slid = weakest_moves(i, j, link, edge)
             .into_iter()
             .map(|twist| verify(i, j, &(se3::exp(&twist) * link.motion_i_j), edge, samples))
-            .max_by(|a, b| a.agree().total_cmp(&b.agree()));
+            .max_by(|a, b| a.consistency().total_cmp(&b.consistency()));
         let Some(slid) = slid else { continue };
-        before[0] += link.evidence.agree();
-        before[1] += link.evidence.squares();
-        // a pair that overlaps more than before does not make up for one that is torn
-        after[0] += slid.agree().min(link.evidence.agree());
-        after[1] += slid.squares() * (link.evidence.agree() / slid.agree().max(1.0)).min(1.0);
+        before.add(&link.evidence);
+        after.add(&slid);
     }
-    let mean_square = |sums: [f64; 2]| sums[1] / f64::max(sums[0], 1.0);
-    before[0] > 0.0
-        && after[0] > STILL_AGREE * before[0]
-        && mean_square(after) < STILL_CLOSE * mean_square(before).max((FLAT * edge).powi(2))
+    let flat = (FLAT * edge).powi(2);
+    before.agree > 0.0
+        && after.agree > STILL_AGREE * before.agree
+        && after.consistency() > STILL_CONSISTENT * before.consistency()
+        && after.mean_square() < STILL_CLOSE * before.mean_square().max(flat)
+}
+
+/// Evidence of several pairs added up.
+#[derive(Default)]
+struct Said {
+    agree: f64,
+    conflict: f64,
+    squares: f64,
+}
+
+impl Said {
+    fn add(&mut self, evidence: &Evidence) {
+        self.agree += evidence.agree();
+        self.conflict += evidence.conflict();
+        self.squares += evidence.squares();
+    }
+
+    fn consistency(&self) -> f64 {
+        self.agree / (self.agree + self.conflict).max(1.0)
+    }
+
+    fn mean_square(&self) -> f64 {
+        self.squares / self.agree.max(1.0)
+    }
 }
 
 /// The move (to and fro) that changes the distances of the surfaces least, scaled to [`SLIDE`]; twists of view i's
