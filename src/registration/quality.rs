@@ -43,7 +43,7 @@ pub struct Verdict {
 }
 
 /// Thresholds, set between what right and wrong registrations show (docs/ALGORITHM.md, "Verdict").
-mod limits {
+pub(super) mod limits {
     /// Sharpness of a view below which it is doubtful, and below which it is wrong.
     pub const SHARP: f64 = 0.85;
     pub const BLUNT: f64 = 0.6;

@@ -5,8 +5,9 @@ use super::assembly::Group;
 use super::rough;
 use crate::geometry::Motion;
 use crate::progress::{Canceled, Progress};
-use crate::registration::multiview::{Multiview, PairOutcome};
+use crate::registration::multiview::{self, Multiview, PairOutcome};
 use crate::registration::overlap::OverlapMatrix;
+use crate::registration::quality;
 use crate::registration::sensor::Sensor;
 use crate::registration::view::View;
 
@@ -65,10 +66,9 @@ pub fn place(
     let mut groups = Vec::new();
     let mut placed: Option<Multiview> = None;
     for group in rough.groups.iter().filter(|group| group.views.len() > 1) {
-        let members: Vec<View> = group.views.iter().map(|view| views[*view].clone()).collect();
-        let refined = refine(&members, &group.local_poses)?;
-        groups.extend(held_together(group, &refined));
-        placed.get_or_insert_with(|| spread(group, &refined, views.len()));
+        let (group, refined) = settle_group(views, group, refine)?;
+        groups.extend(held_together(&group, &refined));
+        placed.get_or_insert_with(|| spread(&group, &refined, views.len()));
     }
     let mut result = placed.unwrap_or_else(|| Multiview::alone(views.len()));
     let origins = settle_world(views, given, &mut result);
@@ -76,6 +76,31 @@ pub fn place(
     let sure = |view: usize| main.and_then(|group| group.confidence_of(view)).filter(|_| result.placed[view]);
     let confidences = (0..views.len()).map(|view| sure(view).unwrap_or(0.0)).collect();
     Ok(Placement { result, origins, confidences, ambiguous: rough.ambiguous, groups })
+}
+
+/// A refined view of which less than this share of the surface near others touches them has no place there.
+const LEAST_SHARPNESS: f64 = quality::limits::SHARP;
+
+/// Refines a group. A few views that then cross the others were laid there by mistake: they are left out, and the rest
+/// is refined anew. When most cross, nothing can be said of any, and the verdict is left to tell.
+fn settle_group(views: &[View], group: &Group, refine: &Refine) -> Result<(Group, Multiview), Canceled> {
+    let members: Vec<View> = group.views.iter().map(|view| views[*view].clone()).collect();
+    let refined = refine(&members, &group.local_poses)?;
+    let sharpness = quality::sharpness(&members, &refined, multiview::common_spacing(&members));
+    let kept: Vec<usize> =
+        (0..members.len()).filter(|k| sharpness[*k].is_some_and(|sharp| sharp >= LEAST_SHARPNESS)).collect();
+    if kept.len() == members.len() || kept.len() < 2 || 2 * kept.len() <= members.len() {
+        return Ok((group.clone(), refined));
+    }
+    let rest = Group {
+        views: kept.iter().map(|k| group.views[*k]).collect(),
+        local_poses: kept.iter().map(|k| refined.local_poses[*k]).collect(),
+        confidences: kept.iter().map(|k| group.confidences[*k]).collect(),
+        ..group.clone()
+    };
+    let members: Vec<View> = rest.views.iter().map(|view| views[*view].clone()).collect();
+    let refined = refine(&members, &rest.local_poses)?;
+    Ok((rest, refined))
 }
 
 /// The views of a refined group that still hang together, in the frame of the first.

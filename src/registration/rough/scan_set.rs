@@ -54,7 +54,10 @@ impl Set<'_> {
     fn placed(&self, refine: &Refine, progress: &Progress) -> Result<Registered, Canceled> {
         let placement = place(self.views, self.given, self.sensors, refine, progress)?;
         let verdict = self.judge(&placement.result, progress);
-        let report = PlacementReport::of(&placement);
+        let mut report = PlacementReport::of(&placement);
+        if verdict.quality != Quality::Good {
+            report.doubt();
+        }
         Ok(Registered { result: placement.result, verdict, placement: report })
     }
 
