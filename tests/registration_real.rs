@@ -4,12 +4,13 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use rayon::prelude::*;
 use visage::formats::{self, ReadLimits};
 use visage::geometry::Motion;
 use visage::geometry::neighbours::{IndexedPoints, LocalPoint};
 use visage::pipeline::Method;
 use visage::progress::Progress;
-use visage::registration::multiview::MultiviewOptions;
+use visage::registration::multiview::{Multiview, MultiviewOptions};
 use visage::registration::objective::{Objective, ScoredPair, objective};
 use visage::registration::overlap::overlaps;
 use visage::registration::quality::{self, Quality};
@@ -130,13 +131,17 @@ fn in_mm(o: Objective) -> Objective {
     Objective { mutual: 1e3 * o.mutual, trim: 1e3 * o.trim, plane: 1e3 * o.plane }
 }
 
-fn register(loaded: &Loaded, set: &StanfordSet, method: Method, level: &str, seed: u32) -> (Objective, Quality) {
+fn register_only(loaded: &Loaded, set: &StanfordSet, method: Method, level: &str, seed: u32) -> Multiview {
     let file = data().join("init").join(format!("{}_a{level}_o_s{seed}.json", set.name));
     let initial: BTreeMap<String, Motion> = read_poses(&file).into_iter().collect();
     let initial: Vec<Motion> =
         loaded.names.iter().zip(&loaded.views).map(|(name, view)| view.local_pose(&initial[name])).collect();
     let options = MultiviewOptions { min_overlap: 0.5, range_accuracy: None, max_rounds: 20 };
-    let result = method.register(&loaded.views, &initial, &options, &Progress::silent()).expect("not canceled");
+    method.register(&loaded.views, &initial, &options, &Progress::silent()).expect("not canceled")
+}
+
+fn register(loaded: &Loaded, set: &StanfordSet, method: Method, level: &str, seed: u32) -> (Objective, Quality) {
+    let result = register_only(loaded, set, method, level, seed);
     let spacing = visage::registration::multiview::common_spacing(&loaded.views);
     let verdict = quality::judge(&loaded.views, &result, spacing, &loaded.names);
     let scored = in_mm(objective(&loaded.views, &result.local_poses, &loaded.pairs));
@@ -176,6 +181,36 @@ fn joint_is_as_good_as_the_strongest_peer_from_every_start() {
         let (least, most) = planes.iter().fold((f64::MAX, 0.0f64), |(a, b), p| (a.min(*p), b.max(*p)));
         println!("{}: obj_plane {least:.5} to {most:.5} mm", set.name);
         assert!(most / least <= 1.002, "spread over the starts: {least} to {most}");
+    }
+}
+
+/// Scoring takes ten times as long as registering, so a fifth of the results is scored; the others lie on those.
+#[test]
+#[ignore = "needs VISAGE_DATA"]
+fn fifty_starts_at_each_level_of_noise_end_at_the_same_poses() {
+    let [bunny, ..] = &SETS;
+    let loaded = load(bunny);
+    let spacing = visage::registration::multiview::common_spacing(&loaded.views);
+    let corner = nalgebra::Point3::from([0.1; 3]);
+    for level in ["0.02", "0.04", "0.06"] {
+        let seeds: Vec<u32> = (0..50).collect();
+        let found: Vec<Vec<Motion>> = seeds
+            .par_iter()
+            .map(|seed| register_only(&loaded, bunny, Method::Joint, level, *seed).local_poses)
+            .collect();
+        let farthest = found.iter().flat_map(|poses| poses.iter().zip(&found[0]));
+        let farthest = farthest.map(|(a, b)| (a * corner - b * corner).norm() / spacing).fold(0.0, f64::max);
+        let scored: Vec<f64> = found
+            .par_iter()
+            .step_by(5)
+            .map(|poses| in_mm(objective(&loaded.views, poses, &loaded.pairs)).plane)
+            .collect();
+        let mean = scored.iter().sum::<f64>() / scored.len() as f64;
+        let squares = scored.iter().map(|plane| (plane - mean).powi(2)).sum::<f64>();
+        let deviation = (squares / (scored.len() - 1) as f64).sqrt();
+        println!("{level} rad: obj_plane {mean:.5} +- {deviation:.6} mm, poses within {farthest:.4} spacings");
+        assert!(mean <= 1.002 * bunny.peer_plane_mm && deviation <= 0.0002, "{scored:?}");
+        assert!(farthest < 0.1, "{farthest}");
     }
 }
 
