@@ -39,7 +39,8 @@ const OVERLAP: f64 = 0.5;
 /// Distance of neighbours in the pass, in spacings.
 const REACH: f64 = 2.0;
 
-/// Runs `visage register` on one thread, so that seconds are CPU seconds, measures the pass, and prints a table.
+/// Runs `visage register` on one thread, where a stage's seconds are CPU seconds but for what it waits for files,
+/// measures the pass, and prints a table.
 pub fn run(args: CostArgs) -> anyhow::Result<()> {
     ensure!(args.runs > 0, "--runs must be at least 1");
     let temporary = tempfile::tempdir().context("making a temporary folder")?;
@@ -56,7 +57,7 @@ pub fn run(args: CostArgs) -> anyhow::Result<()> {
     let pass = pool.install(|| measure_pass(&args.dir, &temporary.path().join("poses.json"), args.runs))?;
     println!("one pass: {} pairs, {} queries, {:.1} ms", pass.pairs, pass.queries, 1000.0 * pass.seconds);
     println!();
-    println!("| stage | CPU ms | passes |");
+    println!("| stage | ms on one thread | passes |");
     println!("| --- | ---: | ---: |");
     let line = |stage: &str, seconds: f64| {
         println!("| {stage} | {:.0} | {:.1} |", 1000.0 * seconds, seconds / pass.seconds);
@@ -66,7 +67,7 @@ pub fn run(args: CostArgs) -> anyhow::Result<()> {
     }
     let stages: f64 = STAGES.iter().map(|stage| best.stage_seconds(stage)).sum();
     line("start and end of the process", (best.cpu_seconds - stages).max(0.0));
-    line("whole process", best.cpu_seconds);
+    line("whole process, CPU", best.cpu_seconds);
     Ok(())
 }
 
