@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::covariance::PoseCovariance;
 use super::method::Method;
-use super::multiview::{self, Multiview};
+use super::multiview::{self, Multiview, Round};
 use super::quality::Verdict;
 use super::trimmed_icp::IcpEnd;
 use super::view::View;
@@ -32,7 +32,7 @@ pub struct RegistrationReport {
     /// What each level of the method ran with, coarse to fine.
     pub levels: serde_json::Value,
     /// All rounds of overlap, ICP and averaging.
-    pub rounds: Vec<RoundReport>,
+    pub rounds: Vec<Round>,
 }
 
 /// One view.
@@ -108,26 +108,6 @@ pub struct PairReport {
     pub trust: f64,
 }
 
-/// One round.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct RoundReport {
-    /// Index into `levels`.
-    pub level: usize,
-    /// Overlap tolerance.
-    pub tolerance: f64,
-    /// Pairs registered.
-    pub pairs: usize,
-    /// The overlap that a pair had to exceed.
-    pub min_overlap: f64,
-    /// ICP fits over all pairs.
-    pub icp_iterations: usize,
-    /// Linear solves: of motion averaging (0 if the motions could not be made to agree), steps of the low-rank and
-    /// sparse decomposition, or Gauss-Newton steps of `joint`.
-    pub averaging_rounds: usize,
-    /// e^k: largest change of a view's rotation, radians.
-    pub rotation_change: f64,
-}
-
 impl RegistrationReport {
     /// Gathers the report of a finished registration.
     pub fn new(
@@ -153,7 +133,7 @@ impl RegistrationReport {
             pairs: pair_reports(result),
             overlaps: result.overlaps.rows().to_vec(),
             levels: method.levels(),
-            rounds: round_reports(result),
+            rounds: result.rounds.clone(),
         }
     }
 }
@@ -193,17 +173,4 @@ fn pair_reports(result: &Multiview) -> Vec<PairReport> {
         trust: pair.trust,
     };
     result.pairs.iter().map(report).collect()
-}
-
-fn round_reports(result: &Multiview) -> Vec<RoundReport> {
-    let report = |round: &multiview::Round| RoundReport {
-        level: round.level,
-        tolerance: round.tolerance,
-        pairs: round.pairs,
-        min_overlap: round.min_overlap,
-        icp_iterations: round.icp_iterations,
-        averaging_rounds: round.averaging_rounds,
-        rotation_change: round.rotation_change,
-    };
-    result.rounds.iter().map(report).collect()
 }

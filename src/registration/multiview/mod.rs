@@ -61,7 +61,7 @@ impl PairOutcome {
 }
 
 /// What one round did.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Round {
     /// Index into the method's levels.
     pub level: usize,
@@ -73,8 +73,8 @@ pub struct Round {
     pub min_overlap: f64,
     /// ICP fits over all pairs.
     pub icp_iterations: usize,
-    /// Linear solves of averaging, or steps of the decomposition; 0 if the motions could not be made to agree, and the
-    /// poses stayed as they were.
+    /// Linear solves of averaging, steps of the decomposition, or Gauss-Newton steps of `joint`; 0 if the motions could
+    /// not be made to agree, and the poses stayed as they were.
     pub averaging_rounds: usize,
     /// e^k: the largest change of a view's rotation, radians.
     pub rotation_change: f64,
