@@ -3,6 +3,10 @@
 use crate::geometry::neighbours::LocalPoint;
 use crate::registration::sensor::Sensor;
 
+/// Cells along a side, at most: a stray point far away must not make a picture of gigabytes. What falls outside is not
+/// seen, so it speaks against nothing.
+const MOST_CELLS: f32 = 1024.0;
+
 /// A depth picture of a view: for each cell across the line of sight, how near the nearest surface is.
 #[derive(Debug, Clone)]
 pub struct SightMap {
@@ -38,7 +42,7 @@ impl SightMap {
         map.origin = [bound(0, f32::min, f32::INFINITY), bound(1, f32::min, f32::INFINITY)];
         let extent = |axis: usize| {
             let last = bound(axis, f32::max, f32::NEG_INFINITY);
-            ((last - map.origin[axis]) / map.cell).clamp(0.0, 4096.0) as usize + 1
+            ((last - map.origin[axis]) / map.cell).clamp(0.0, MOST_CELLS) as usize + 1
         };
         (map.columns, map.rows) = (extent(0), extent(1));
         let mut own = vec![f32::NEG_INFINITY; map.columns * map.rows];
