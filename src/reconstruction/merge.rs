@@ -37,8 +37,10 @@ const CLEAR: f64 = 0.3;
 pub fn merge(posed: &[PosedView], progress: &Progress) -> Result<(ModelCloud, Vec<bool>), Canceled> {
     let local_poses: Vec<Motion> = posed.iter().map(|p| p.local_pose).collect();
     let placed: Vec<bool> = posed.iter().map(|p| p.placed).collect();
-    let mut merged = ModelCloud { cloud: Cloud::default(), views: Vec::new() };
-    let mut all_normals = Vec::new();
+    let points = posed.iter().filter(|p| p.placed).map(|p| p.scan.len()).sum();
+    let mut merged = ModelCloud { cloud: Cloud::default(), views: Vec::with_capacity(points) };
+    merged.cloud.points.reserve_exact(points);
+    let mut all_normals = Vec::with_capacity(points);
     let mut outward = Vec::with_capacity(posed.len());
     for (index, view) in posed.iter().enumerate() {
         progress.check()?;

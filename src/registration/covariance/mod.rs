@@ -15,6 +15,8 @@
 
 mod evidence;
 
+use std::collections::BTreeMap;
+
 use nalgebra::{DMatrix, Matrix6, Vector6};
 use nalgebra_sparse::factorization::CscCholesky;
 use nalgebra_sparse::{CooMatrix, CscMatrix};
@@ -253,19 +255,17 @@ type Cluster = (Cell, usize, Vector6<f64>);
 
 /// What the correspondences in each cell say to each view, ordered by cell, then view.
 fn clusters(evidence: &[PairEvidence]) -> Vec<Cluster> {
-    let mut shares: Vec<Cluster> = evidence
-        .iter()
-        .flat_map(|pair| pair.gradients.iter().flat_map(|(cell, g)| [(*cell, pair.a, *g), (*cell, pair.b, -g)]))
-        .collect();
-    shares.sort_by_key(|(cell, view, _)| (*cell, *view));
-    let mut merged: Vec<Cluster> = Vec::new();
-    for (cell, view, gradient) in shares {
-        match merged.last_mut() {
-            Some(last) if (last.0, last.1) == (cell, view) => last.2 += gradient,
-            _ => merged.push((cell, view, gradient)),
+    let mut merged: BTreeMap<(Cell, usize), Vector6<f64>> = BTreeMap::new();
+    let mut add = |cell: Cell, view: usize, gradient: Vector6<f64>| {
+        merged.entry((cell, view)).and_modify(|sum| *sum += gradient).or_insert(gradient);
+    };
+    for pair in evidence {
+        for (cell, gradient) in &pair.gradients {
+            add(*cell, pair.a, *gradient);
+            add(*cell, pair.b, -gradient);
         }
     }
-    merged
+    merged.into_iter().map(|((cell, view), gradient)| (cell, view, gradient)).collect()
 }
 
 /// `q' extent q`: the mean squared displacement of the view's surfels by a twist q about its centroid.
