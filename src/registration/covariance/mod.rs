@@ -79,7 +79,7 @@ const CELL: f64 = 3.0;
 pub fn of_result(views: &[View], result: &Multiview) -> Vec<Option<PoseCovariance>> {
     match &result.surfels {
         Some(surfels) => covariances(surfels, result),
-        None => covariances(&joint::finest_surfels(views), result),
+        None => covariances(&joint::judged_surfels(views), result),
     }
 }
 

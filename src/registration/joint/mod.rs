@@ -47,8 +47,9 @@ pub struct Pass {
 }
 
 /// The passes, coarse to fine. The first reaches as far as rough poses are wrong, some 0.4 of an object's radius; the
-/// last is fine enough that finer ones change the objective by less than 0.1 %.
-pub const PASSES: [Pass; 2] = [
+/// second settles what it left. A surfel is a mean, and the mean of a bent patch lies below the surface by a share of
+/// its edge's square, not alike in views from different sides: so the last makes the edges small, and takes few steps.
+pub const PASSES: [Pass; 3] = [
     Pass {
         surfels: 500.0,
         coarsest_edge: 14.0,
@@ -63,7 +64,15 @@ pub const PASSES: [Pass; 2] = [
         tolerance: 0.63,
         first_distance: 1.5,
         last_distance: 0.63,
-        settled: 0.005,
+        settled: 0.05,
+    },
+    Pass {
+        surfels: 4000.0,
+        coarsest_edge: 4.9,
+        tolerance: 1.03,
+        first_distance: 1.03,
+        last_distance: 1.03,
+        settled: 0.02,
     },
 ];
 
@@ -81,9 +90,12 @@ impl Pass {
     }
 }
 
-/// The surfels of the last pass, whatever the method was.
-pub fn finest_surfels(views: &[View]) -> FineSurfels {
-    let pass = &PASSES[PASSES.len() - 1];
+/// The pass whose surfels results are judged by: their number is enough, and all pairs are searched anew with them.
+const JUDGED: usize = 1;
+
+/// The surfels that results are judged by, whatever the method was.
+pub fn judged_surfels(views: &[View]) -> FineSurfels {
+    let pass = &PASSES[JUDGED];
     let edge = pass.edge(views, multiview::common_spacing(views));
     let views = views.par_iter().map(|view| Surfels::new(view, edge)).collect();
     FineSurfels { views, edge, reach: pass.last_distance * edge }
@@ -118,17 +130,26 @@ pub fn joint_onto(
 ) -> Result<Multiview, Canceled> {
     let run = Run { options, fixed, spacing: multiview::common_spacing(views), progress };
     let mut state = Multiview::at(initial);
-    let [coarse, fine] = PASSES.map(|pass| pass.edge(views, run.spacing));
-    let surfels: Vec<Surfels> = views.par_iter().map(|view| Surfels::new(view, fine)).collect();
-    let few: Vec<Surfels> = surfels.par_iter().map(|surfels| surfels.thinned(coarse)).collect();
-    for (index, (surfels, edge)) in [(&few, coarse), (&surfels, fine)].into_iter().enumerate() {
+    let edges = PASSES.map(|pass| pass.edge(views, run.spacing));
+    let levels = levels(views, &edges);
+    for (index, surfels) in levels.iter().enumerate() {
         progress.report(Stage::Registering, index as f64 / PASSES.len() as f64);
-        run.pass::<RIGID>(surfels, index, &PASSES[index], edge, &mut state)?;
+        run.pass::<RIGID>(surfels, index, &PASSES[index], edges[index], &mut state)?;
     }
-    run.measure_pairs(views, &surfels, &mut state)?;
-    let reach = PASSES[PASSES.len() - 1].last_distance * fine;
-    state.surfels = Some(FineSurfels { views: surfels, edge: fine, reach });
+    let [_, judged, _] = levels;
+    run.measure_pairs(views, &judged, &mut state)?;
+    let edge = edges[JUDGED];
+    state.surfels = Some(FineSurfels { views: judged, edge, reach: PASSES[JUDGED].last_distance * edge });
     Ok(state)
+}
+
+/// The surfels of each pass; those of the coarser ones are chosen among those of the next finer one.
+fn levels(views: &[View], edges: &[f64; 3]) -> [Vec<Surfels>; 3] {
+    let thinned = |finer: &[Surfels], edge| finer.par_iter().map(|surfels| surfels.thinned(edge)).collect();
+    let fine: Vec<Surfels> = views.par_iter().map(|view| Surfels::new(view, edges[2])).collect();
+    let middle: Vec<Surfels> = thinned(&fine, edges[1]);
+    let coarse: Vec<Surfels> = thinned(&middle, edges[0]);
+    [coarse, middle, fine]
 }
 
 /// What all passes of one registration share.

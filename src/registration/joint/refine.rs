@@ -42,6 +42,9 @@ const SHRINK: f64 = 0.6;
 const KERNEL: f64 = 3.0;
 /// Searches look this much farther than correspondences may be apart, so that the next steps know whom to ask again.
 const MARGIN: f64 = 1.5;
+/// Surfels that ask in one step, over all pairs, at most: it bounds memory, and where pairs are so many they say the same
+/// many times over.
+const MOST_QUERIES: usize = 4_000_000;
 /// The largest change of a scale's logarithm in one step.
 const SCALE_STEP: f64 = 0.1;
 
@@ -56,7 +59,7 @@ pub fn refine<const D: usize>(
     progress: &Progress,
 ) -> Result<Refined, Canceled> {
     let directed: Vec<(usize, usize)> = pairs.iter().flat_map(|&(i, j)| [(i, j), (j, i)]).collect();
-    let mut searches: Vec<Search> = directed.iter().map(|&(a, _)| Search::new(surfels[a].len())).collect();
+    let mut searches = searches(surfels, &directed);
     let columns = columns::<D>(local_poses.len(), anchors);
     let scales = vec![1.0; local_poses.len()];
     let mut refined = Refined { local_poses: local_poses.to_vec(), scales, steps: 0, rms: f64::INFINITY };
@@ -98,6 +101,14 @@ pub fn refine<const D: usize>(
         }
     }
     Ok(refined)
+}
+
+/// What each directed pair asks: all inner surfels of its first view or, if there are many pairs, every k-th, other ones
+/// with each partner.
+fn searches(surfels: &[Surfels], directed: &[(usize, usize)]) -> Vec<Search> {
+    let all: usize = directed.iter().map(|&(a, _)| surfels[a].inner.len()).sum();
+    let stride = all.div_ceil(MOST_QUERIES).max(1);
+    directed.iter().map(|&(a, b)| Search::new(surfels[a].inner.len(), stride, b % stride)).collect()
 }
 
 fn mean_position(poses: &[Motion]) -> Vector3 {
@@ -162,17 +173,22 @@ struct Reach {
 
 /// What a directed pair remembers from step to step.
 struct Search {
-    /// For each surfel of view a its pursuit of the nearest surfel in view b.
+    /// Every `stride`-th inner surfel of view a asks, from the `first`.
+    stride: usize,
+    first: usize,
+    /// For each of these its pursuit of the nearest surfel in view b.
     pursuits: Vec<Pursuit>,
-    /// The surfels that had a neighbour when all were last asked.
+    /// Those of them that had a neighbour when all were last asked.
     active: Vec<u32>,
     /// The placement at which all were last asked.
     asked_at: Option<Placement>,
 }
 
 impl Search {
-    fn new(len: usize) -> Self {
-        Search { pursuits: vec![Pursuit::new(); len], active: Vec::new(), asked_at: None }
+    /// Of `inner` surfels.
+    fn new(inner: usize, stride: usize, first: usize) -> Self {
+        let pursuits = vec![Pursuit::new(); inner.saturating_sub(first).div_ceil(stride)];
+        Search { stride, first, pursuits, active: Vec::new(), asked_at: None }
     }
 
     /// All surfels are asked again once the views have moved so far that one without a neighbour may have got one.
@@ -197,7 +213,7 @@ fn assemble<const D: usize>(
     if ask_all {
         search.asked_at = Some(*placement);
         search.active.clear();
-        search.active.extend_from_slice(&a.inner);
+        search.active.extend(0..search.pursuits.len() as u32);
     }
     let motion = placement.motion.cast::<f32>();
     let ratio = placement.ratio as f32;
@@ -205,13 +221,14 @@ fn assemble<const D: usize>(
     let search_distance2 = (MARGIN * distance).powi(2) as f32;
     let distance2 = (distance * distance) as f32;
     let scale2 = (scale * scale) as f32;
-    let pursuits = &mut search.pursuits;
+    let Search { stride, first, pursuits, active, .. } = search;
     let mut sums = PairSums::<D>::default();
-    search.active.retain(|&index| {
-        let index = index as usize;
+    active.retain(|&query| {
+        let query = query as usize;
+        let index = a.inner[*first + query * *stride] as usize;
         let point = nalgebra::Vector3::from(a.indexed.points[index]);
         let moved = rotation * if D == SCALED { point * ratio } else { point } + shift;
-        let nearest = pursuits[index].nearest(&b.indexed, &moved.into(), search_distance2);
+        let nearest = pursuits[query].nearest(&b.indexed, &moved.into(), search_distance2);
         let Some(nearest) = nearest else { return !ask_all };
         let target = nearest.index as usize;
         let normal_a = rotation * nalgebra::Vector3::from(a.normals[index]);

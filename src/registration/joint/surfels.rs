@@ -35,7 +35,7 @@ pub struct FineSurfels {
 }
 
 /// Points a normal is fitted to.
-const NEIGHBOURS: usize = 20;
+const NEIGHBOURS: usize = 16;
 /// A surfel lies on a rim if the mean of its neighbours is farther off than this share of their mean distance.
 const RIM_OFFSET: f64 = 0.4;
 
