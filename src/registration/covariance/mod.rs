@@ -67,9 +67,10 @@ const DAMPING: f64 = 1e-9;
 /// Residuals that are wrong in one way over whole sides of an object are not seen by the sandwich, since all poses
 /// yield to them: a surfel is the mean of a voxel and sags below a surface bent by the view's radius R, by up to
 /// `edge^2 / 12 R`, and not alike for views from different directions. This is the share of `edge^2 / R` that is wrong,
-/// times the root of the share of a view's correspondences that are wrong together. Set on code-made shapes, tested
-/// on other instances of them (`tests/truth.rs`).
-const SYSTEMATIC: f64 = 0.016;
+/// times the root of the share of a view's correspondences that are wrong together. Set on code-made shapes for a last
+/// pass with the judged surfels' edge, and lessened with the square of the edge since; tested on other instances of
+/// them (`tests/truth.rs`).
+const SYSTEMATIC: f64 = 0.006;
 
 /// Edge of a cluster's cell, in edges of the surfels' voxels.
 const CELL: f64 = 3.0;
@@ -84,7 +85,7 @@ pub fn of_result(views: &[View], result: &Multiview) -> Vec<Option<PoseCovarianc
 }
 
 fn covariances(
-    FineSurfels { views: surfels, edge, reach }: &FineSurfels,
+    FineSurfels { views: surfels, edge, reach, share }: &FineSurfels,
     result: &Multiview,
 ) -> Vec<Option<PoseCovariance>> {
     let none = vec![None; surfels.len()];
@@ -113,7 +114,7 @@ fn covariances(
         let extent = extent(&surfels[view], &poses[view]);
         let reality = Reality::new(&evidence, &blocks, &blocks[view])?;
         let spread = about_center * reality.stretch();
-        let sandwich = spread * meat * spread.transpose() * (small_sample(count) / (slope * slope));
+        let sandwich = spread * meat * spread.transpose() * (share * small_sample(count) / (slope * slope));
         let weight: f64 = evidence.iter().filter(|e| e.a == view || e.b == view).map(|e| e.weight).sum();
         let sag = SYSTEMATIC * edge * edge / surfels[view].radius;
         let systematic = spread * blocks[view] * spread.transpose() * (weight * sag * sag);

@@ -44,12 +44,14 @@ pub struct Pass {
     pub last_distance: f64,
     /// A step that moves nothing farther (in spacings) ends the pass.
     pub settled: f64,
+    /// Before its last steps only every so-manieth surfel asks.
+    pub sparing: usize,
 }
 
 /// The passes, coarse to fine. The first reaches as far as rough poses are wrong, some 0.4 of an object's radius; the
 /// second settles what it left. A surfel is a mean, and the mean of a bent patch lies below the surface by a share of
 /// its edge's square, not alike in views from different sides: so the last makes the edges small, and takes few steps.
-pub const PASSES: [Pass; 3] = [
+pub const PASSES: [Pass; 2] = [
     Pass {
         surfels: 500.0,
         coarsest_edge: 14.0,
@@ -57,22 +59,16 @@ pub const PASSES: [Pass; 3] = [
         first_distance: 2.9,
         last_distance: 1.0,
         settled: 0.5,
-    },
-    Pass {
-        surfels: 1500.0,
-        coarsest_edge: 8.0,
-        tolerance: 0.63,
-        first_distance: 1.5,
-        last_distance: 0.63,
-        settled: 0.05,
+        sparing: 1,
     },
     Pass {
         surfels: 4000.0,
         coarsest_edge: 4.9,
         tolerance: 1.03,
-        first_distance: 1.03,
+        first_distance: 2.45,
         last_distance: 1.03,
-        settled: 0.02,
+        settled: 0.05,
+        sparing: 3,
     },
 ];
 
@@ -90,15 +86,30 @@ impl Pass {
     }
 }
 
-/// The pass whose surfels results are judged by: their number is enough, and all pairs are searched anew with them.
-const JUDGED: usize = 1;
+/// Edge of the voxels of the surfels that results are judged by, in edges of the last pass: fewer are enough, and all
+/// pairs are searched anew with them.
+const JUDGED_EDGE: f64 = 1.63;
+/// The largest distance of their correspondences, in their edges.
+const JUDGED_REACH: f64 = 0.63;
 
 /// The surfels that results are judged by, whatever the method was.
 pub fn judged_surfels(views: &[View]) -> FineSurfels {
-    let pass = &PASSES[JUDGED];
-    let edge = pass.edge(views, multiview::common_spacing(views));
-    let views = views.par_iter().map(|view| Surfels::new(view, edge)).collect();
-    FineSurfels { views, edge, reach: pass.last_distance * edge }
+    let edge = PASSES[1].edge(views, multiview::common_spacing(views));
+    let fine: Vec<Surfels> = views.par_iter().map(|view| Surfels::new(view, edge)).collect();
+    FineSurfels { share: 1.0, ..judged(&fine, edge) }
+}
+
+/// Of the last pass's surfels those that results are judged by.
+fn judged(fine: &[Surfels], fine_edge: f64) -> FineSurfels {
+    let edge = JUDGED_EDGE * fine_edge;
+    let views = thinned(fine, edge);
+    let count = |views: &[Surfels]| views.iter().map(|surfels| surfels.inner.len()).sum::<usize>();
+    let share = count(&views) as f64 / count(fine).max(1) as f64;
+    FineSurfels { views, edge, reach: JUDGED_REACH * edge, share }
+}
+
+fn thinned(surfels: &[Surfels], edge: f64) -> Vec<Surfels> {
+    surfels.par_iter().map(|surfels| surfels.thinned(edge)).collect()
 }
 
 const MAX_STEPS: usize = 50;
@@ -130,26 +141,17 @@ pub fn joint_onto(
 ) -> Result<Multiview, Canceled> {
     let run = Run { options, fixed, spacing: multiview::common_spacing(views), progress };
     let mut state = Multiview::at(initial);
-    let edges = PASSES.map(|pass| pass.edge(views, run.spacing));
-    let levels = levels(views, &edges);
-    for (index, surfels) in levels.iter().enumerate() {
+    let [coarse, fine] = PASSES.map(|pass| pass.edge(views, run.spacing));
+    let surfels: Vec<Surfels> = views.par_iter().map(|view| Surfels::new(view, fine)).collect();
+    let judged = judged(&surfels, fine);
+    let few = thinned(&judged.views, coarse);
+    for (index, (surfels, edge)) in [(&few, coarse), (&surfels, fine)].into_iter().enumerate() {
         progress.report(Stage::Registering, index as f64 / PASSES.len() as f64);
-        run.pass::<RIGID>(surfels, index, &PASSES[index], edges[index], &mut state)?;
+        run.pass::<RIGID>(surfels, index, &PASSES[index], edge, &mut state)?;
     }
-    let [_, judged, _] = levels;
-    run.measure_pairs(views, &judged, &mut state)?;
-    let edge = edges[JUDGED];
-    state.surfels = Some(FineSurfels { views: judged, edge, reach: PASSES[JUDGED].last_distance * edge });
+    run.measure_pairs(views, &judged.views, &mut state)?;
+    state.surfels = Some(judged);
     Ok(state)
-}
-
-/// The surfels of each pass; those of the coarser ones are chosen among those of the next finer one.
-fn levels(views: &[View], edges: &[f64; 3]) -> [Vec<Surfels>; 3] {
-    let thinned = |finer: &[Surfels], edge| finer.par_iter().map(|surfels| surfels.thinned(edge)).collect();
-    let fine: Vec<Surfels> = views.par_iter().map(|view| Surfels::new(view, edges[2])).collect();
-    let middle: Vec<Surfels> = thinned(&fine, edges[1]);
-    let coarse: Vec<Surfels> = thinned(&middle, edges[0]);
-    [coarse, middle, fine]
 }
 
 /// What all passes of one registration share.
@@ -194,6 +196,7 @@ impl Run<'_> {
             last_distance: pass.last_distance * edge,
             max_steps: MAX_STEPS,
             settled: pass.settled * self.spacing,
+            sparing: pass.sparing,
         };
         let anchors = self.anchors(&graph);
         let refined = refine::<D>(surfels, &state.local_poses, &graph.pairs, &anchors, &refine_options, self.progress)?;

@@ -20,6 +20,8 @@ pub struct RefineOptions {
     pub max_steps: usize,
     /// Steps that move no surfel farther than this end it.
     pub settled: f64,
+    /// Until a step moves none farther than ten times that, only every so-manieth surfel asks.
+    pub sparing: usize,
 }
 
 /// What the refinement did.
@@ -41,7 +43,9 @@ const SHRINK: f64 = 0.6;
 /// The robust kernel's scale in root mean square residuals.
 const KERNEL: f64 = 3.0;
 /// Searches look this much farther than correspondences may be apart, so that the next steps know whom to ask again.
-const MARGIN: f64 = 1.5;
+const MARGIN: f64 = 1.3;
+/// Where the last steps begin, in steps that end it.
+const UNSETTLED: f64 = 10.0;
 /// Surfels that ask in one step, over all pairs, at most: it bounds memory, and where pairs are so many they say the same
 /// many times over.
 const MOST_QUERIES: usize = 4_000_000;
@@ -65,6 +69,7 @@ pub fn refine<const D: usize>(
     let mut refined = Refined { local_poses: local_poses.to_vec(), scales, steps: 0, rms: f64::INFINITY };
     let mut distance = options.first_distance;
     let mut scale = distance;
+    let mut sparing = options.sparing.max(1);
     while refined.steps < options.max_steps {
         progress.check()?;
         let middle = Motion::from(nalgebra::Translation3::from(mean_position(&refined.local_poses)));
@@ -78,7 +83,7 @@ pub fn refine<const D: usize>(
                 progress.check()?;
                 let placement = Placement::between((&centered[b], scales[b]), (&centered[a], scales[a]));
                 let reach = Reach { distance: distance / scales[b], scale: scale / scales[b] };
-                let sums = assemble::<D>(&surfels[a], &surfels[b], &placement, &reach, search);
+                let sums = assemble::<D>(&surfels[a], &surfels[b], &placement, &reach, sparing, search);
                 Ok(sums.into_world(&centered[b], scales[b]))
             })
             .collect::<Result<_, Canceled>>()?;
@@ -96,7 +101,10 @@ pub fn refine<const D: usize>(
         scale = scale.min(KERNEL * refined.rms);
         let last = distance <= options.last_distance;
         distance = (SHRINK * distance).max(options.last_distance);
-        if last && largest < options.settled {
+        if last && sparing > 1 && largest < UNSETTLED * options.settled {
+            sparing = 1;
+            searches.par_iter_mut().for_each(|search| search.asked_at = None);
+        } else if last && largest < options.settled {
             break;
         }
     }
@@ -207,13 +215,14 @@ fn assemble<const D: usize>(
     b: &Surfels,
     placement: &Placement,
     &Reach { distance, scale }: &Reach,
+    sparing: usize,
     search: &mut Search,
 ) -> PairSums<D> {
     let ask_all = search.must_ask_all(placement, a.radius, distance);
     if ask_all {
         search.asked_at = Some(*placement);
         search.active.clear();
-        search.active.extend(0..search.pursuits.len() as u32);
+        search.active.extend((0..search.pursuits.len() as u32).step_by(sparing));
     }
     let motion = placement.motion.cast::<f32>();
     let ratio = placement.ratio as f32;

@@ -32,6 +32,8 @@ pub struct FineSurfels {
     pub edge: f64,
     /// The largest distance of a correspondence, a length.
     pub reach: f64,
+    /// The share that they are of the surfels the poses rest on.
+    pub share: f64,
 }
 
 /// Points a normal is fitted to.
