@@ -5,42 +5,15 @@ use rayon::prelude::*;
 use super::alignment::align;
 use super::confidence::{Grounds, confidence};
 use super::consensus::alike;
+use super::group::Group;
+use super::link::{LEAST_OVERLAP, Link};
+use super::scene::Scene;
 use super::sketch::Sketch;
 use super::slide::slides;
 use super::touch::touching_share;
-use super::verification::{Evidence, verify};
+use super::verification::verify;
 use crate::geometry::Motion;
 use crate::progress::{Canceled, Progress};
-use crate::registration::motion_averaging::{self, AveragingOptions, RelativeMotion};
-use crate::registration::view::View;
-
-/// A way to lay two views on each other, drawn onto the surface and asked.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Link {
-    /// The view whose frame is the target.
-    pub i: usize,
-    /// The view that is mapped.
-    pub j: usize,
-    /// Maps the local frame of view j into that of view i.
-    pub motion_i_j: Motion,
-    /// What the surfaces say.
-    pub evidence: Evidence,
-}
-
-/// Views that hang together.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Group {
-    /// Its views, in order.
-    pub views: Vec<usize>,
-    /// For each of `views` its pose: local frame to the group's world.
-    pub local_poses: Vec<Motion>,
-    /// For each of `views` how sure it is that it belongs where it is, 0 to 1.
-    pub confidences: Vec<f64>,
-    /// The pairs that hold it together.
-    pub links: Vec<Link>,
-    /// What each of its joins rested on.
-    pub joins: Vec<Grounds>,
-}
 
 /// All groups, and views that could be laid on others in several ways.
 #[derive(Debug, Clone, Default)]
@@ -51,10 +24,6 @@ pub struct Assembly {
     pub ambiguous: Vec<bool>,
 }
 
-/// A link is worth trying from this share of agreeing surfels on,
-const LEAST_OVERLAP: f64 = 0.08;
-/// and this share of agreement among all that was said.
-const LEAST_CONSISTENCY: f64 = 0.6;
 /// A pair within a join is drawn onto the surface; it may move by this many edges.
 const DRIFT: f64 = 4.0;
 /// Surfels of a view that are asked when groups are joined.
@@ -65,58 +34,6 @@ const RIVAL: f64 = 0.85;
 const TOUCHING: f64 = 0.75;
 /// looking at this many pairs.
 const WITNESSES: usize = 3;
-/// Distances up to this many times the set's noise are nothing to wonder at.
-const TOLERATED_NOISE: f64 = 1.6;
-/// Noise below this, in edges, is that of sampling.
-const LEAST_NOISE: f64 = 0.012;
-
-impl Link {
-    /// How much speaks for it, to rank links: agreement counts, conflict counts more.
-    pub fn strength(&self) -> f64 {
-        let e = &self.evidence;
-        e.overlap() * (e.consistency() - 0.5).max(0.0)
-    }
-
-    fn is_promising(&self) -> bool {
-        self.evidence.overlap() >= LEAST_OVERLAP && self.evidence.consistency() >= LEAST_CONSISTENCY
-    }
-}
-
-/// What the views of a set are, coarse and fine.
-#[derive(Debug, Clone, Copy)]
-pub struct Scene<'a> {
-    /// The views at full resolution,
-    pub views: &'a [View],
-    /// and their sketches.
-    pub sketches: &'a [Sketch],
-    /// The common spacing of the views.
-    pub spacing: f64,
-    /// Edge of the surfels' voxels.
-    pub edge: f64,
-    /// Root mean square distance, in edges, of surfaces that are the same: the set's own level of noise.
-    pub noise: f64,
-}
-
-impl Scene<'_> {
-    /// How much speaks for a link in this set: surfaces that are the same lie as near to each other as the noise lets
-    /// them, like ones do not.
-    pub fn strength(&self, link: &Link) -> f64 {
-        let excess = link.evidence.rms() / (self.edge * TOLERATED_NOISE * self.noise);
-        link.strength() / (excess * excess).max(1.0)
-    }
-}
-
-/// The noise of a set by its links: a low quantile of the best, since most of the rest may be wrong.
-pub fn noise_level(links: &[Link], edge: f64) -> f64 {
-    let mut levels: Vec<f64> = links
-        .iter()
-        .filter(|link| link.evidence.overlap() > 0.2 && link.evidence.consistency() > 0.8)
-        .map(|link| link.evidence.rms() / edge)
-        .collect();
-    levels.sort_by(f64::total_cmp);
-    levels.get(levels.len() / 4).copied().unwrap_or(0.0).max(LEAST_NOISE)
-}
-
 /// What came of trying a link.
 enum Attempt {
     Joined(Group),
@@ -260,68 +177,4 @@ fn measure(sketches: &[Sketch], i: usize, j: usize, implied: &Motion, edge: f64)
     let drawn = at(drawn);
     let balance = |link: &Link| link.evidence.agree() - link.evidence.conflict();
     Some(if balance(&drawn) > balance(&raw) { drawn } else { raw })
-}
-
-impl Group {
-    fn of(view: usize) -> Self {
-        Group {
-            views: vec![view],
-            local_poses: vec![Motion::identity()],
-            confidences: vec![1.0],
-            links: Vec::new(),
-            joins: Vec::new(),
-        }
-    }
-
-    /// A view's pose in the group's world.
-    pub fn pose_of(&self, view: usize) -> Option<Motion> {
-        self.views.iter().position(|v| *v == view).map(|k| self.local_poses[k])
-    }
-
-    /// How sure it is that a view belongs where it is.
-    pub fn confidence_of(&self, view: usize) -> Option<f64> {
-        self.views.iter().position(|v| *v == view).map(|k| self.confidences[k])
-    }
-
-    /// Both groups in this one's world, views in order. A join is a doubt about the smaller side.
-    fn united(&self, other: &Group, motion: &Motion, confidence: f64) -> Group {
-        let doubts_other = other.views.len() <= self.views.len();
-        let row = |group: &Group, k: usize, pose: Motion, doubted: bool| {
-            let sure = group.confidences[k];
-            (group.views[k], pose, if doubted { sure.min(confidence) } else { sure })
-        };
-        // in a pair of single views none is surer than the other
-        let doubts_self = !doubts_other || self.views.len() == 1;
-        let mut rows: Vec<(usize, Motion, f64)> =
-            (0..self.views.len()).map(|k| row(self, k, self.local_poses[k], doubts_self)).collect();
-        rows.extend((0..other.views.len()).map(|k| row(other, k, motion * other.local_poses[k], doubts_other)));
-        rows.sort_by_key(|row| row.0);
-        Group {
-            views: rows.iter().map(|row| row.0).collect(),
-            local_poses: rows.iter().map(|row| row.1).collect(),
-            confidences: rows.iter().map(|row| row.2).collect(),
-            links: self.links.iter().chain(&other.links).copied().collect(),
-            joins: self.joins.iter().chain(&other.joins).copied().collect(),
-        }
-    }
-
-    /// Spreads what the links say over all poses; the first view keeps its own.
-    fn average(&mut self, sketches: &[Sketch], edge: f64) {
-        let place = |view: usize| self.views.iter().position(|v| *v == view).unwrap_or(0);
-        let relative: Vec<RelativeMotion> = self
-            .links
-            .iter()
-            .map(|link| RelativeMotion {
-                i: place(link.i),
-                j: place(link.j),
-                motion_i_j: link.motion_i_j,
-                weight: link.evidence.overlap().max(0.01),
-            })
-            .collect();
-        let radius = self.views.iter().map(|v| sketches[*v].radius).fold(0.0, f64::max);
-        let options = AveragingOptions { radius, noise: 0.25 * edge, robust: true };
-        if let Ok(averaged) = motion_averaging::average(&self.local_poses, &relative, &[0], &options) {
-            self.local_poses = averaged.poses;
-        }
-    }
 }

@@ -1,6 +1,7 @@
 //! How sure a join of two groups is, as a probability.
 
-use super::assembly::{Link, Scene};
+use super::link::Link;
+use super::scene::Scene;
 
 /// What a join rests on.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -10,10 +10,13 @@ pub mod assembly;
 pub mod confidence;
 pub mod consensus;
 pub mod descriptor;
+pub mod group;
+pub mod link;
 pub mod matching;
 pub mod placement;
 pub mod report;
 pub mod scan_set;
+pub mod scene;
 pub mod sight;
 pub mod sketch;
 pub mod slide;
@@ -22,7 +25,10 @@ pub mod verification;
 
 use rayon::prelude::*;
 
-use self::assembly::{Assembly, Group, Link, Scene, assemble, noise_level};
+use self::assembly::{Assembly, assemble};
+use self::group::Group;
+use self::link::Link;
+use self::scene::{Scene, noise_level};
 use self::sketch::{Sketch, sketch_all};
 use super::multiview;
 use super::sensor::Sensor;

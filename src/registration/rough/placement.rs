@@ -1,7 +1,7 @@
 //! Poses for all views of a set, whatever is known of them: given poses are starting points and witnesses, the rest is
 //! found.
 
-use super::assembly::Group;
+use super::group::Group;
 use super::rough;
 use crate::geometry::Motion;
 use crate::progress::{Canceled, Progress};

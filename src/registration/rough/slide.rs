@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix6, Vector6};
 
-use super::assembly::Link;
+use super::link::Link;
 use super::sketch::Sketch;
 use super::verification::{Evidence, verify};
 use crate::geometry::{Vector3, se3};

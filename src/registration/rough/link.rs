@@ -1,0 +1,34 @@
+//! A pair of views and a way to lay them on each other.
+
+use super::verification::Evidence;
+use crate::geometry::Motion;
+
+/// A way to lay two views on each other, drawn onto the surface and asked.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Link {
+    /// The view whose frame is the target.
+    pub i: usize,
+    /// The view that is mapped.
+    pub j: usize,
+    /// Maps the local frame of view j into that of view i.
+    pub motion_i_j: Motion,
+    /// What the surfaces say.
+    pub evidence: Evidence,
+}
+
+/// A link is worth trying from this share of agreeing surfels on,
+pub const LEAST_OVERLAP: f64 = 0.08;
+/// and this share of agreement among all that was said.
+const LEAST_CONSISTENCY: f64 = 0.6;
+impl Link {
+    /// How much speaks for it, to rank links: agreement counts, conflict counts more.
+    pub fn strength(&self) -> f64 {
+        let e = &self.evidence;
+        e.overlap() * (e.consistency() - 0.5).max(0.0)
+    }
+
+    /// Whether it is worth trying.
+    pub fn is_promising(&self) -> bool {
+        self.evidence.overlap() >= LEAST_OVERLAP && self.evidence.consistency() >= LEAST_CONSISTENCY
+    }
+}

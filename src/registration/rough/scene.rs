@@ -1,0 +1,45 @@
+//! A set of views as rough registration sees it, and the noise by which its links are measured.
+
+use super::link::Link;
+use super::sketch::Sketch;
+use crate::registration::view::View;
+
+/// Distances up to this many times the set's noise are nothing to wonder at.
+const TOLERATED_NOISE: f64 = 1.6;
+/// Noise below this, in edges, is that of sampling.
+const LEAST_NOISE: f64 = 0.012;
+
+/// What the views of a set are, coarse and fine.
+#[derive(Debug, Clone, Copy)]
+pub struct Scene<'a> {
+    /// The views at full resolution,
+    pub views: &'a [View],
+    /// and their sketches.
+    pub sketches: &'a [Sketch],
+    /// The common spacing of the views.
+    pub spacing: f64,
+    /// Edge of the surfels' voxels.
+    pub edge: f64,
+    /// Root mean square distance, in edges, of surfaces that are the same: the set's own level of noise.
+    pub noise: f64,
+}
+
+impl Scene<'_> {
+    /// How much speaks for a link in this set: surfaces that are the same lie as near to each other as the noise lets
+    /// them, like ones do not.
+    pub fn strength(&self, link: &Link) -> f64 {
+        let excess = link.evidence.rms() / (self.edge * TOLERATED_NOISE * self.noise);
+        link.strength() / (excess * excess).max(1.0)
+    }
+}
+
+/// The noise of a set by its links: a low quantile of the best, since most of the rest may be wrong.
+pub fn noise_level(links: &[Link], edge: f64) -> f64 {
+    let mut levels: Vec<f64> = links
+        .iter()
+        .filter(|link| link.evidence.overlap() > 0.2 && link.evidence.consistency() > 0.8)
+        .map(|link| link.evidence.rms() / edge)
+        .collect();
+    levels.sort_by(f64::total_cmp);
+    levels.get(levels.len() / 4).copied().unwrap_or(0.0).max(LEAST_NOISE)
+}
