@@ -10,7 +10,7 @@ use super::link::{LEAST_OVERLAP, Link};
 use super::scene::Scene;
 use super::sketch::Sketch;
 use super::slide::slides;
-use super::touch::touching_share;
+use super::touch::contact;
 use super::verification::verify;
 use crate::geometry::Motion;
 use crate::progress::{Canceled, Progress};
@@ -128,7 +128,8 @@ fn touching(scene: &Scene, measured: &[Link]) -> f64 {
         .iter()
         .take(WITNESSES)
         .filter(|link| link.is_promising())
-        .filter_map(|link| touching_share(&scene.views[link.i], &scene.views[link.j], &link.motion_i_j, scene.spacing))
+        .filter_map(|link| contact(&scene.views[link.i], &scene.views[link.j], &link.motion_i_j, scene.spacing))
+        .map(|contact| contact.touching)
         .collect();
     shares.iter().sum::<f64>() / shares.len().max(1) as f64
 }

@@ -14,12 +14,28 @@ const SAMPLES: usize = 300;
 const BESIDE: f64 = 2.0;
 /// it touches it if it lies no farther than this above or below.
 const ON: f64 = 1.0;
+/// it meets it if it lies no farther than this many times the noise of both scans,
+const MEETING_NOISE: f64 = 3.0;
+/// but this much, in spacings, is allowed in any case.
+const MEETING: f64 = 0.2;
 /// Search distances of the steps, in spacings; the first also covers what surfels left over.
 const REACHES: [f64; 5] = [8.0, 6.0, 4.0, 3.0, 3.0];
 
-/// Of the points of view j that lie near view i's surface when laid there, the share that touches it; `None` if none
-/// is near. `motion_i_j` is improved first.
-pub fn touching_share(i: &View, j: &View, motion_i_j: &Motion, spacing: f64) -> Option<f64> {
+/// How two views lie on each other at full resolution.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Contact {
+    /// Maps view j's local frame into view i's, improved.
+    pub motion_i_j: Motion,
+    /// Of the points of view j that lie near view i's surface, the share that touches it.
+    pub touching: f64,
+    /// The share that lies as near to it as the noise of the scans lets them.
+    pub meeting: f64,
+    /// Root mean square distance of those that touch, in the noise of both scans.
+    pub rms_noise: f64,
+}
+
+/// How view j lies on view i; `None` if none of its points is near. `motion_i_j` is improved first.
+pub fn contact(i: &View, j: &View, motion_i_j: &Motion, spacing: f64) -> Option<Contact> {
     let points = j.points();
     let samples: Vec<LocalPoint> = points.iter().step_by(points.len().div_ceil(SAMPLES).max(1)).copied().collect();
     let mut motion = *motion_i_j;
@@ -38,20 +54,32 @@ pub fn touching_share(i: &View, j: &View, motion_i_j: &Motion, spacing: f64) -> 
         let Some(twist) = sums.step() else { break };
         motion = se3::exp(&twist) * motion;
     }
-    let found = nearest(i, &samples, &motion, NEAR * spacing);
+    let heights = heights(i, &samples, &motion, spacing);
+    let noise = i.range_accuracy.hypot(j.range_accuracy).max(f64::MIN_POSITIVE);
+    let within = |limit: f64| heights.iter().filter(|height| **height < limit).count() as f64;
+    let touching = within(ON * spacing);
+    let squares: f64 = heights.iter().filter(|height| **height < ON * spacing).map(|height| height * height).sum();
+    let near = heights.len() as f64;
+    (near > 0.0).then(|| Contact {
+        motion_i_j: motion,
+        touching: touching / near,
+        meeting: within((MEETING_NOISE * noise).max(MEETING * spacing)) / near,
+        rms_noise: (squares / touching.max(1.0)).sqrt() / noise,
+    })
+}
+
+/// Distances from the surface of the samples that have a counterpart.
+fn heights(view: &View, samples: &[LocalPoint], motion: &Motion, spacing: f64) -> Vec<f64> {
+    let found = nearest(view, samples, motion, NEAR * spacing);
     let places: Vec<LocalPoint> = found.iter().map(|(_, target)| *target).collect();
-    let planes = local_planes(&i.indexed, &places, normals::NEIGHBOURS);
-    let (mut near, mut touching) = (0usize, 0usize);
-    for ((moved, target), plane) in found.iter().zip(&planes) {
+    let planes = local_planes(&view.indexed, &places, normals::NEIGHBOURS);
+    let height = |((moved, target), plane): (&(nalgebra::Vector3<f64>, LocalPoint), &normals::LocalPlane)| {
         let offset = moved - nalgebra::Vector3::from(*target).cast::<f64>();
         let height = nalgebra::Vector3::from(plane.normal).cast::<f64>().dot(&offset).abs();
         // a point that lies beside its nearest one lies beyond a rim: it has no counterpart
-        if offset.norm_squared() - height * height < (BESIDE * spacing).powi(2) {
-            near += 1;
-            touching += usize::from(height < ON * spacing);
-        }
-    }
-    (near > 0).then(|| touching as f64 / near as f64)
+        (offset.norm_squared() - height * height < (BESIDE * spacing).powi(2)).then_some(height)
+    };
+    found.iter().zip(&planes).filter_map(height).collect()
 }
 
 /// The moved samples that have a point of the view within `reach`, with that point.
