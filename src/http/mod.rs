@@ -1,8 +1,8 @@
 //! The HTTP edge: router, resources, problem+json, uploads, and the server itself.
 //!
 //! - `router`: the table of contents, layers, the contract
-//! - `scan_sets`, `jobs` (with `events`), `models` (with `assets`), `queries`, `meta`: one file a resource;
-//!   what goes over the wire is in the `*_views` beside them
+//! - `scan_sets`, `jobs` (with `events`), `models` (with `assets`), `queries`, `standards`, `meta`: one file or folder
+//!   a resource; what goes over the wire is in the `*_views` beside them
 //! - `problem`, `responses`: every error that leaves the service, and how the contract names them
 //! - `upload`, `digest`, `names`, `describe`: what comes in is hostile until it has passed here
 //! - `extract`, `idempotency`, `state`: parts of requests, repeated requests, what handlers share
@@ -26,6 +26,7 @@ mod router;
 mod scan_set_views;
 mod scan_sets;
 mod server;
+mod standards;
 mod state;
 mod upload;
 

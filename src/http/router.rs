@@ -18,7 +18,7 @@ use utoipa_axum::router::OpenApiRouter;
 
 use super::problem::{Code, Problem, ProblemBody};
 use super::state::AppState;
-use super::{jobs, meta, models, queries, scan_sets};
+use super::{jobs, meta, models, queries, scan_sets, standards};
 use crate::telemetry::panic_message;
 
 const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
@@ -50,6 +50,7 @@ fn resources() -> OpenApiRouter<AppState> {
         .merge(jobs::router())
         .merge(models::router())
         .merge(queries::router())
+        .merge(standards::router())
         .merge(meta::router())
 }
 

@@ -1,0 +1,54 @@
+//! `/v1/queries`: which of the models are faces, which are like this one.
+//!
+//! - [`question`]: what is asked, read from JSON or from a form
+//! - [`answer`]: ranked matches with what is stored of their models
+//! - [`views`]: both as they go over the wire
+
+mod answer;
+mod question;
+mod views;
+
+use axum::Json;
+use axum::extract::{Request, State};
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
+
+use super::extract::{is_json, media_type, read_json, wrong_media_type};
+use super::problem::Problem;
+use super::state::{AppState, blocking};
+use super::{responses, upload};
+use views::{ProbeForm, QueryAnswer, QueryBody};
+
+pub(super) const TAG: &str = "queries";
+
+/// The routes of this resource.
+pub fn router() -> OpenApiRouter<AppState> {
+    OpenApiRouter::new().routes(routes!(ask))
+}
+
+/// Ask which models are faces, or which are like a given one.
+#[utoipa::path(
+    post, path = "/v1/queries", tag = TAG, operation_id = "query",
+    request_body(content((QueryBody = "application/json"), (ProbeForm = "multipart/form-data"))),
+    responses(
+        (status = 200, description = "Ranked matches.", body = QueryAnswer),
+        responses::BadRequest, responses::NotFound, responses::Stalled, responses::TooLarge, responses::WrongType,
+        responses::Unprocessable, responses::NotReady, responses::Other,
+    )
+)]
+async fn ask(State(state): State<AppState>, request: Request) -> Result<Json<QueryAnswer>, Problem> {
+    let found = media_type(request.headers());
+    let question = if found == "multipart/form-data" {
+        question::question_of_form(&state, upload::read_form(&state, request, &question::RULES).await?).await?
+    } else if is_json(&found) {
+        let (body, _) = read_json::<QueryBody>(request, state.limits().text_bytes).await?;
+        question::question_of_json(&state, body).await?
+    } else {
+        return Err(wrong_media_type(&found, "application/json, or multipart/form-data with a part `probe`"));
+    };
+    let gallery = state.shop.gallery.clone();
+    let (matches, searched) =
+        blocking(move || gallery.ask(|gallery| Ok::<_, Problem>((question.answer(gallery)?, gallery.len()))))
+            .await???;
+    Ok(Json(QueryAnswer { matches: answer::named(&state, matches).await?, searched }))
+}
