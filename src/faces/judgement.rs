@@ -45,7 +45,7 @@ pub const MATCH_SCORE: f64 = 0.5;
 // of the public set at once (39 faces, 47 others), every one described as if its unit were unknown.
 
 /// The cost at which a face and another thing are equally likely.
-const COST_AT_HALF: f64 = 2.0;
+pub const COST_AT_HALF: f64 = 2.0;
 /// How fast the score falls with the cost.
 const COST_SLOPE: f64 = 3.2;
 /// The dense residual at which the verified method says "face", mm on the standard: the geometric mean of the worst

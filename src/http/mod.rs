@@ -5,6 +5,7 @@
 //!   a resource; what goes over the wire is in the `*_views` beside them
 //! - `problem`, `responses`: every error that leaves the service, and how the contract names them
 //! - `upload`, `digest`, `names`, `describe`: what comes in is hostile until it has passed here
+//! - `verdicts`: how models were judged, as queries and models show it
 //! - `extract`, `idempotency`, `state`: parts of requests, repeated requests, what handlers share
 
 mod assets;
@@ -29,6 +30,7 @@ mod server;
 mod standards;
 mod state;
 mod upload;
+mod verdicts;
 
 pub use router::{OpenApiError, openapi_yaml};
 pub use server::{Server, ServerHandle, StartError};

@@ -3,12 +3,13 @@
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
 use std::num::NonZero;
+use std::ops::Bound;
 
 use super::probe::Similarities;
 use super::triangle_index::{Hit, TriangleIndex};
-use super::triangle_query::TriangleQuery;
+use super::triangle_query::{TriangleQuery, score};
 use super::triangles::{IndexedTriangle, triangles_of};
-use super::{Match, MatchMethod, ModelId};
+use super::{Match, MatchMethod, ModelId, Rank, Wanted};
 use crate::faces::{self, DenseSignature, Signature, Triangle, Verdict, judgement, standard};
 use crate::geometry::{Point3, Vector3};
 
@@ -117,34 +118,27 @@ impl Gallery {
     }
 
     /// Models judged against the named built-in standard ("face"), best first, ties by id; `None` if there is no
-    /// such standard. `threshold` (default [`judgement::MATCH_SCORE`]) decides `is_match`; nothing is left out.
-    pub fn by_standard(
-        &self,
-        standard: &str,
-        method: MatchMethod,
-        limit: usize,
-        threshold: Option<f64>,
-    ) -> Option<Vec<Match>> {
+    /// such standard. The threshold (default [`judgement::MATCH_SCORE`]) decides `is_match`.
+    pub fn by_standard(&self, standard: &str, method: MatchMethod, wanted: &Wanted) -> Option<Vec<Match>> {
         standard::by_name(standard)?;
-        let threshold = threshold.unwrap_or(judgement::MATCH_SCORE);
+        let threshold = wanted.threshold.unwrap_or(judgement::MATCH_SCORE);
         let ranking = match method {
             MatchMethod::Descriptors => &self.by_descriptors,
             MatchMethod::Verified => &self.by_fit,
             MatchMethod::Literal => &self.by_literal,
         };
-        let best = ranking.iter().take(limit).map(|(_, id)| *id);
-        Some(best.filter_map(|id| Some(Match::of(id, self.entries.get(&id)?.verdict(method), threshold))).collect())
+        let begin = wanted.after.map_or(Bound::Unbounded, |rank| Bound::Excluded(rank.key()));
+        let answers = ranking
+            .range((begin, Bound::Unbounded))
+            .take_while(|(score, _)| !wanted.only_matches || f64::from_bits(score.0) >= threshold)
+            .filter(|(_, id)| (wanted.accepts)(*id))
+            .filter_map(|(_, id)| Some(Match::of(*id, self.entries.get(id)?.verdict(method), threshold)));
+        Some(answers.take(wanted.limit).collect())
     }
 
     /// Models that look like the probe, best first, ties by id; `exclude` is left out (the probe itself, when
     /// stored). How likeness is measured: [`super::probe`].
-    pub fn by_probe(
-        &self,
-        probe: &Signature,
-        exclude: Option<ModelId>,
-        limit: usize,
-        threshold: Option<f64>,
-    ) -> Vec<Match> {
+    pub fn by_probe(&self, probe: &Signature, exclude: Option<ModelId>, wanted: &Wanted) -> Vec<Match> {
         let probe = Entry::new(probe);
         let mut similarities = Similarities::new(&probe);
         similarities.add_indexed(&self.index, |place| {
@@ -155,21 +149,22 @@ impl Gallery {
             similarities.add_one(*id, &self.entries[id]);
         }
         let others = self.entries.iter().filter(|(id, _)| Some(**id) != exclude);
-        similarities.ranked(others, limit, threshold)
+        similarities.ranked(others, wanted)
     }
 
-    /// The `limit` models with the least matching error to a bare triangle: exact, ties by id. The corners may
-    /// come in any order. With `outward` the triangle is seen from that side; without it either side will do.
+    /// The models with the least matching error to a bare triangle: exact, ties by id. The corners may come in any
+    /// order. With `outward` the triangle is seen from that side; without it either side will do.
     ///
     /// `score` is 1 minus the chord between the shapes; errors are scaled as for a query by probe.
-    pub fn by_triangle(&self, corners: [Point3; 3], outward: Option<Vector3>, limit: usize) -> Vec<Match> {
+    pub fn by_triangle(&self, corners: [Point3; 3], outward: Option<Vector3>, wanted: &Wanted) -> Vec<Match> {
         let triangle = Triangle::new(corners);
-        if limit == 0 || triangle.size() <= 0.0 {
+        if wanted.limit == 0 || triangle.size().is_nan() || triangle.size() <= 0.0 {
             return Vec::new();
         }
         let query = TriangleQuery::new(triangle, outward);
+        let threshold = wanted.threshold.unwrap_or_else(TriangleQuery::match_score);
         let mut best: BTreeMap<ModelId, (f64, u32)> = BTreeMap::new();
-        for hit in self.nearest_models(&query, limit) {
+        for hit in self.nearest_models(&query, wanted, threshold) {
             if let Some(id) = self.indexed_id(hit.model) {
                 keep_nearest(&mut best, id, hit.chord, hit.triangle);
             }
@@ -179,18 +174,19 @@ impl Gallery {
                 keep_nearest(&mut best, *id, query.chord(&triangle.shape), place as u32);
             }
         }
-        let mut ranked: Vec<(f64, ModelId, u32)> = best.into_iter().map(|(id, (chord, t))| (chord, id, t)).collect();
-        ranked.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        ranked.truncate(limit);
-        ranked
-            .into_iter()
-            .map(|(_, id, place)| query.answer(id, &self.entries[&id].triangles[place as usize]))
-            .collect()
+        let scored = best.into_iter().map(|(id, (chord, place))| (Rank { score: score(chord), model_id: id }, place));
+        let mut ranked: Vec<(Rank, u32)> =
+            scored.filter(|(rank, _)| wanted.takes(rank.score, rank.model_id, threshold)).collect();
+        ranked.sort_by_key(|(rank, _)| rank.key());
+        ranked.truncate(wanted.limit);
+        let triangle = |rank: &Rank, place: u32| &self.entries[&rank.model_id].triangles[place as usize];
+        ranked.iter().map(|(rank, place)| query.answer(rank.model_id, triangle(rank, *place), threshold)).collect()
     }
 
-    /// Every indexed triangle that can belong to one of the `limit` nearest models: the search is widened until
-    /// that many models lie inside its bound, then everything within the farthest of them is taken.
-    fn nearest_models(&self, query: &TriangleQuery, limit: usize) -> Vec<Hit> {
+    /// Every indexed triangle that can belong to one of the wanted models: the search is widened until that many
+    /// models lie inside its bound, then everything within the farthest of them is taken.
+    fn nearest_models(&self, query: &TriangleQuery, wanted_models: &Wanted, threshold: f64) -> Vec<Hit> {
+        let limit = wanted_models.limit;
         let mut count = limit.saturating_mul(4).max(16);
         loop {
             let wanted = NonZero::new(count.min(self.index.len())).unwrap_or(NonZero::<usize>::MIN);
@@ -203,9 +199,15 @@ impl Gallery {
                 let chord = best.entry(hit.model).or_insert(f64::INFINITY);
                 *chord = chord.min(hit.chord);
             }
-            let mut chords: Vec<f64> = best.into_values().filter(|chord| exhausted || *chord < bound).collect();
+            let complete = best.into_iter().filter(|(_, chord)| exhausted || *chord < bound);
+            let mut chords: Vec<f64> = complete
+                .filter(|(place, chord)| wanted_models.takes(score(*chord), self.indexed[*place as usize], threshold))
+                .map(|(_, chord)| chord)
+                .collect();
             chords.sort_by(f64::total_cmp);
-            if chords.len() >= limit || exhausted {
+            // scores only fall from here on
+            let no_more_matches = wanted_models.only_matches && score(bound) < threshold;
+            if chords.len() >= limit || exhausted || no_more_matches {
                 let farthest = chords.get(limit - 1).or(chords.last()).copied().unwrap_or(0.0);
                 // a hair more, so that rounding in the tree loses no tie
                 return query.shapes.iter().flat_map(|s| self.index.within(s, farthest + 1e-9)).collect();
@@ -294,25 +296,33 @@ mod tests {
         let anew = Gallery::build(truth.iter().map(|(id, s)| (*id, s.clone())).collect());
         assert_eq!(gallery.len(), truth.len());
         for method in [MatchMethod::Descriptors, MatchMethod::Verified, MatchMethod::Literal] {
-            let ranked = gallery.by_standard("face", method, 1000, None);
-            assert_eq!(ranked, anew.by_standard("face", method, 1000, None));
+            let ranked = gallery.by_standard("face", method, &Wanted::best(1000));
+            assert_eq!(ranked, anew.by_standard("face", method, &Wanted::best(1000)));
             assert_eq!(ranked.expect("the face is built in").len(), truth.len());
         }
         for k in [3, 170, 299] {
             let probe = signature(k);
-            assert_eq!(gallery.by_probe(&probe, None, 50, None), anew.by_probe(&probe, None, 50, None));
+            assert_eq!(
+                gallery.by_probe(&probe, None, &Wanted::best(50)),
+                anew.by_probe(&probe, None, &Wanted::best(50))
+            );
             let corners = triangles_of(&probe)[4].corners;
-            assert_eq!(gallery.by_triangle(corners, None, 20), anew.by_triangle(corners, None, 20));
+            assert_eq!(
+                gallery.by_triangle(corners, None, &Wanted::best(20)),
+                anew.by_triangle(corners, None, &Wanted::best(20))
+            );
         }
     }
 
     #[test]
     fn a_standard_ranks_best_first_and_ties_by_id() {
         let gallery = Gallery::build([9, 4, 7].map(|id| (id, signature(5))).into());
-        let ranked = gallery.by_standard("face", MatchMethod::Literal, 2, None).expect("the face is built in");
+        let ranked = gallery.by_standard("face", MatchMethod::Literal, &Wanted::best(2)).expect("the face is built in");
         assert_eq!(ranked.iter().map(|m| m.model_id).collect::<Vec<_>>(), [4, 7]);
-        assert_eq!(gallery.by_standard("teapot", MatchMethod::Literal, 2, None), None);
-        let strict = gallery.by_standard("face", MatchMethod::Literal, 1, Some(1.1)).expect("the face is built in");
+        assert_eq!(gallery.by_standard("teapot", MatchMethod::Literal, &Wanted::best(2)), None);
+        let strict = gallery
+            .by_standard("face", MatchMethod::Literal, &Wanted { threshold: Some(1.1), ..Wanted::best(1) })
+            .expect("the face is built in");
         assert!(!strict[0].is_match);
     }
 
@@ -341,38 +351,81 @@ mod tests {
                 })
                 .collect();
             brute.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-            let found = gallery.by_triangle(corners, outward, 25);
+            let found = gallery.by_triangle(corners, outward, &Wanted::best(25));
             assert_eq!(found.len(), 25);
             for (found, (chord, _)) in found.iter().zip(&brute) {
                 assert!((1.0 - found.score - chord).abs() < 1e-9, "{} {chord}", 1.0 - found.score);
                 assert!(found.sum_of_distances_mm <= 3f64.sqrt() * found.matching_error_mm + 1e-9);
             }
         }
-        assert!(gallery.by_triangle([Point3::origin(); 3], None, 5).is_empty());
+        assert!(gallery.by_triangle([Point3::origin(); 3], None, &Wanted::best(5)).is_empty());
         assert!(
             gallery
-                .by_triangle([Point3::origin(), Point3::new(1.0, 0.0, 0.0), Point3::new(0.0, 1.0, 0.0)], None, 0)
+                .by_triangle(
+                    [Point3::origin(), Point3::new(1.0, 0.0, 0.0), Point3::new(0.0, 1.0, 0.0)],
+                    None,
+                    &Wanted::best(0)
+                )
                 .is_empty()
         );
+    }
+
+    /// All pages of a ranking, one after the other.
+    fn paged(limit: usize, page: impl Fn(&Wanted) -> Vec<Match>) -> Vec<Match> {
+        let mut all: Vec<Match> = Vec::new();
+        loop {
+            let after = all.last().map(|last| Rank { score: last.score, model_id: last.model_id });
+            let next = page(&Wanted { after, ..Wanted::best(limit) });
+            let ends = next.len() < limit;
+            all.extend(next);
+            if ends {
+                return all;
+            }
+        }
+    }
+
+    #[test]
+    fn pages_and_filters_give_what_the_whole_ranking_gives() {
+        let (gallery, truth) = eventful();
+        let probe = signature(3);
+        let corners = triangles_of(&probe)[4].corners;
+        let standard = |w: &Wanted| gallery.by_standard("face", MatchMethod::Verified, w).expect("built in");
+        let like = |w: &Wanted| gallery.by_probe(&probe, None, w);
+        let triangle = |w: &Wanted| gallery.by_triangle(corners, None, w);
+        let rankings: [&dyn Fn(&Wanted) -> Vec<Match>; 3] = [&standard, &like, &triangle];
+        for ranking in rankings {
+            let whole = ranking(&Wanted::best(1000));
+            assert!(whole.len() > truth.len() / 2);
+            assert_eq!(paged(7, ranking), whole);
+            let odd = |id: ModelId| id % 2 == 1;
+            let some: Vec<Match> = whole.iter().filter(|m| odd(m.model_id)).take(11).cloned().collect();
+            assert_eq!(ranking(&Wanted { accepts: &odd, ..Wanted::best(11) }), some);
+            let threshold = Some(whole[20].score);
+            let matches = ranking(&Wanted { threshold, only_matches: true, ..Wanted::best(1000) });
+            assert!(matches.len() >= 21 && matches.iter().all(|m| m.is_match));
+            let ids = |list: &[Match]| list.iter().map(|m| m.model_id).collect::<Vec<_>>();
+            assert_eq!(ids(&matches), ids(&whole[..matches.len()]));
+            assert!(whole.get(matches.len()).is_none_or(|next| next.score < whole[20].score));
+        }
     }
 
     #[test]
     fn a_stored_model_is_most_like_itself_and_can_be_left_out() {
         let (gallery, truth) = eventful();
         let (id, probe) = truth.iter().nth(20).expect("200 models");
-        let ranked = gallery.by_probe(probe, None, 3, None);
+        let ranked = gallery.by_probe(probe, None, &Wanted::best(3));
         assert_eq!(ranked[0].model_id, *id);
         assert!((ranked[0].score - 1.0).abs() < 1e-12 && ranked[0].matching_error_mm < 1e-9);
-        assert!(gallery.by_probe(probe, Some(*id), 300, None).iter().all(|m| m.model_id != *id));
+        assert!(gallery.by_probe(probe, Some(*id), &Wanted::best(300)).iter().all(|m| m.model_id != *id));
     }
 
     #[test]
     fn an_empty_gallery_answers_with_nothing() {
         let mut gallery = Gallery::default();
         assert!(gallery.is_empty() && !gallery.remove(1));
-        assert_eq!(gallery.by_standard("face", MatchMethod::Literal, 5, None), Some(Vec::new()));
-        assert!(gallery.by_probe(&signature(1), None, 5, None).is_empty());
+        assert_eq!(gallery.by_standard("face", MatchMethod::Literal, &Wanted::best(5)), Some(Vec::new()));
+        assert!(gallery.by_probe(&signature(1), None, &Wanted::best(5)).is_empty());
         let corners = triangles_of(&signature(1))[0].corners;
-        assert!(gallery.by_triangle(corners, None, 5).is_empty());
+        assert!(gallery.by_triangle(corners, None, &Wanted::best(5)).is_empty());
     }
 }

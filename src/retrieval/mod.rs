@@ -1,21 +1,30 @@
 //! The in-memory gallery index and its queries. Pure.
 //!
 //! - [`gallery`]: which models there are, their ranking against each standard, the three kinds of query
+//! - `wanted`, [`catalogue`]: which part of a ranking is asked for; filters by label, time, unit, source
+//! - [`evidence`]: the figures behind a verdict, landmarks, the reason for a no
 //! - `triangle_query`: a bare triangle in every way it may be met
 //! - `probe`: how much a stored model looks like a probe
 //! - [`triangles`]: a model's triangles as points of Kendall's sphere
 //! - [`triangle_index`]: those points of all models in one immutable tree, searched exactly
 //! - [`measures`]: how well a ranking tells two classes apart
 
+pub mod catalogue;
+pub mod evidence;
 pub mod gallery;
 pub mod measures;
 mod probe;
 pub mod triangle_index;
 mod triangle_query;
 pub mod triangles;
+mod wanted;
 
 pub use crate::faces::MatchMethod;
+pub use catalogue::{Catalogue, Facets, Filter, Source};
+pub use evidence::{Evidence, Reason};
 pub use gallery::Gallery;
+pub use probe::{Comparison, PROBE_MATCH_SCORE, SAME_PERSON_MM, compare};
+pub use wanted::{Rank, Wanted};
 
 use crate::faces::{self, Signature, Standard, Verdict, judgement, standard};
 use crate::geometry::Point3;
@@ -52,6 +61,11 @@ impl Match {
             triangle: verdict.triangle.map(|corners| corners.map(|p: Point3| p.into())),
         }
     }
+}
+
+/// The score from which on a model has the triangle that was asked for.
+pub fn triangle_match_score() -> f64 {
+    triangle_query::TriangleQuery::match_score()
 }
 
 /// One probe judged against a standard without being stored; `None` if there is no such standard.

@@ -14,9 +14,9 @@ use super::gallery::Entry;
 use super::triangle_index::TriangleIndex;
 use super::triangle_query::scaled;
 use super::triangles::{IndexedTriangle, Origin};
-use super::{Match, ModelId};
+use super::{Match, ModelId, Wanted};
 use crate::faces::standard::Standard;
-use crate::faces::{Triangle, sum_of_distances};
+use crate::faces::{Signature, Triangle, sum_of_distances};
 
 /// Triangles farther apart than this on the sphere (of radius 1/2) have nothing in common.
 const MOST_CHORD: f64 = 0.08;
@@ -26,9 +26,9 @@ const MOST_LOG_SIZE: f64 = 0.2;
 const FACE_KINSHIP: f64 = 0.5;
 /// The dense distance at which two faces are half-way between one person's and two people's, mm on the standard: one
 /// head twice, with noise and holes, 0.2 to 0.5 (30 heads of the public set); two heads 0.7 and more in 99 of 100 pairs.
-const SAME_PERSON_MM: f64 = 0.6;
+pub const SAME_PERSON_MM: f64 = 0.6;
 /// Scores from this on count as a match.
-const PROBE_MATCH_SCORE: f64 = 0.4;
+pub const PROBE_MATCH_SCORE: f64 = 0.4;
 
 /// What is known of one model's likeness.
 #[derive(Debug, Clone, Copy)]
@@ -113,31 +113,35 @@ impl<'a> Similarities<'a> {
         }
     }
 
-    /// The `limit` most similar of `models`, ties by id; those with nothing in common are left out.
+    /// The wanted of `models`, most similar first, ties by id; those with nothing in common are left out.
     pub(super) fn ranked<'b>(
         &self,
         models: impl Iterator<Item = (&'b ModelId, &'b Entry)>,
-        limit: usize,
-        threshold: Option<f64>,
+        wanted: &Wanted,
     ) -> Vec<Match> {
+        let threshold = wanted.threshold.unwrap_or(PROBE_MATCH_SCORE);
         let mut scored: Vec<(f64, ModelId, &Entry)> = models
-            .map(|(id, entry)| {
-                let regions = self.found.get(id).map_or(0.0, |l| l.total / self.places.len().max(1) as f64);
-                (self.likeness(entry, regions), *id, entry)
-            })
-            .filter(|(score, ..)| *score > 0.0)
+            .map(|(id, entry)| (self.likeness(entry, self.regions(*id)), *id, entry))
+            .filter(|(score, id, _)| *score > 0.0 && wanted.takes(*score, *id, threshold))
             .collect();
         scored.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-        scored.truncate(limit);
-        let threshold = threshold.unwrap_or(PROBE_MATCH_SCORE);
+        scored.truncate(wanted.limit);
         scored.into_iter().map(|(score, id, entry)| self.answer(score, id, entry, threshold)).collect()
+    }
+
+    /// How far the probe's triangles occur on a model, in [0, 1].
+    fn regions(&self, id: ModelId) -> f64 {
+        self.found.get(&id).map_or(0.0, |likeness| likeness.total / self.places.len().max(1) as f64)
+    }
+
+    fn dense_distance_mm(&self, entry: &Entry) -> Option<f64> {
+        self.probe.dense.as_ref().zip(entry.dense.as_ref()).and_then(|(a, b)| a.distance_mm(b))
     }
 
     /// Likeness by regions, and in so far as both are faces by their dense signatures.
     fn likeness(&self, entry: &Entry, regions: f64) -> f64 {
         let both_faces = self.probe.face_score() * entry.face_score();
-        let distance_mm = self.probe.dense.as_ref().zip(entry.dense.as_ref()).and_then(|(a, b)| a.distance_mm(b));
-        let as_faces = match distance_mm {
+        let as_faces = match self.dense_distance_mm(entry) {
             Some(distance_mm) => FACE_KINSHIP + (1.0 - FACE_KINSHIP) * same_person(distance_mm),
             None => regions + (1.0 - regions) * FACE_KINSHIP,
         };
@@ -160,6 +164,32 @@ impl<'a> Similarities<'a> {
             is_match: score >= threshold,
             triangle: pair.map(|(_, _, other)| other.corners.map(|p| p.into())),
         }
+    }
+}
+
+/// How a probe and a model compare, figure by figure.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Comparison {
+    /// How far the probe's triangles of salient regions occur on the model, in [0, 1].
+    pub region_triangles: f64,
+    /// How alike their shapes are as wholes, in [0, 1].
+    pub shape: f64,
+    /// How surely both are faces, in [0, 1].
+    pub both_faces: f64,
+    /// How far their faces are apart, mm on the standard; `None` unless both have one.
+    pub dense_distance_mm: Option<f64>,
+}
+
+/// Compares two models: what the score of a query by probe is made of.
+pub fn compare(probe: &Signature, model: &Signature) -> Comparison {
+    let (probe, model) = (Entry::new(probe), Entry::new(model));
+    let mut similarities = Similarities::new(&probe);
+    similarities.add_one(0, &model);
+    Comparison {
+        region_triangles: similarities.regions(0),
+        shape: 0.0,
+        both_faces: probe.face_score() * model.face_score(),
+        dense_distance_mm: similarities.dense_distance_mm(&model),
     }
 }
 
@@ -239,7 +269,7 @@ mod tests {
             one_by_one.add_one(id as ModelId, entry);
         }
         let ids: Vec<ModelId> = (0..20).collect();
-        let ranked = |s: &Similarities| s.ranked(ids.iter().zip(&entries), 20, None);
+        let ranked = |s: &Similarities| s.ranked(ids.iter().zip(&entries), &Wanted::best(20));
         assert_eq!(ranked(&indexed), ranked(&one_by_one));
         assert_eq!(ranked(&indexed)[0].model_id, 1, "the nearest seed");
     }

@@ -36,8 +36,13 @@ impl TriangleQuery {
         self.shapes.iter().map(|s| s.chord(shape)).fold(f64::INFINITY, f64::min)
     }
 
+    /// The score of a triangle that is as far off as the paper's threshold allows.
+    pub fn match_score() -> f64 {
+        score(judgement::THRES_FT_MM / Standard::face_size())
+    }
+
     /// The answer for a model whose nearest triangle was found.
-    pub fn answer(&self, model_id: ModelId, found: &IndexedTriangle) -> Match {
+    pub fn answer(&self, model_id: ModelId, found: &IndexedTriangle, threshold: f64) -> Match {
         let size = Standard::face_size();
         let chord = self.chord(&found.shape);
         let query = scaled(&self.triangle, size);
@@ -49,13 +54,18 @@ impl TriangleQuery {
         let sums = sums.map(|(triangle, outward)| sum_of_distances(&triangle, &outward, &query, &self.outward));
         Match {
             model_id,
-            score: 1.0 - chord,
+            score: score(chord),
             matching_error_mm: size * chord,
             sum_of_distances_mm: sums.fold(f64::INFINITY, f64::min),
-            is_match: chord * size <= judgement::THRES_FT_MM,
+            is_match: score(chord) >= threshold,
             triangle: Some(found.corners.map(|p| p.into())),
         }
     }
+}
+
+/// How alike two triangles are whose shapes are that far apart, in [0, 1].
+pub(super) fn score(chord: f64) -> f64 {
+    (1.0 - chord).max(0.0)
 }
 
 /// The triangle scaled to the given size.

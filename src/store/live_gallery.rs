@@ -1,10 +1,10 @@
 //! The stored signatures, searchable in memory: loaded in the background at start, then kept current.
 
-use std::sync::{Arc, PoisonError, RwLock};
+use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard};
 
 use super::{ModelId, Store, StoreError};
 use crate::faces::Signature;
-use crate::retrieval::Gallery;
+use crate::retrieval::{Catalogue, Gallery};
 
 /// A change that came before the index was ready.
 #[derive(Debug)]
@@ -23,11 +23,13 @@ enum State {
 #[derive(Debug, Clone)]
 pub struct LiveGallery {
     state: Arc<RwLock<State>>,
+    /// What filters ask of the models. Taken after `state` where both are.
+    catalogue: Arc<RwLock<Catalogue>>,
 }
 
 impl Default for LiveGallery {
     fn default() -> Self {
-        LiveGallery { state: Arc::new(RwLock::new(State::Loading(Vec::new()))) }
+        LiveGallery { state: Arc::new(RwLock::new(State::Loading(Vec::new()))), catalogue: Arc::default() }
     }
 }
 
@@ -43,12 +45,18 @@ impl LiveGallery {
         let stored = store.signatures().await?;
         let gallery = tokio::task::spawn_blocking(move || build(stored)).await;
         let mut gallery = gallery.map_err(|error| super::damaged("a signature", error))?;
+        let facets = store.facets().await?;
         let mut state = self.state.write().unwrap_or_else(PoisonError::into_inner);
         if let State::Loading(changes) = &mut *state {
+            let mut catalogue = self.catalogue.write().unwrap_or_else(PoisonError::into_inner);
+            for (id, facets) in facets {
+                catalogue.insert(id.number(), facets);
+            }
             for change in changes.drain(..) {
                 match change {
                     Change::Insert(id, signature) => gallery.insert(id.number(), *signature),
                     Change::Remove(id) => {
+                        catalogue.remove(id.number());
                         gallery.remove(id.number());
                     }
                 }
@@ -74,8 +82,10 @@ impl LiveGallery {
 
     /// Adds a model that was just stored, unless it has been deleted since.
     pub async fn publish(&self, store: &Store, id: ModelId, signature: Signature) -> Result<(), StoreError> {
+        let Some(model) = store.matched_models(&[id]).await?.pop() else { return Ok(()) };
+        self.catalogue.write().unwrap_or_else(PoisonError::into_inner).insert(id.number(), model.facets);
         self.insert(id, signature);
-        // a deletion between the commit and the insertion above has found nothing to remove
+        // a deletion between the reading and the insertions above has found nothing to remove
         if let Err(StoreError::NotFound { .. }) = store.model(id).await {
             self.remove(id);
         }
@@ -84,12 +94,18 @@ impl LiveGallery {
 
     /// Forgets a model.
     pub fn remove(&self, id: ModelId) {
+        self.catalogue.write().unwrap_or_else(PoisonError::into_inner).remove(id.number());
         match &mut *self.state.write().unwrap_or_else(PoisonError::into_inner) {
             State::Loading(changes) => changes.push(Change::Remove(id)),
             State::Ready(gallery) => {
                 gallery.remove(id.number());
             }
         }
+    }
+
+    /// What filters ask of the models.
+    pub fn catalogue(&self) -> RwLockReadGuard<'_, Catalogue> {
+        self.catalogue.read().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Asks the index. Takes as long as the search: call it off the async threads.

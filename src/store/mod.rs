@@ -3,6 +3,7 @@
 //! - `scan_sets`: the ordered scans of one object and their pose file
 //! - `jobs`: what the API does with jobs; `queue`: what the workers do with them
 //! - `models`: models, their files and signatures
+//! - `matches`: what queries need of them besides the index
 //! - `replays`: answers kept for repeated POSTs
 //! - `live_gallery`: the stored signatures, searchable in memory
 //!
@@ -13,6 +14,7 @@
 mod ids;
 mod jobs;
 pub mod live_gallery;
+mod matches;
 mod models;
 mod queue;
 mod replays;
@@ -26,6 +28,7 @@ use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePool, SqlitePo
 
 pub use ids::{FileId, JobId, ModelId, ScanSetId};
 pub use jobs::{CancelAnswer, JobBase, JobError, JobFilter, JobRecord, JobStatus, NewJob};
+pub use matches::MatchedModel;
 pub use models::{AssetRecord, ModelFilter, ModelRecord, NewModel, StoredSignature};
 pub use queue::{Finish, JobClaim};
 pub use replays::{Replay, ReplayKey};

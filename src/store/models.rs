@@ -166,18 +166,6 @@ impl Store {
         Ok(Page::cut(records, page.limit))
     }
 
-    /// Name and label of those of the given models that are (still) there.
-    pub async fn model_names(&self, ids: &[ModelId]) -> Result<Vec<(ModelId, String, Option<String>)>, StoreError> {
-        let list: Vec<String> = ids.iter().map(ModelId::to_string).collect();
-        let list = serde_json::to_string(&list).map_err(|error| damaged("ids", error))?;
-        let rows: Vec<(String, String, Option<String>)> =
-            sqlx::query_as("SELECT id, name, label FROM model WHERE id IN (SELECT value FROM json_each(?))")
-                .bind(list)
-                .fetch_all(&self.readers)
-                .await?;
-        rows.into_iter().map(|(id, name, label)| Ok((stored_id!(ModelId, &id)?, name, label))).collect()
-    }
-
     /// The files of a model, by name.
     pub async fn assets(&self, id: ModelId) -> Result<Vec<AssetRecord>, StoreError> {
         let rows: Vec<(String, i64, String)> =
@@ -315,14 +303,5 @@ mod tests {
         assert!(store.assets(model.id).await.expect("read").is_empty());
         assert!(store.signatures().await.expect("read").is_empty());
         assert!(matches!(store.delete_model(model.id).await, Err(StoreError::NotFound { kind: "model", .. })));
-    }
-
-    #[tokio::test]
-    async fn names_are_given_for_those_that_are_there() {
-        let (store, _folder) = testing::store().await;
-        let model = NewModel::test(None);
-        store.create_model(&model, None).await.expect("stored");
-        let names = store.model_names(&[ModelId::new(), model.id]).await.expect("read");
-        assert_eq!(names, [(model.id, "uploaded".to_owned(), Some("face".to_owned()))]);
     }
 }

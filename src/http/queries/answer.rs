@@ -4,31 +4,108 @@ use std::collections::HashMap;
 
 use super::super::model_views;
 use super::super::problem::Problem;
-use super::super::state::AppState;
-use super::views::MatchView;
-use crate::retrieval::Match;
-use crate::store::ModelId;
+use super::super::state::{AppState, blocking};
+use super::super::verdicts::{ExplanationView, VerdictView, places};
+use super::question::{About, Question};
+use super::views::{MatchView, QueryAnswer};
+use crate::faces::{MatchMethod, Signature, standard};
+use crate::retrieval::{Evidence, Match, PROBE_MATCH_SCORE, Reason, compare, triangle_match_score};
+use crate::store::{MatchedModel, ModelId};
 
-/// Puts names to the matches; a model that was deleted since the search is left out.
-pub async fn named(state: &AppState, matches: Vec<Match>) -> Result<Vec<MatchView>, Problem> {
-    let ids: Vec<ModelId> = matches.iter().map(|found| ModelId::from_number(found.model_id)).collect();
-    let names = state.shop.store.model_names(&ids).await?;
-    let mut names: HashMap<_, _> = names.into_iter().map(|(id, name, label)| (id, (name, label))).collect();
-    let view = |found: Match| {
-        let id = ModelId::from_number(found.model_id);
-        let (name, label) = names.remove(&id)?;
-        let has_triangle = found.triangle.is_some();
-        Some(MatchView {
-            model_id: id.to_string(),
-            name,
-            label,
-            score: found.score,
-            is_match: found.is_match,
-            matching_error_mm: has_triangle.then_some(found.matching_error_mm).filter(|error| error.is_finite()),
-            sum_of_distances_mm: has_triangle.then_some(found.sum_of_distances_mm).filter(|sum| sum.is_finite()),
-            triangle: found.triangle.map(|corners| corners.map(|corner| corner.to_vec()).to_vec()),
-            href: model_views::address(id),
-        })
+/// The answer of the gallery as it is at this moment.
+pub async fn answer(state: &AppState, question: Question) -> Result<QueryAnswer, Problem> {
+    let gallery = state.shop.gallery.clone();
+    let search = move || {
+        let answer = gallery.ask(|index| (question.answer(index, &gallery.catalogue()), index.len()));
+        answer.map(|((matches, next_cursor), searched)| (question, matches, next_cursor, searched))
     };
-    Ok(matches.into_iter().filter_map(view).collect())
+    let (question, matches, next_cursor, searched) = blocking(search).await??;
+    let ids: Vec<ModelId> = matches.iter().map(|found| ModelId::from_number(found.model_id)).collect();
+    let models = state.shop.store.matched_models(&ids).await?;
+    blocking(move || QueryAnswer {
+        matches: shown(&question, matches, models),
+        searched,
+        next_cursor,
+        verdict: None,
+        explain: None,
+    })
+    .await
+}
+
+/// The verdict on a probe.
+pub fn verdict(question: &Question) -> Option<QueryAnswer> {
+    let About::Verdict { signature, standard, method } = &question.about else { return None };
+    let evidence = Evidence::new(signature, standard, *method, question.terms.threshold);
+    let explain = || ExplanationView::of(signature, standard, evidence.threshold, None);
+    Some(QueryAnswer {
+        matches: Vec::new(),
+        searched: 0,
+        next_cursor: None,
+        verdict: Some(VerdictView::of(standard, &evidence)),
+        explain: question.terms.explain.then(explain),
+    })
+}
+
+/// The matches with their models; one that was deleted since the search is left out.
+fn shown(question: &Question, matches: Vec<Match>, models: Vec<MatchedModel>) -> Vec<MatchView> {
+    let mut models: HashMap<ModelId, MatchedModel> = models.into_iter().map(|model| (model.id, model)).collect();
+    let view = |found: Match| {
+        let model = models.remove(&ModelId::from_number(found.model_id))?;
+        Some(match_view(question, &found, model))
+    };
+    matches.into_iter().filter_map(view).collect()
+}
+
+fn match_view(question: &Question, found: &Match, model: MatchedModel) -> MatchView {
+    let (standard, method) = match &question.about {
+        About::Standard { standard, method } | About::Verdict { standard, method, .. } => (*standard, *method),
+        About::Probe { .. } | About::Triangle(_) => (standard::face(), MatchMethod::Verified),
+    };
+    let is_about_standard = matches!(question.about, About::Standard { .. });
+    // what is stored beside the index: landmarks and figures are not kept in memory
+    let signature = model.signature.as_deref().and_then(|content| Signature::from_bytes(content).ok());
+    let threshold = question.terms.threshold.filter(|_| is_about_standard);
+    let evidence = signature.as_ref().map(|signature| Evidence::new(signature, &standard, method, threshold));
+    let fit = evidence.as_ref().and_then(|evidence| evidence.verdict.fit);
+    let has_triangle = |figure: f64| found.triangle.map(|_| figure).filter(|figure| figure.is_finite());
+    let threshold = threshold_of(question);
+    let reason = match (&evidence, is_about_standard) {
+        _ if found.is_match => None,
+        (Some(evidence), true) => evidence.reason(),
+        _ => Some(Reason::BelowThreshold { score: found.score, threshold }),
+    };
+    let explain = signature.as_ref().filter(|_| question.terms.explain).map(|signature| {
+        let comparison = match &question.about {
+            About::Probe { signature: probe, .. } => Some(compare(probe, signature)),
+            _ => None,
+        };
+        ExplanationView::of(signature, &standard, threshold, comparison)
+    });
+    MatchView {
+        model_id: model.id.to_string(),
+        name: model.name,
+        label: model.facets.label.map(String::from),
+        unit: model.facets.unit.into(),
+        score: found.score,
+        is_match: found.is_match,
+        matching_error_mm: has_triangle(found.matching_error_mm),
+        sum_of_distances_mm: has_triangle(found.sum_of_distances_mm),
+        dense_residual_mm: fit.map(|fit| fit.residual_mm),
+        coverage: fit.map(|fit| fit.observed),
+        triangle: found.triangle.map(|corners| corners.map(|corner| corner.to_vec()).to_vec()),
+        landmarks: evidence.as_ref().and_then(|evidence| places(&evidence.landmarks)),
+        reason: reason.map(Into::into),
+        explain,
+        href: model_views::address(model.id),
+    }
+}
+
+/// The threshold that decides a question.
+fn threshold_of(question: &Question) -> f64 {
+    let own = || match question.about {
+        About::Standard { .. } | About::Verdict { .. } => crate::faces::judgement::MATCH_SCORE,
+        About::Probe { .. } => PROBE_MATCH_SCORE,
+        About::Triangle(_) => triangle_match_score(),
+    };
+    question.terms.threshold.unwrap_or_else(own)
 }

@@ -1,11 +1,15 @@
 //! `/v1/queries`: which of the models are faces, which are like this one.
 //!
-//! - [`question`]: what is asked, read from JSON or from a form
-//! - [`answer`]: ranked matches with what is stored of their models
-//! - [`views`]: both as they go over the wire
+//! - `question`: what is asked, read from JSON or from a form; `triangle`: a bare triangle
+//! - `terms`: what every question may add: limit, threshold, filter; `cursor`: where the next page begins
+//! - `answer`: ranked matches with what is stored of their models
+//! - `views`: all of it as it goes over the wire
 
 mod answer;
+mod cursor;
 mod question;
+mod terms;
+mod triangle;
 mod views;
 
 use axum::Json;
@@ -15,9 +19,11 @@ use utoipa_axum::routes;
 
 use super::extract::{is_json, media_type, read_json, wrong_media_type};
 use super::problem::Problem;
-use super::state::{AppState, blocking};
+use super::state::AppState;
 use super::{responses, upload};
 use views::{ProbeForm, QueryAnswer, QueryBody};
+
+pub use views::MethodView;
 
 pub(super) const TAG: &str = "queries";
 
@@ -26,7 +32,7 @@ pub fn router() -> OpenApiRouter<AppState> {
     OpenApiRouter::new().routes(routes!(ask))
 }
 
-/// Ask which models are faces, or which are like a given one.
+/// Ask which models are faces, which are like a given one, or on which a triangle occurs; or judge a probe.
 #[utoipa::path(
     post, path = "/v1/queries", tag = TAG, operation_id = "query",
     request_body(content((QueryBody = "application/json"), (ProbeForm = "multipart/form-data"))),
@@ -39,16 +45,15 @@ pub fn router() -> OpenApiRouter<AppState> {
 async fn ask(State(state): State<AppState>, request: Request) -> Result<Json<QueryAnswer>, Problem> {
     let found = media_type(request.headers());
     let question = if found == "multipart/form-data" {
-        question::question_of_form(&state, upload::read_form(&state, request, &question::RULES).await?).await?
+        question::of_form(&state, upload::read_form(&state, request, &question::RULES).await?).await?
     } else if is_json(&found) {
         let (body, _) = read_json::<QueryBody>(request, state.limits().text_bytes).await?;
-        question::question_of_json(&state, body).await?
+        question::of_json(&state, body).await?
     } else {
         return Err(wrong_media_type(&found, "application/json, or multipart/form-data with a part `probe`"));
     };
-    let gallery = state.shop.gallery.clone();
-    let (matches, searched) =
-        blocking(move || gallery.ask(|gallery| Ok::<_, Problem>((question.answer(gallery)?, gallery.len()))))
-            .await???;
-    Ok(Json(QueryAnswer { matches: answer::named(&state, matches).await?, searched }))
+    match answer::verdict(&question) {
+        Some(verdict) => Ok(Json(verdict)),
+        None => answer::answer(&state, question).await.map(Json),
+    }
 }

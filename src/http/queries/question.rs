@@ -5,112 +5,182 @@ use super::super::problem::{Code, Problem};
 use super::super::state::AppState;
 use super::super::upload::{self, Form, FormRules};
 use super::super::{describe, names};
-use super::views::QueryBody;
+use super::cursor::{self, Fingerprint};
+use super::terms::{RawTerms, Terms};
+use super::triangle::AskedTriangle;
+use super::views::{MethodView, QueryBody};
 use crate::faces::Signature;
-use crate::retrieval::{Gallery, Match, MatchMethod};
+use crate::faces::standard::{self, Standard};
+use crate::retrieval::{Catalogue, Gallery, Match, MatchMethod, Rank, Wanted};
 use crate::store::ModelId;
 
 /// The form by which an uploaded probe is asked about.
-pub const RULES: FormRules = FormRules { files: &["probe"], most_files: 1, texts: &["unit", "limit", "threshold"] };
-/// Matches in one answer.
-const MOST_MATCHES: usize = 1000;
-const DEFAULT_MATCHES: usize = 20;
+pub const RULES: FormRules = FormRules {
+    files: &["probe"],
+    most_files: 1,
+    texts: &["unit", "standard", "method", "limit", "threshold", "only_matches", "cursor", "filter", "explain"],
+};
 
-/// A question to the gallery.
+/// A question: about what, and on which terms.
 pub struct Question {
-    about: About,
-    limit: usize,
-    threshold: Option<f64>,
+    /// About what.
+    pub about: About,
+    /// On which terms.
+    pub terms: Terms,
+    after: Option<Rank>,
+    fingerprint: Fingerprint,
 }
 
-enum About {
-    Standard { name: String, method: MatchMethod },
-    Probe { signature: Box<Signature>, stored: Option<ModelId> },
+/// What is asked about.
+pub enum About {
+    /// Which models are of this class?
+    Standard {
+        /// The class.
+        standard: Standard,
+        /// How they are judged.
+        method: MatchMethod,
+    },
+    /// Which models are like this one?
+    Probe {
+        /// The probe.
+        signature: Box<Signature>,
+        /// Its id, if it is stored.
+        stored: Option<ModelId>,
+    },
+    /// On which models does this triangle occur?
+    Triangle(AskedTriangle),
+    /// Is this probe of the class?
+    Verdict {
+        /// The probe.
+        signature: Box<Signature>,
+        /// The class.
+        standard: Standard,
+        /// How it is judged.
+        method: MatchMethod,
+    },
 }
 
 impl Question {
-    /// The ranked matches.
-    pub fn answer(&self, gallery: &Gallery) -> Result<Vec<Match>, Problem> {
-        match &self.about {
-            About::Standard { name, method } => {
-                gallery.by_standard(name, *method, self.limit, self.threshold).ok_or_else(|| {
-                    let detail = format!("there is no standard {name:?}");
-                    Problem::new(Code::UnknownStandard, detail, "GET /v1/standards lists those that can be asked for")
-                })
-            }
-            About::Probe { signature, stored } => {
-                Ok(gallery.by_probe(signature, stored.map(ModelId::number), self.limit, self.threshold))
-            }
-        }
+    fn new(about: About, terms: Terms) -> Result<Question, Problem> {
+        let fingerprint = fingerprint(&about, &terms);
+        let after = terms.cursor.as_deref().map(|text| cursor::read(text, &fingerprint)).transpose()?;
+        Ok(Question { about, terms, after, fingerprint })
     }
+
+    /// The ranked matches, and where the next page begins.
+    pub fn answer(&self, gallery: &Gallery, catalogue: &Catalogue) -> (Vec<Match>, Option<String>) {
+        let terms = &self.terms;
+        let wanted = Wanted {
+            // one more tells whether there is another page
+            limit: terms.limit + 1,
+            after: self.after,
+            threshold: terms.threshold,
+            only_matches: terms.only_matches,
+            accepts: &|id| catalogue.takes(&terms.filter, id),
+        };
+        let mut matches = match &self.about {
+            About::Standard { standard, method } => {
+                gallery.by_standard(standard.name, *method, &wanted).unwrap_or_default()
+            }
+            About::Probe { signature, stored } => gallery.by_probe(signature, stored.map(ModelId::number), &wanted),
+            About::Triangle(triangle) => {
+                let mut matches = gallery.by_triangle(triangle.corners, triangle.outward, &wanted);
+                for found in &mut matches {
+                    found.matching_error_mm *= triangle.error_factor;
+                    found.sum_of_distances_mm *= triangle.error_factor;
+                }
+                matches
+            }
+            About::Verdict { .. } => Vec::new(),
+        };
+        let more = matches.len() > terms.limit;
+        matches.truncate(terms.limit);
+        let next = matches.last().filter(|_| more).map(|last| cursor::after(&self.fingerprint, last));
+        (matches, next)
+    }
+}
+
+/// The same for every page of a question: `limit` and `explain` may change from page to page.
+fn fingerprint(about: &About, terms: &Terms) -> Fingerprint {
+    let asked = match about {
+        About::Standard { standard, method } => format!("standard {} {method:?}", standard.name).into_bytes(),
+        About::Probe { signature, stored } => [format!("probe {stored:?}").into_bytes(), signature.to_bytes()].concat(),
+        About::Triangle(triangle) => format!("triangle {triangle:?}").into_bytes(),
+        About::Verdict { .. } => Vec::new(),
+    };
+    let terms = format!("{:?} {:?} {:?}", terms.threshold, terms.only_matches, terms.filter);
+    cursor::fingerprint(&[&asked, terms.as_bytes()])
 }
 
 /// The question that a JSON body asks.
-pub async fn question_of_json(state: &AppState, body: QueryBody) -> Result<Question, Problem> {
-    let (limit, threshold) = bounds(body.limit, body.threshold)?;
-    let about = match (body.standard, body.model_id) {
-        (Some(name), None) => About::Standard { name, method: body.method.unwrap_or_default().into() },
-        (None, Some(_)) if body.method.is_some() => {
-            let detail = "method tells how models are judged against a standard";
-            return Err(Problem::new(Code::InvalidField, detail, "leave it out when asking about a model"));
+pub async fn of_json(state: &AppState, body: QueryBody) -> Result<Question, Problem> {
+    let QueryBody { standard, model_id, triangle, method, .. } = body;
+    let terms = RawTerms {
+        limit: body.limit,
+        threshold: body.threshold,
+        only_matches: body.only_matches,
+        cursor: body.cursor,
+        filter: body.filter,
+        explain: body.explain,
+    };
+    let terms = terms.checked()?;
+    if standard.is_none() && method.is_some() {
+        let detail = "method tells how models are judged against a standard";
+        return Err(Problem::new(Code::InvalidField, detail, "leave it out when asking about anything else"));
+    }
+    let about = match (standard, model_id, triangle) {
+        (Some(name), None, None) => {
+            About::Standard { standard: known_standard(&name)?, method: method.unwrap_or_default().into() }
         }
-        (None, Some(id)) => {
+        (None, Some(id), None) => {
             let id = parse_model_id(&id)?;
             About::Probe { signature: Box::new(stored_signature(state, id).await?), stored: Some(id) }
         }
+        (None, None, Some(triangle)) => About::Triangle(AskedTriangle::new(triangle)?),
         _ => {
-            let detail = "a query names either a standard or a model_id";
-            return Err(Problem::new(
-                Code::InvalidField,
-                detail,
-                "send {\"standard\": \"face\"} or {\"model_id\": \"...\"}",
-            ));
+            let detail = "a query names exactly one of standard, model_id and triangle";
+            let hint = "send {\"standard\": \"face\"}, {\"model_id\": \"...\"} or {\"triangle\": [[x, y, z], ...]}";
+            return Err(Problem::new(Code::InvalidField, detail, hint));
         }
     };
-    Ok(Question { about, limit, threshold })
+    Question::new(about, terms)
 }
 
 /// The question that a form with a probe asks.
-pub async fn question_of_form(state: &AppState, mut form: Form) -> Result<Question, Problem> {
-    let limit = form.text("limit")?.map(|text| number("limit", text)).transpose()?;
-    let threshold = form.text("threshold")?.map(|text| number("threshold", text)).transpose()?;
-    let (limit, threshold) = bounds(limit, threshold)?;
+pub async fn of_form(state: &AppState, mut form: Form) -> Result<Question, Problem> {
+    let terms = RawTerms::of_form(&form)?.checked()?;
     let unit = form.text("unit")?.map(names::unit).transpose()?.unwrap_or_default();
+    let standard = form.text("standard")?.map(|name| known_standard(name.trim())).transpose()?;
+    let method = form.text("method")?.map(method_named).transpose()?;
+    if standard.is_none() && method.is_some() {
+        let detail = "method tells how a probe is judged against a standard";
+        return Err(Problem::new(Code::InvalidField, detail, "name a standard, or leave it out"));
+    }
     let file = form.files.pop().ok_or_else(|| {
-        Problem::new(
-            Code::InvalidField,
-            "the form has no part `probe`",
-            "send the mesh or cloud as a file named `probe`",
-        )
+        let detail = "the form has no part `probe`";
+        Problem::new(Code::InvalidField, detail, "send the mesh or cloud as a file named `probe`")
     })?;
     let (file, surface) = upload::read_surface(state, file).await?;
-    let signature = describe::describe(state, &file.name, surface, unit).await?;
-    Ok(Question { about: About::Probe { signature: Box::new(signature), stored: None }, limit, threshold })
+    let signature = Box::new(describe::describe(state, &file.name, surface, unit).await?);
+    let about = match standard {
+        Some(standard) => About::Verdict { signature, standard, method: method.unwrap_or_default().into() },
+        None => About::Probe { signature, stored: None },
+    };
+    Question::new(about, terms)
 }
 
-fn number<T: std::str::FromStr>(part: &str, text: &str) -> Result<T, Problem> {
-    text.trim().parse().map_err(|_| {
-        Problem::new(
-            Code::InvalidField,
-            format!("the part {part} is {text:?}, which is no number that fits"),
-            "send a number",
-        )
+fn known_standard(name: &str) -> Result<Standard, Problem> {
+    standard::by_name(name).ok_or_else(|| {
+        let detail = format!("there is no standard {name:?}");
+        Problem::new(Code::UnknownStandard, detail, "GET /v1/standards lists those that can be asked for")
     })
 }
 
-fn bounds(limit: Option<usize>, threshold: Option<f64>) -> Result<(usize, Option<f64>), Problem> {
-    let limit = limit.unwrap_or(DEFAULT_MATCHES);
-    if !(1..=MOST_MATCHES).contains(&limit) {
-        let detail = format!("limit is {limit}, which is not between 1 and {MOST_MATCHES}");
-        return Err(Problem::new(Code::InvalidField, detail, "ask for fewer matches"));
-    }
-    if let Some(threshold) = threshold
-        && !(0.0..=1.0).contains(&threshold)
-    {
-        let detail = format!("threshold is {threshold}, which is not between 0 and 1");
-        return Err(Problem::new(Code::InvalidField, detail, "scores are between 0 and 1"));
-    }
-    Ok((limit, threshold))
+fn method_named(name: &str) -> Result<MethodView, Problem> {
+    serde_json::from_value(serde_json::Value::from(name.trim())).map_err(|_| {
+        let detail = format!("there is no method {name:?}");
+        Problem::new(Code::InvalidField, detail, "send verified, descriptors or literal")
+    })
 }
 
 async fn stored_signature(state: &AppState, id: ModelId) -> Result<Signature, Problem> {
@@ -121,19 +191,4 @@ async fn stored_signature(state: &AppState, id: ModelId) -> Result<Signature, Pr
     };
     let content = state.shop.store.signature(id).await?.ok_or_else(|| refused("it has no signature".to_owned()))?;
     Signature::from_bytes(&content).map_err(|error| refused(error.to_string()))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn bounds_of_limit_and_threshold() {
-        assert_eq!(bounds(None, None).expect("defaults"), (20, None));
-        assert!(bounds(Some(0), None).is_err());
-        assert!(bounds(Some(1001), None).is_err());
-        assert!(bounds(None, Some(f64::NAN)).is_err());
-        assert!(bounds(None, Some(1.5)).is_err());
-        assert_eq!(bounds(Some(5), Some(0.5)).expect("in bounds"), (5, Some(0.5)));
-    }
 }

@@ -4,6 +4,8 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use super::super::scan_set_views::UnitView;
+use super::super::verdicts::{ExplanationView, Places, ReasonView, VerdictView};
+use super::terms::FilterView;
 use crate::retrieval::MatchMethod;
 
 /// How models are judged against a standard.
@@ -21,6 +23,16 @@ pub enum MethodView {
     Literal,
 }
 
+impl From<MatchMethod> for MethodView {
+    fn from(method: MatchMethod) -> Self {
+        match method {
+            MatchMethod::Verified => MethodView::Verified,
+            MatchMethod::Descriptors => MethodView::Descriptors,
+            MatchMethod::Literal => MethodView::Literal,
+        }
+    }
+}
+
 impl From<MethodView> for MatchMethod {
     fn from(method: MethodView) -> Self {
         match method {
@@ -31,7 +43,35 @@ impl From<MethodView> for MatchMethod {
     }
 }
 
-/// What is asked: exactly one of `standard` and `model_id`.
+/// A triangle: three corners in any order, or what tells it.
+#[derive(Debug, Clone, Deserialize, ToSchema)]
+#[schema(as = Triangle)]
+#[serde(untagged)]
+pub enum TriangleView {
+    /// Its corners.
+    Corners([[f64; 3]; 3]),
+    /// Its corners or sides, with more.
+    Told(ToldTriangle),
+}
+
+/// A triangle: exactly one of `corners` and `sides`.
+#[derive(Debug, Clone, Default, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ToldTriangle {
+    /// Its corners, in any order.
+    pub corners: Option<[[f64; 3]; 3]>,
+    /// The lengths of its sides, in any order; it is met from either side then.
+    pub sides: Option<[f64; 3]>,
+    /// The direction that is outside, for a triangle of corners; without it the triangle is met from either side, as
+    /// is its mirror image.
+    pub outward: Option<[f64; 3]>,
+    /// The unit of its lengths. With it, errors are millimetres on this triangle; without it, on one of the size of
+    /// the standard face's. Which models are found is the same: the paper's error does not know size.
+    #[serde(default)]
+    pub unit: UnitView,
+}
+
+/// What is asked: exactly one of `standard`, `model_id` and `triangle`.
 #[derive(Debug, Clone, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct QueryBody {
@@ -41,14 +81,26 @@ pub struct QueryBody {
     /// A stored model: which models are like it?
     #[schema(format = "uuid")]
     pub model_id: Option<String>,
+    /// A bare triangle: on which models does it occur?
+    pub triangle: Option<TriangleView>,
     /// How models are judged against a standard.
     pub method: Option<MethodView>,
     /// At most so many matches (1 to 1000, 20 if not given).
     #[schema(minimum = 1, maximum = 1000, default = 20)]
     pub limit: Option<usize>,
-    /// The score from which on a model is a match; the standard's own if not given.
+    /// The score from which on a model is a match; the question's own if not given.
     #[schema(minimum = 0, maximum = 1)]
     pub threshold: Option<f64>,
+    /// Leave out what is no match.
+    #[schema(default = false)]
+    pub only_matches: Option<bool>,
+    /// Which models may be answered with.
+    pub filter: Option<FilterView>,
+    /// `next_cursor` of the page before.
+    pub cursor: Option<String>,
+    /// Tell each step's figure.
+    #[schema(default = false)]
+    pub explain: Option<bool>,
 }
 
 /// The form by which an uploaded mesh or cloud is asked about. It is not stored.
@@ -60,12 +112,25 @@ pub struct ProbeForm {
     probe: Vec<u8>,
     /// The unit of its coordinates.
     unit: Option<UnitView>,
+    /// Judge the probe against this class, rather than look for models like it.
+    #[schema(example = "face")]
+    standard: Option<String>,
+    /// How it is judged against a standard.
+    method: Option<MethodView>,
     /// At most so many matches (1 to 1000, 20 if not given).
     #[schema(minimum = 1, maximum = 1000, default = 20)]
     limit: Option<usize>,
-    /// The score from which on a model is a match.
+    /// The score from which on a model, or the probe, is a match.
     #[schema(minimum = 0, maximum = 1)]
     threshold: Option<f64>,
+    /// Leave out what is no match.
+    only_matches: Option<bool>,
+    /// Which models may be answered with, as JSON.
+    filter: Option<FilterView>,
+    /// `next_cursor` of the page before; send the same probe again.
+    cursor: Option<String>,
+    /// Tell each step's figure.
+    explain: Option<bool>,
 }
 
 /// One ranked answer.
@@ -79,18 +144,32 @@ pub struct MatchView {
     pub name: String,
     /// Its class, if it has one.
     pub label: Option<String>,
+    /// The unit of its coordinates, and so of `triangle` and `landmarks`.
+    pub unit: UnitView,
     /// High is good.
     #[schema(minimum = 0, maximum = 1)]
     pub score: f64,
     /// Whether the score reaches the threshold.
     pub is_match: bool,
     /// What is left after the best triangle is moved, turned and scaled onto the standard one, in millimetres on the
-    /// standard (least squares); null if there is no triangle.
+    /// standard (least squares); null if there is no triangle. By probe or triangle: onto that of the question.
     pub matching_error_mm: Option<f64>,
     /// The paper's total vertex distance of the same triangle; null if there is no triangle.
     pub sum_of_distances_mm: Option<f64>,
-    /// The triangle in the model's frame (for faces: right eye, left eye, nose); null if there is none.
+    /// How far its surface is from the standard face's, in millimetres on the standard; null if they come nowhere
+    /// near each other.
+    pub dense_residual_mm: Option<f64>,
+    /// The share of the standard face's surface that could be seen on it.
+    pub coverage: Option<f64>,
+    /// The triangle in the model's frame and unit (for faces: right eye, left eye, nose); null if there is none.
     pub triangle: Option<Vec<Vec<f64>>>,
+    /// The landmarks of its face in the model's frame and unit, by name; null if it has none.
+    pub landmarks: Option<Places>,
+    /// Why it is no match; null if it is one.
+    pub reason: Option<ReasonView>,
+    /// Each step's figure, if asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub explain: Option<ExplanationView>,
     /// The model's address.
     pub href: String,
 }
@@ -100,8 +179,16 @@ pub struct MatchView {
 pub struct QueryAnswer {
     /// Best first, ties by id.
     pub matches: Vec<MatchView>,
-    /// How many models were searched: those that have a signature.
+    /// How many models the gallery holds that have a signature; filters are not counted.
     pub searched: usize,
+    /// What to send as `cursor` for the next page; null on the last one.
+    pub next_cursor: Option<String>,
+    /// How an uploaded probe was judged, if asked with a `standard`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub verdict: Option<VerdictView>,
+    /// Each step's figure of that verdict, if asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub explain: Option<ExplanationView>,
 }
 
 #[cfg(test)]

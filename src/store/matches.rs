@@ -1,0 +1,100 @@
+//! What queries need of stored models besides the index: facets to filter by, and what an answer shows.
+
+use sqlx::FromRow;
+
+use super::{ModelId, Store, StoreError, damaged, stored_id};
+use crate::geometry::Unit;
+use crate::retrieval::{Facets, Source};
+
+/// A model as an answer shows it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MatchedModel {
+    /// Its id.
+    pub id: ModelId,
+    /// Its name.
+    pub name: String,
+    /// What filters ask of it.
+    pub facets: Facets,
+    /// Its signature's bytes, if it has one.
+    pub signature: Option<Vec<u8>>,
+}
+
+#[derive(FromRow)]
+struct Row {
+    id: String,
+    name: String,
+    label: Option<String>,
+    unit: String,
+    uploaded: bool,
+    content: Option<Vec<u8>>,
+}
+
+impl Row {
+    fn model(self) -> Result<MatchedModel, StoreError> {
+        let unit: Unit = self.unit.parse().map_err(|reason: String| damaged("a unit", reason))?;
+        let source = if self.uploaded { Source::Uploaded } else { Source::Registered };
+        Ok(MatchedModel {
+            id: stored_id!(ModelId, &self.id)?,
+            name: self.name,
+            facets: Facets { label: self.label.map(String::into_boxed_str), unit, source },
+            signature: self.content,
+        })
+    }
+}
+
+impl Store {
+    /// Those of the given models that are (still) there, ordered by id.
+    pub async fn matched_models(&self, ids: &[ModelId]) -> Result<Vec<MatchedModel>, StoreError> {
+        let list: Vec<String> = ids.iter().map(ModelId::to_string).collect();
+        let list = serde_json::to_string(&list).map_err(|error| damaged("ids", error))?;
+        let rows: Vec<Row> = sqlx::query_as(
+            "SELECT model.id, name, label, unit, job_id IS NULL AS uploaded, content FROM model
+             LEFT JOIN signature ON signature.model_id = model.id
+             WHERE model.id IN (SELECT value FROM json_each(?)) ORDER BY model.id",
+        )
+        .bind(list)
+        .fetch_all(&self.readers)
+        .await?;
+        rows.into_iter().map(Row::model).collect()
+    }
+
+    /// The facets of all models that have a signature.
+    pub async fn facets(&self) -> Result<Vec<(ModelId, Facets)>, StoreError> {
+        let rows: Vec<Row> = sqlx::query_as(
+            "SELECT model.id, '' AS name, label, unit, job_id IS NULL AS uploaded, NULL AS content FROM model
+             JOIN signature ON signature.model_id = model.id",
+        )
+        .fetch_all(&self.readers)
+        .await?;
+        rows.into_iter().map(|row| row.model().map(|model| (model.id, model.facets))).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{NewModel, StoredSignature, testing};
+    use super::*;
+    use crate::faces::SignatureSummary;
+
+    #[tokio::test]
+    async fn models_are_given_as_far_as_they_are_there() {
+        let (store, _folder) = testing::store().await;
+        let summary = SignatureSummary { version: 1, regions: 2, triangles: 3 };
+        let signature = StoredSignature { version: 1, summary, content: vec![1, 2, 3] };
+        let described = NewModel { signature: Some(signature), ..NewModel::test(None) };
+        let bare = NewModel::test(None);
+        for model in [&described, &bare] {
+            store.create_model(model, None).await.expect("stored");
+        }
+        let facets = Facets { label: Some("face".into()), unit: Unit::Mm, source: Source::Uploaded };
+        let found = store.matched_models(&[bare.id, ModelId::new(), described.id]).await.expect("read");
+        let expected = |model: &NewModel, signature: Option<Vec<u8>>| MatchedModel {
+            id: model.id,
+            name: "uploaded".to_owned(),
+            facets: facets.clone(),
+            signature,
+        };
+        assert_eq!(found, [expected(&described, Some(vec![1, 2, 3])), expected(&bare, None)]);
+        assert_eq!(store.facets().await.expect("read"), [(described.id, facets)]);
+    }
+}
