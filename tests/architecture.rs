@@ -57,6 +57,8 @@ const LAYERS: &[(&str, &[&str])] = &[
             "config",
             "telemetry",
             "jobs",
+            // how long a start takes is measured on a database
+            "store",
             "http",
         ],
     ),

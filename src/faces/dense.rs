@@ -12,17 +12,17 @@ use crate::geometry::{Point3, Vector3};
 pub struct DenseSignature([i8; TEMPLATE_POINTS]);
 
 /// Stands for a point where the model has no surface.
-const UNSEEN: i8 = i8::MIN;
+pub const UNSEEN: i8 = i8::MIN;
 /// The height that 1 stands for, mm on the standard.
-const STEP_MM: f64 = 0.1;
+pub const STEP_MM: f64 = 0.1;
 /// Surface farther than this from the standard's is not the face's, mm on the standard.
 const MOST_HEIGHT_MM: f64 = 12.0;
 /// A point's height is the mean over the samples this near to its normal, mm on the standard.
 const FOOTPRINT_MM: f64 = 3.0;
 /// Two signatures are compared with at least this share of the points seen by both.
-const LEAST_COMMON: f64 = 0.4;
+pub const LEAST_COMMON: f64 = 0.4;
 /// The greatest differences, which hair and holes make, are left out.
-const KEPT_SHARE: f64 = 0.9;
+pub const KEPT_SHARE: f64 = 0.9;
 
 impl DenseSignature {
     /// The signature of the face at `placement`.

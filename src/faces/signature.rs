@@ -77,7 +77,7 @@ impl Signature {
     pub const VERSION: u32 = 3;
 
     /// The signature of a model with this box and radius (see [`Signature::radius`]), these regions and facial triangles.
-    pub(super) fn new(bounds: Bounds, radius: f64, unit: Unit, regions: &[Region], detection: &Detection) -> Signature {
+    pub fn new(bounds: Bounds, radius: f64, unit: Unit, regions: &[Region], detection: &Detection) -> Signature {
         let origin = bounds.center();
         let relative = |p: &Point3| (p - origin).cast::<f32>();
         let regions = regions

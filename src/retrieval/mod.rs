@@ -3,17 +3,29 @@
 //! - [`gallery`]: which models there are, their ranking against each standard, the three kinds of query
 //! - `wanted`, [`catalogue`]: which part of a ranking is asked for; filters by label, time, unit, source
 //! - [`evidence`]: the figures behind a verdict, landmarks, the reason for a no
-//! - `triangle_query`: a bare triangle in every way it may be met
-//! - `probe`: how much a stored model looks like a probe
+//! - `segment`, `part`: some of the models, packed and indexed; [`merge`]: how segments grow; `ranking`: their rankings as one
+//! - `entry`: one model made ready; `outline`: its triangles' corners
 //! - [`triangles`]: a model's triangles as points of Kendall's sphere
-//! - [`triangle_index`]: those points of all models in one immutable tree, searched exactly
+//! - [`triangle_index`]: those points of many models in one static tree; `triangle_query`: a bare triangle in every way
+//!   it may be met
+//! - `probe`: how much a stored model looks like a probe, by `dense_rows` and `region_likeness`
+//! - `best`: the best few so far
 //! - [`measures`]: how well a ranking tells two classes apart
 
+mod best;
 pub mod catalogue;
+mod dense_rows;
+mod entry;
 pub mod evidence;
 pub mod gallery;
 pub mod measures;
+pub mod merge;
+mod outline;
+mod part;
 mod probe;
+mod ranking;
+mod region_likeness;
+mod segment;
 pub mod triangle_index;
 mod triangle_query;
 pub mod triangles;
@@ -21,6 +33,7 @@ mod wanted;
 
 pub use crate::faces::MatchMethod;
 pub use catalogue::{Catalogue, Facets, Filter, Source};
+pub use entry::Entry;
 pub use evidence::{Evidence, Reason};
 pub use gallery::Gallery;
 pub use probe::{Comparison, PROBE_MATCH_SCORE, SAME_PERSON_MM, compare};

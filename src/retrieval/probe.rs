@@ -1,168 +1,199 @@
-//! How much a stored model looks like a probe: do the probe's triangles of salient regions occur on it, with the
-//! same shape, the same relative size and the same pattern of caps and pits?
+//! How much a stored model looks like a probe, and the search for those that look like it most.
 //!
-//! Turn, place and scale don't matter. A triangle counts `(1 - d^2)^2` for the most similar one of the model, `d`
-//! being the distance in shape and size in units of [`MOST_CHORD`] and [`MOST_LOG_SIZE`]; the score is the mean over
-//! the probe's triangles. Two models that are both surely faces are alike for that alone; how much more is told by
-//! their dense signatures, not by triangles: the places where a face is salient are the same on everyone.
-
-use std::collections::BTreeMap;
+//! Two faces are compared by their dense signatures alone: the places where a face is salient are the same on
+//! everyone. Other things are compared by their triangles of salient regions ([`super::region_likeness`]). Between the
+//! two it is weighed by how surely both are faces, and a face and a thing that is none are less alike for that.
+//!
+//! The search goes over everything by what is cheap, a bound on the dense distance, and measures only what that leaves;
+//! what may hang on triangles is put aside with the most its score can be and looked at from the top. So the answer is
+//! that of measuring all.
 
 use rayon::prelude::*;
 
-use super::gallery::Entry;
-use super::triangle_index::TriangleIndex;
-use super::triangle_query::scaled;
-use super::triangles::{IndexedTriangle, Origin};
-use super::{Match, ModelId, Wanted};
+use super::best::Best;
+use super::dense_rows::{DenseProbe, Reach};
+use super::outline::Outlines;
+use super::part::Part;
+use super::region_likeness::{ProbeRegions, RegionLikeness};
+use super::{Match, MatchMethod, ModelId, Wanted};
 use crate::faces::standard::Standard;
-use crate::faces::{Signature, Triangle, sum_of_distances};
+use crate::faces::{self, Signature, standard};
 
-/// Triangles farther apart than this on the sphere (of radius 1/2) have nothing in common.
-const MOST_CHORD: f64 = 0.08;
-/// Nor have those whose relative sizes differ by more than this, as a logarithm.
-const MOST_LOG_SIZE: f64 = 0.2;
-/// The likeness of two sure faces that have nothing else in common.
+/// The likeness of two sure faces that have nothing else in common, and the most of a sure face and a sure other thing.
 const FACE_KINSHIP: f64 = 0.5;
 /// The dense distance at which two faces are half-way between one person's and two people's, mm on the standard: one
 /// head twice, with noise and holes, 0.2 to 0.5 (30 heads of the public set); two heads 0.7 and more in 99 of 100 pairs.
 pub const SAME_PERSON_MM: f64 = 0.6;
 /// Scores from this on count as a match.
 pub const PROBE_MATCH_SCORE: f64 = 0.4;
+/// Models whose triangles are looked at together, by all threads.
+const BATCH: usize = 256;
 
-/// What is known of one model's likeness.
+/// A probe made ready.
+pub(super) struct Probe {
+    regions: ProbeRegions,
+    dense: Option<DenseProbe>,
+    /// How surely it is a face, in [0, 1].
+    face_score: f64,
+}
+
+/// A stored model: part and place.
+type Address = (usize, u32);
+
+/// A model whose score hangs on its triangles, and the most it can be.
+struct Unsure {
+    most: f64,
+    id: ModelId,
+    address: Address,
+}
+
+/// What a search has found so far. Costs are negative scores.
+struct Found<'a> {
+    best: Best<Address>,
+    wanted: &'a Wanted<'a>,
+    threshold: f64,
+}
+
+impl Found<'_> {
+    /// The least score with which a model may still come in.
+    fn least(&self) -> f64 {
+        let matching = if self.wanted.only_matches { self.threshold } else { f64::NEG_INFINITY };
+        matching.max(-self.best.reach())
+    }
+
+    fn offer(&mut self, id: ModelId, address: Address, score: f64) {
+        if score > 0.0 && self.best.would_take(-score, id, &address) && self.wanted.takes(score, id, self.threshold) {
+            self.best.offer(-score, id, address);
+        }
+    }
+}
+
+/// How a likeness is weighed.
 #[derive(Debug, Clone, Copy)]
-struct Likeness {
-    total: f64,
-    /// Chord of the best pair, the probe's triangle and the model's.
-    best: (f64, u32, u32),
+struct Weights {
+    /// Of the dense signatures.
+    dense: f64,
+    /// What likeness by regions counts at most.
+    regions: f64,
 }
 
-/// Gathers likenesses of many models with one probe.
-pub(super) struct Similarities<'a> {
-    probe: &'a Entry,
-    /// Places of the probe's region triangles.
-    places: Vec<u32>,
-    found: BTreeMap<ModelId, Likeness>,
+impl Weights {
+    fn new(probe_score: f64, score: f64, both_have_dense: bool) -> Weights {
+        let dense = if both_have_dense { (2.0 * probe_score * score).min(1.0) } else { 0.0 };
+        let kinship = 1.0 - FACE_KINSHIP * (probe_score - score).abs();
+        Weights { dense, regions: (1.0 - dense) * kinship }
+    }
+
+    /// The likeness; without a distance the faces have nothing to be told apart by.
+    fn likeness(&self, distance_mm: Option<f64>, regions: f64) -> f64 {
+        let as_faces = FACE_KINSHIP + (1.0 - FACE_KINSHIP) * distance_mm.map_or(0.0, same_person);
+        self.dense * as_faces + self.regions * regions
+    }
+
+    /// The dense distance beyond which the likeness is less than `least`, whatever the regions; a hair more.
+    fn reach_mm(&self, least: f64) -> f64 {
+        let same_person = ((least - self.regions) / self.dense - FACE_KINSHIP) / (1.0 - FACE_KINSHIP);
+        if same_person <= 0.0 || same_person.is_nan() {
+            return f64::INFINITY;
+        }
+        SAME_PERSON_MM * (1.0 / same_person - 1.0).max(0.0).sqrt() * (1.0 + 1e-9) + 1e-6
+    }
 }
 
-/// One probe triangle's best counterpart on a model.
-type Counterpart = (ModelId, f64, (f64, u32, u32));
+/// In (0, 1]: 1 at no distance, a half at [`SAME_PERSON_MM`].
+fn same_person(distance_mm: f64) -> f64 {
+    1.0 / (1.0 + (distance_mm / SAME_PERSON_MM).powi(2))
+}
 
-impl<'a> Similarities<'a> {
-    pub(super) fn new(probe: &'a Entry) -> Self {
-        let places = (0..probe.triangles.len() as u32)
-            .filter(|place| probe.triangles[*place as usize].origin == Origin::Regions)
-            .collect();
-        Similarities { probe, places, found: BTreeMap::new() }
+impl Probe {
+    pub fn new(signature: &Signature) -> Probe {
+        let face_score = faces::judge(signature, &standard::face(), MatchMethod::Verified).score;
+        Probe { regions: ProbeRegions::new(signature), dense: signature.dense().map(DenseProbe::new), face_score }
     }
 
-    /// Counts all models of an index; `model` gives a place's id and entry, or `None` for one to leave out.
-    pub(super) fn add_indexed<'b>(
-        &mut self,
-        index: &TriangleIndex,
-        model: impl Fn(u32) -> Option<(ModelId, &'b Entry)> + Sync,
-    ) {
-        let lists: Vec<Vec<Counterpart>> = self
-            .places
-            .par_iter()
-            .map(|&place| {
-                let probe = &self.probe.triangles[place as usize];
-                let mut counterparts = Vec::new();
-                for labelled in probe.labelings() {
-                    for hit in index.within(&labelled.shape, MOST_CHORD) {
-                        let Some((id, entry)) = model(hit.model) else { continue };
-                        let other = &entry.triangles[hit.triangle as usize];
-                        if let Some((kernel, chord)) = alike(&labelled, other) {
-                            counterparts.push((id, kernel, (chord, place, hit.triangle)));
-                        }
-                    }
-                }
-                best_of_each_model(counterparts)
-            })
-            .collect();
-        for counterpart in lists.into_iter().flatten() {
-            self.count(counterpart);
-        }
-    }
-
-    /// Counts one model, triangle by triangle.
-    pub(super) fn add_one(&mut self, id: ModelId, entry: &Entry) {
-        for index in 0..self.places.len() {
-            let place = self.places[index];
-            let mut counterparts = Vec::new();
-            for labelled in self.probe.triangles[place as usize].labelings() {
-                for (triangle, other) in entry.triangles.iter().enumerate() {
-                    if let Some((kernel, chord)) = alike(&labelled, other) {
-                        counterparts.push((id, kernel, (chord, place, triangle as u32)));
-                    }
-                }
-            }
-            for counterpart in best_of_each_model(counterparts) {
-                self.count(counterpart);
-            }
-        }
-    }
-
-    fn count(&mut self, (id, kernel, pair): Counterpart) {
-        let likeness =
-            self.found.entry(id).or_insert(Likeness { total: 0.0, best: (f64::INFINITY, u32::MAX, u32::MAX) });
-        likeness.total += kernel;
-        if pair < likeness.best {
-            likeness.best = pair;
-        }
-    }
-
-    /// The wanted of `models`, most similar first, ties by id; those with nothing in common are left out.
-    pub(super) fn ranked<'b>(
-        &self,
-        models: impl Iterator<Item = (&'b ModelId, &'b Entry)>,
-        wanted: &Wanted,
-    ) -> Vec<Match> {
+    /// The most similar models, best first, ties by id; those with nothing in common are left out.
+    pub fn search(&self, parts: &[Part], wanted: &Wanted) -> Vec<Match> {
         let threshold = wanted.threshold.unwrap_or(PROBE_MATCH_SCORE);
-        let mut scored: Vec<(f64, ModelId, &Entry)> = models
-            .map(|(id, entry)| (self.likeness(entry, self.regions(*id)), *id, entry))
-            .filter(|(score, id, _)| *score > 0.0 && wanted.takes(*score, *id, threshold))
-            .collect();
-        scored.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-        scored.truncate(wanted.limit);
-        scored.into_iter().map(|(score, id, entry)| self.answer(score, id, entry, threshold)).collect()
+        let mut found = Found { best: Best::new(wanted.limit), wanted, threshold };
+        let mut unsure = self.scan(parts, &mut found);
+        unsure.retain(|model| model.most >= found.least());
+        unsure.sort_by(|a, b| b.most.total_cmp(&a.most).then(a.id.cmp(&b.id)));
+        for batch in unsure.chunks(BATCH) {
+            let least = found.least();
+            let scores: Vec<f64> = batch.par_iter().map(|model| self.score_from(parts, model, least)).collect();
+            for (model, score) in batch.iter().zip(scores) {
+                found.offer(model.id, model.address, score);
+            }
+            if batch.last().is_some_and(|model| model.most < found.least()) {
+                break;
+            }
+        }
+        let ranked: Vec<(f64, ModelId, Address)> = found.best.into_ranked().collect();
+        ranked.into_par_iter().map(|(cost, id, address)| self.answer(parts, -cost, id, address, threshold)).collect()
     }
 
-    /// How far the probe's triangles occur on a model, in [0, 1].
-    fn regions(&self, id: ModelId) -> f64 {
-        self.found.get(&id).map_or(0.0, |likeness| likeness.total / self.places.len().max(1) as f64)
+    /// Offers all that are told by their dense signatures; gives back the others that still have a chance.
+    fn scan(&self, parts: &[Part], found: &mut Found) -> Vec<Unsure> {
+        let mut unsure = Vec::new();
+        let mut known: Option<(u64, Reach)> = None;
+        for (which, part) in parts.iter().enumerate() {
+            let segment = &part.segment;
+            for place in part.places() {
+                let (weights, least) = (self.weights(part, place), found.least());
+                let Some(dense) = self.dense.as_ref().filter(|_| weights.dense == 1.0) else {
+                    let most = weights.likeness(Some(0.0), 1.0);
+                    if most >= least {
+                        unsure.push(Unsure { most, id: segment.ids[place as usize], address: (which, place) });
+                    }
+                    continue;
+                };
+                // what is least changes seldom
+                let reach = match known {
+                    Some((bits, reach)) if bits == least.to_bits() => reach,
+                    _ => Reach::new(weights.reach_mm(least)),
+                };
+                known = Some((least.to_bits(), reach));
+                if !dense.is_beyond(&segment.dense, place, &reach) {
+                    let score = weights.likeness(dense.distance_mm(&segment.dense, place), 0.0);
+                    found.offer(segment.ids[place as usize], (which, place), score);
+                }
+            }
+        }
+        unsure
     }
 
-    fn dense_distance_mm(&self, entry: &Entry) -> Option<f64> {
-        self.probe.dense.as_ref().zip(entry.dense.as_ref()).and_then(|(a, b)| a.distance_mm(b))
+    fn weights(&self, part: &Part, place: u32) -> Weights {
+        let segment = &part.segment;
+        let both_have_dense = self.dense.is_some() && !segment.dense.is_missing(place);
+        Weights::new(self.face_score, segment.face_scores[place as usize], both_have_dense)
     }
 
-    /// Likeness by regions, and in so far as both are faces by their dense signatures.
-    fn likeness(&self, entry: &Entry, regions: f64) -> f64 {
-        let both_faces = self.probe.face_score() * entry.face_score();
-        let as_faces = match self.dense_distance_mm(entry) {
-            Some(distance_mm) => FACE_KINSHIP + (1.0 - FACE_KINSHIP) * same_person(distance_mm),
-            None => regions + (1.0 - regions) * FACE_KINSHIP,
-        };
-        regions + both_faces * (as_faces - regions)
+    /// A model's likeness, or 0 if it is surely less than `least`.
+    fn score_from(&self, parts: &[Part], model: &Unsure, least: f64) -> f64 {
+        let (which, place) = model.address;
+        let weights = self.weights(&parts[which], place);
+        let dense = self.dense.as_ref().filter(|_| weights.dense > 0.0);
+        let distance_mm = dense.and_then(|dense| dense.distance_mm(&parts[which].segment.dense, place));
+        if weights.likeness(distance_mm, 1.0) < least {
+            return 0.0;
+        }
+        weights.likeness(distance_mm, self.regions_of(parts, model.address).mean)
     }
 
-    fn answer(&self, score: f64, model_id: ModelId, entry: &Entry, threshold: f64) -> Match {
+    fn regions_of(&self, parts: &[Part], (which, place): Address) -> RegionLikeness {
+        self.regions.likeness(&parts[which].segment.outlines.outline(place))
+    }
+
+    fn answer(&self, parts: &[Part], score: f64, model_id: ModelId, address: Address, threshold: f64) -> Match {
         let size = Standard::face_size();
-        let pair = self.found.get(&model_id).map(|likeness| {
-            let (chord, place, triangle) = likeness.best;
-            (chord, &self.probe.triangles[place as usize], &entry.triangles[triangle as usize])
-        });
-        let error = pair.map_or(size, |(chord, ..)| size * chord);
-        let sum = pair.map_or(3f64.sqrt() * size, |(_, probe, other)| least_sum(probe, other, size));
+        let pair = self.regions_of(parts, address).best;
         Match {
             model_id,
             score,
-            matching_error_mm: error,
-            sum_of_distances_mm: sum,
+            matching_error_mm: pair.as_ref().map_or(size, |pair| size * pair.chord),
+            sum_of_distances_mm: pair.as_ref().map_or(3f64.sqrt() * size, |pair| self.regions.least_sum(pair, size)),
             is_match: score >= threshold,
-            triangle: pair.map(|(_, _, other)| other.corners.map(|p| p.into())),
+            triangle: pair.map(|pair| pair.found.corners.map(|p| p.into())),
         }
     }
 }
@@ -182,95 +213,92 @@ pub struct Comparison {
 
 /// Compares two models: what the score of a query by probe is made of.
 pub fn compare(probe: &Signature, model: &Signature) -> Comparison {
-    let (probe, model) = (Entry::new(probe), Entry::new(model));
-    let mut similarities = Similarities::new(&probe);
-    similarities.add_one(0, &model);
+    let (ready, other) = (Probe::new(probe), Probe::new(model));
+    let mut outlines = Outlines::default();
+    outlines.push(model);
     Comparison {
-        region_triangles: similarities.regions(0),
+        region_triangles: ready.regions.likeness(&outlines.outline(0)).mean,
         shape: 0.0,
-        both_faces: probe.face_score() * model.face_score(),
-        dense_distance_mm: similarities.dense_distance_mm(&model),
+        both_faces: ready.face_score * other.face_score,
+        dense_distance_mm: probe.dense().zip(model.dense()).and_then(|(a, b)| a.distance_mm(b)),
     }
-}
-
-/// In (0, 1]: 1 at no distance, a half at [`SAME_PERSON_MM`].
-fn same_person(distance_mm: f64) -> f64 {
-    1.0 / (1.0 + (distance_mm / SAME_PERSON_MM).powi(2))
-}
-
-/// The kernel of two triangles in one labelling and their chord, if they are near enough to count.
-fn alike(probe: &IndexedTriangle, other: &IndexedTriangle) -> Option<(f64, f64)> {
-    if other.origin != Origin::Regions || probe.convex != other.convex {
-        return None;
-    }
-    let chord = probe.shape.chord(&other.shape);
-    let distance2 = (chord / MOST_CHORD).powi(2) + ((probe.log_size - other.log_size) / MOST_LOG_SIZE).powi(2);
-    (distance2 < 1.0).then(|| ((1.0 - distance2).powi(2), chord))
-}
-
-/// Of each model the counterpart with the greatest kernel; ordered by model.
-fn best_of_each_model(mut counterparts: Vec<Counterpart>) -> Vec<Counterpart> {
-    counterparts.sort_by(|a, b| {
-        let (chord_a, chord_b) = (a.2, b.2);
-        a.0.cmp(&b.0).then(b.1.total_cmp(&a.1)).then(chord_a.0.total_cmp(&chord_b.0)).then(chord_a.2.cmp(&chord_b.2))
-    });
-    counterparts.dedup_by_key(|counterpart| counterpart.0);
-    counterparts
-}
-
-fn least_sum(probe: &IndexedTriangle, other: &IndexedTriangle, size: f64) -> f64 {
-    let standard = scaled(&Triangle::new(probe.corners), size);
-    other
-        .labelings()
-        .map(|labelled| sum_of_distances(&Triangle::new(labelled.corners), &other.outward, &standard, &probe.outward))
-        .into_iter()
-        .fold(f64::INFINITY, f64::min)
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::triangles::triangles_of;
+    use super::super::Gallery;
     use super::*;
     use crate::faces::signature::tests::example;
 
     #[test]
-    fn triangles_are_alike_only_with_the_same_pattern_and_size() {
-        let triangle = triangles_of(&example(0.2, 5))[0];
-        assert_eq!(alike(&triangle, &triangle), Some((1.0, 0.0)));
-        let [a, b, c] = triangle.convex;
-        assert_eq!(alike(&triangle, &IndexedTriangle { convex: [!a, b, c], ..triangle }), None);
-        assert_eq!(alike(&triangle, &IndexedTriangle { log_size: triangle.log_size + 0.21, ..triangle }), None);
-        let (kernel, _) = alike(&triangle, &IndexedTriangle { log_size: triangle.log_size + 0.1, ..triangle })
-            .expect("half of the most is near enough");
-        assert!((kernel - 0.5625).abs() < 1e-12);
-    }
-
-    #[test]
     fn of_faces_the_one_with_the_nearest_dense_signature_comes_first() {
         assert_eq!((same_person(0.0), same_person(SAME_PERSON_MM)), (1.0, 0.5));
-        let face = |seed: f64| Entry::new(&example(seed, 8));
-        // residuals are 1.5 + sin(seed): these three are sure faces
-        let (probe, near, far) = (face(-1.0), face(-1.02), face(-1.6));
-        let similarities = Similarities::new(&probe);
-        let (near, far) = (similarities.likeness(&near, 0.0), similarities.likeness(&far, 0.0));
-        assert!(near > far && far > 0.4 && near > 0.6, "{near} {far}");
-        assert!(similarities.likeness(&probe, 0.0) > 0.95);
+        let sure = Weights::new(0.9, 0.95, true);
+        assert_eq!((sure.dense, sure.regions), (1.0, 0.0));
+        assert!(sure.likeness(Some(0.3), 0.0) > sure.likeness(Some(0.7), 1.0));
+        assert_eq!(sure.likeness(None, 1.0), FACE_KINSHIP);
     }
 
     #[test]
-    fn the_index_gives_what_one_by_one_gives() {
-        let entries: Vec<Entry> = (0..20).map(|k| Entry::new(&example(0.8 * f64::from(k), 8))).collect();
-        let probe = Entry::new(&example(0.81, 8));
-        let index = TriangleIndex::build(entries.iter().map(|e| e.triangles.as_slice()));
-        let mut indexed = Similarities::new(&probe);
-        indexed.add_indexed(&index, |place| Some((ModelId::from(place), &entries[place as usize])));
-        let mut one_by_one = Similarities::new(&probe);
-        for (id, entry) in entries.iter().enumerate() {
-            one_by_one.add_one(id as ModelId, entry);
+    fn a_face_and_another_thing_are_no_more_alike_than_any_two_faces() {
+        let mixed = Weights::new(0.999, 0.001, true);
+        assert!(mixed.likeness(Some(0.0), 1.0) < FACE_KINSHIP + 0.01);
+        assert_eq!(Weights::new(0.0, 0.0, false).likeness(None, 0.7), 0.7);
+    }
+
+    #[test]
+    fn beyond_the_reach_no_likeness_is_enough() {
+        for weights in [Weights::new(1.0, 1.0, true), Weights::new(0.6, 0.7, true), Weights::new(0.3, 0.9, true)] {
+            for least in [0.2, 0.55, 0.7, 0.9, 0.999] {
+                let reach_mm = weights.reach_mm(least);
+                assert!(reach_mm.is_infinite() || weights.likeness(Some(reach_mm), 1.0) < least);
+                assert!(reach_mm == 1e-6 || weights.likeness(Some((reach_mm - 1e-5).max(0.0)), 1.0) >= least - 1e-3);
+            }
         }
-        let ids: Vec<ModelId> = (0..20).collect();
-        let ranked = |s: &Similarities| s.ranked(ids.iter().zip(&entries), &Wanted::best(20));
-        assert_eq!(ranked(&indexed), ranked(&one_by_one));
-        assert_eq!(ranked(&indexed)[0].model_id, 1, "the nearest seed");
+    }
+
+    /// The score of every model, from the definition.
+    fn brute_force(probe: &Signature, models: &[(ModelId, Signature)]) -> Vec<(f64, ModelId)> {
+        let ready = Probe::new(probe);
+        let mut scores: Vec<(f64, ModelId)> = models
+            .iter()
+            .map(|(id, signature)| {
+                let score = faces::judge(signature, &standard::face(), MatchMethod::Verified).score;
+                let both = probe.dense().zip(signature.dense());
+                let weights = Weights::new(ready.face_score, score, both.is_some());
+                let mut outlines = Outlines::default();
+                outlines.push(signature);
+                let regions = ready.regions.likeness(&outlines.outline(0)).mean;
+                (weights.likeness(both.and_then(|(a, b)| a.distance_mm(b)), regions), *id)
+            })
+            .filter(|(score, _)| *score > 0.0)
+            .collect();
+        scores.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        scores
+    }
+
+    #[test]
+    fn a_search_finds_what_measuring_all_finds() {
+        // residuals are 1.5 + sin(seed) mm: sure faces, unsure ones and others; ids fall as seeds rise, and some are twice there
+        let models: Vec<(ModelId, Signature)> = (0..300u32)
+            .map(|k| (1000 - ModelId::from(k), example(0.13 * f64::from(k % 200), 4 + (k % 5) as usize)))
+            .collect();
+        let mut gallery = Gallery::build(models[..250].to_vec());
+        for (id, signature) in &models[250..] {
+            gallery.insert(*id, signature.clone());
+        }
+        for (seed, regions) in [(-1.0, 8), (0.9, 6), (1.6, 7), (1.2, 2)] {
+            let probe = example(seed, regions);
+            let brute = brute_force(&probe, &models);
+            for limit in [1, 20, 120, 1000] {
+                let found = gallery.by_probe(&probe, None, &Wanted::best(limit));
+                let found: Vec<(f64, ModelId)> = found.into_iter().map(|m| (m.score, m.model_id)).collect();
+                assert_eq!(found, brute[..limit.min(brute.len())], "seed {seed}, limit {limit}");
+            }
+            let even = |id: ModelId| id % 2 == 0;
+            let found = gallery.by_probe(&probe, None, &Wanted { accepts: &even, ..Wanted::best(30) });
+            let expected: Vec<ModelId> = brute.iter().map(|b| b.1).filter(|id| even(*id)).take(30).collect();
+            assert_eq!(found.iter().map(|m| m.model_id).collect::<Vec<_>>(), expected);
+        }
     }
 }

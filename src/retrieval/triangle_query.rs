@@ -1,7 +1,11 @@
 //! A bare triangle as a query.
 
+use std::collections::BTreeSet;
+
+use super::best::Best;
+use super::part::Part;
 use super::triangles::IndexedTriangle;
-use super::{Match, ModelId};
+use super::{Match, ModelId, Rank, Wanted};
 use crate::faces::standard::Standard;
 use crate::faces::{Shape, Triangle, judgement, sum_of_distances};
 use crate::geometry::{Point3, Vector3};
@@ -61,6 +65,58 @@ impl TriangleQuery {
             triangle: Some(found.corners.map(|p| p.into())),
         }
     }
+}
+
+impl TriangleQuery {
+    /// The wanted models of some parts, by their nearest triangles.
+    pub fn search(&self, parts: &[Part], wanted: &Wanted) -> Vec<Match> {
+        let threshold = wanted.threshold.unwrap_or_else(Self::match_score);
+        let passed = wanted.after.map(|after| self.not_after(parts, after)).unwrap_or_default();
+        let least = if wanted.only_matches { threshold } else { 0.0 };
+        // costs are negative scores; of a model's equal triangles the first
+        let mut best: Best<(u16, usize)> = Best::new(wanted.limit);
+        for (which, part) in parts.iter().enumerate() {
+            let reach = |best: &Best<_>| chord(least.max(-best.reach()));
+            for shape in &self.shapes {
+                part.segment.triangles.visit(shape, reach(&best), &mut |place, number| {
+                    if let Some((id, score)) = part.score(self, place, number)
+                        && best.would_take(-score, id, &(number, which))
+                        && !passed.contains(&id)
+                        && wanted.takes(score, id, threshold)
+                    {
+                        best.offer(-score, id, (number, which));
+                    }
+                    reach(&best)
+                });
+            }
+        }
+        let found = |id, (number, which): (u16, usize)| {
+            let segment = &parts[which].segment;
+            Some(self.answer(id, &segment.outlines.outline(segment.place(id)?).triangle(number)?, threshold))
+        };
+        best.into_ranked().filter_map(|(_, id, place)| found(id, place)).collect()
+    }
+
+    /// The models whose rank is not after the given one: a worse triangle of theirs must not bring them in again.
+    fn not_after(&self, parts: &[Part], after: Rank) -> BTreeSet<ModelId> {
+        let (mut passed, reach) = (BTreeSet::new(), chord(after.score));
+        for part in parts {
+            for shape in &self.shapes {
+                part.segment.triangles.visit(shape, reach, &mut |place, number| {
+                    let scored = part.score(self, place, number);
+                    let rank = scored.map(|(model_id, score)| Rank { score, model_id });
+                    passed.extend(rank.filter(|rank| rank.key() <= after.key()).map(|rank| rank.model_id));
+                    reach
+                });
+            }
+        }
+        passed
+    }
+}
+
+/// The greatest chord that gives a score.
+fn chord(score: f64) -> f64 {
+    if score > 0.0 { 1.0 - score } else { f64::INFINITY }
 }
 
 /// How alike two triangles are whose shapes are that far apart, in [0, 1].

@@ -1,7 +1,6 @@
 //! A model's triangles as points of Kendall's sphere, without labels: what the index holds.
 
-use crate::faces::judgement::triples;
-use crate::faces::{Shape, Signature, Triangle};
+use crate::faces::{Shape, Triangle};
 use crate::geometry::{Point3, Vector3};
 
 /// Where a triangle came from.
@@ -31,20 +30,9 @@ pub struct IndexedTriangle {
     pub origin: Origin,
 }
 
-/// All triangles of a signature: of its salient regions, then its facial ones. Degenerate ones are left out.
-pub fn triangles_of(signature: &Signature) -> Vec<IndexedTriangle> {
-    let regions: Vec<(Point3, Vector3, bool)> =
-        signature.regions().map(|r| (r.center, r.normal, r.mean_curvature > 0.0)).collect();
-    let radius = signature.radius();
-    let of_regions = triples(&regions).map(|corners| (corners, Origin::Regions)).collect::<Vec<_>>();
-    let of_faces = signature.candidates().map(|c| {
-        let [a, b, nose] = [0, 1, 2].map(|k| (c.corners[k], c.normals[k], k == 2));
-        ([a, b, nose], Origin::Face)
-    });
-    of_regions.into_iter().chain(of_faces).filter_map(|(corners, origin)| canonical(corners, radius, origin)).collect()
-}
-
-fn canonical(corners: [(Point3, Vector3, bool); 3], radius: f64, origin: Origin) -> Option<IndexedTriangle> {
+/// The triangle of three corners, each a place, a normal and whether the surface is convex there; `None` if it is
+/// degenerate. `radius` is the model's.
+pub(super) fn canonical(corners: [(Point3, Vector3, bool); 3], radius: f64, origin: Origin) -> Option<IndexedTriangle> {
     let outward: Vector3 = corners.iter().map(|(_, normal, _)| normal).sum();
     let triangle = Triangle::new(corners.map(|(point, ..)| point));
     let log_size = (triangle.size() / radius).ln();
@@ -80,16 +68,9 @@ impl IndexedTriangle {
 
 #[cfg(test)]
 mod tests {
+    use super::super::outline::triangles_of;
     use super::*;
     use crate::faces::signature::tests::example;
-
-    #[test]
-    fn every_triple_and_every_facial_triangle_is_there() {
-        let all = triangles_of(&example(0.4, 10));
-        assert_eq!(all.len(), 121);
-        assert_eq!(all[120].origin, Origin::Face);
-        assert!(all.iter().all(|t| t.shape.0.z >= 0.0 && (t.shape.0.norm() - 0.5).abs() < 1e-9));
-    }
 
     #[test]
     fn labelings_agree_with_their_corners() {
@@ -100,5 +81,11 @@ mod tests {
             }
             assert!(triangle.labelings()[2].relabelled().shape.chord(&triangle.shape) < 1e-12);
         }
+    }
+
+    #[test]
+    fn a_point_for_a_triangle_is_left_out() {
+        let corner = (Point3::new(1.0, 2.0, 3.0), Vector3::z(), true);
+        assert_eq!(canonical([corner; 3], 8.0, Origin::Regions), None);
     }
 }

@@ -1,35 +1,67 @@
 //! The stored signatures, searchable in memory: loaded in the background at start, then kept current.
+//!
+//! A search takes the gallery as it is and works on that; a change makes the next one and puts it in its place. So
+//! nobody waits for anybody but changes for each other.
 
-use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
+
+use rayon::prelude::*;
 
 use super::{ModelId, Store, StoreError};
 use crate::faces::Signature;
-use crate::retrieval::{Catalogue, Gallery};
+use crate::retrieval::gallery::FULL_SEGMENT;
+use crate::retrieval::{Catalogue, Entry, Facets, Gallery};
+
+/// Signatures that are read at once.
+const PAGE: usize = 4096;
 
 /// A change that came before the index was ready.
 #[derive(Debug)]
 enum Change {
-    Insert(ModelId, Box<Signature>),
+    Put(Box<Entry>),
     Remove(ModelId),
+}
+
+impl Change {
+    fn make(&self, gallery: &mut Gallery) {
+        match self {
+            Change::Put(entry) => gallery.put(entry),
+            Change::Remove(id) => {
+                gallery.remove(id.number());
+            }
+        }
+    }
 }
 
 #[derive(Debug)]
 enum State {
     Loading(Vec<Change>),
-    Ready(Box<Gallery>),
+    Ready(Gallery),
 }
 
-/// The index over all stored signatures. Cheap to clone; readers don't wait for each other.
+#[derive(Debug)]
+struct Shared {
+    /// Held for moments only.
+    state: RwLock<State>,
+    /// Held by whoever makes the next gallery.
+    changing: Mutex<()>,
+    /// What filters ask of the models.
+    catalogue: RwLock<Catalogue>,
+    /// Whether a thread merges segments.
+    merging: AtomicBool,
+}
+
+/// The index over all stored signatures. Cheap to clone; readers wait for nobody.
 #[derive(Debug, Clone)]
 pub struct LiveGallery {
-    state: Arc<RwLock<State>>,
-    /// What filters ask of the models. Taken after `state` where both are.
-    catalogue: Arc<RwLock<Catalogue>>,
+    shared: Arc<Shared>,
 }
 
 impl Default for LiveGallery {
     fn default() -> Self {
-        LiveGallery { state: Arc::new(RwLock::new(State::Loading(Vec::new()))), catalogue: Arc::default() }
+        let state = RwLock::new(State::Loading(Vec::new()));
+        LiveGallery { shared: Arc::new(Shared { state, changing: Mutex::new(()), merging: AtomicBool::new(false) }) }
     }
 }
 
@@ -39,51 +71,66 @@ impl Default for LiveGallery {
 pub struct NotReady;
 
 impl LiveGallery {
-    /// Reads all signatures and builds the index. Models added or deleted meanwhile are seen afterwards.
+    /// Reads all signatures, page by page, and builds the index. Models added or deleted meanwhile are seen afterwards.
     /// Signatures of another version are left out: their models are kept, but not found until described anew.
     pub async fn load(&self, store: &Store) -> Result<usize, StoreError> {
-        let stored = store.signatures().await?;
-        let gallery = tokio::task::spawn_blocking(move || build(stored)).await;
-        let mut gallery = gallery.map_err(|error| super::damaged("a signature", error))?;
+        let mut loading = Loading::default();
+        let mut page = store.signatures_after(None, PAGE).await?;
+        while let Some((last, _)) = page.last() {
+            let next = store.signatures_after(Some(*last), PAGE);
+            let (next, taken) = tokio::join!(next, off_thread(move || loading.taking(page)));
+            (page, loading) = (next?, taken?);
+            tracing::debug!(models = loading.models(), "the gallery is being loaded");
+        }
         let facets = store.facets().await?;
-        let mut state = self.state.write().unwrap_or_else(PoisonError::into_inner);
-        if let State::Loading(changes) = &mut *state {
-            let mut catalogue = self.catalogue.write().unwrap_or_else(PoisonError::into_inner);
+        let live = self.clone();
+        off_thread(move || live.open(loading.finished(), facets)).await
+    }
+
+    /// Brings the loaded gallery up to date and answers queries from then on; gives the number of models.
+    fn open(&self, mut gallery: Gallery, facets: Vec<(ModelId, Facets)>) -> usize {
+        {
+            let mut catalogue = self.write_catalogue();
             for (id, facets) in facets {
                 catalogue.insert(id.number(), facets);
             }
-            for change in changes.drain(..) {
-                match change {
-                    Change::Insert(id, signature) => gallery.insert(id.number(), *signature),
-                    Change::Remove(id) => {
-                        catalogue.remove(id.number());
-                        gallery.remove(id.number());
-                    }
+        }
+        loop {
+            let mut state = self.write();
+            let changes = match &mut *state {
+                State::Loading(changes) => std::mem::take(changes),
+                State::Ready(_) => Vec::new(),
+            };
+            if changes.is_empty() {
+                let models = gallery.len();
+                *state = State::Ready(gallery);
+                return models;
+            }
+            // more may come while these are made
+            drop(state);
+            for change in &changes {
+                if let Change::Remove(id) = change {
+                    self.write_catalogue().remove(id.number());
                 }
+                change.make(&mut gallery);
             }
         }
-        let models = gallery.len();
-        *state = State::Ready(Box::new(gallery));
-        Ok(models)
     }
 
     /// Whether queries can be answered.
     pub fn is_ready(&self) -> bool {
-        matches!(*self.state.read().unwrap_or_else(PoisonError::into_inner), State::Ready(_))
+        matches!(*self.read(), State::Ready(_))
     }
 
     /// Adds or replaces a model; seen by the next query.
     pub fn insert(&self, id: ModelId, signature: Signature) {
-        match &mut *self.state.write().unwrap_or_else(PoisonError::into_inner) {
-            State::Loading(changes) => changes.push(Change::Insert(id, Box::new(signature))),
-            State::Ready(gallery) => gallery.insert(id.number(), signature),
-        }
+        self.change(Change::Put(Box::new(Entry::new(id.number(), signature))));
     }
 
     /// Adds a model that was just stored, unless it has been deleted since.
     pub async fn publish(&self, store: &Store, id: ModelId, signature: Signature) -> Result<(), StoreError> {
         let Some(model) = store.matched_models(&[id]).await?.pop() else { return Ok(()) };
-        self.catalogue.write().unwrap_or_else(PoisonError::into_inner).insert(id.number(), model.facets);
+        self.write_catalogue().insert(id.number(), model.facets);
         self.insert(id, signature);
         // a deletion between the reading and the insertions above has found nothing to remove
         if let Err(StoreError::NotFound { .. }) = store.model(id).await {
@@ -94,44 +141,165 @@ impl LiveGallery {
 
     /// Forgets a model.
     pub fn remove(&self, id: ModelId) {
-        self.catalogue.write().unwrap_or_else(PoisonError::into_inner).remove(id.number());
-        match &mut *self.state.write().unwrap_or_else(PoisonError::into_inner) {
-            State::Loading(changes) => changes.push(Change::Remove(id)),
-            State::Ready(gallery) => {
-                gallery.remove(id.number());
-            }
-        }
+        self.write_catalogue().remove(id.number());
+        self.change(Change::Remove(id));
     }
 
     /// What filters ask of the models.
     pub fn catalogue(&self) -> RwLockReadGuard<'_, Catalogue> {
-        self.catalogue.read().unwrap_or_else(PoisonError::into_inner)
+        self.shared.catalogue.read().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Asks the index. Takes as long as the search: call it off the async threads.
+    fn write_catalogue(&self) -> RwLockWriteGuard<'_, Catalogue> {
+        self.shared.catalogue.write().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Asks the index as it is now. Takes as long as the search: call it off the async threads.
     pub fn ask<T>(&self, question: impl FnOnce(&Gallery) -> T) -> Result<T, NotReady> {
-        match &*self.state.read().unwrap_or_else(PoisonError::into_inner) {
-            State::Loading(_) => Err(NotReady),
-            State::Ready(gallery) => Ok(question(gallery)),
+        let gallery = self.gallery().ok_or(NotReady)?;
+        Ok(question(&gallery))
+    }
+
+    fn gallery(&self) -> Option<Gallery> {
+        match &*self.read() {
+            State::Loading(_) => None,
+            State::Ready(gallery) => Some(gallery.clone()),
         }
+    }
+
+    fn change(&self, change: Change) {
+        let changing = self.changing();
+        let Some(mut gallery) = self.gallery() else {
+            let mut state = self.write();
+            match &mut *state {
+                State::Loading(changes) => changes.push(change),
+                // loaded between the two looks
+                State::Ready(gallery) => change.make(gallery),
+            }
+            return;
+        };
+        change.make(&mut gallery);
+        let is_due = gallery.due().is_some();
+        self.replace(gallery);
+        drop(changing);
+        if is_due {
+            self.merge_beside();
+        }
+    }
+
+    /// Merges segments on a thread of its own until nothing is due, unless one does already.
+    fn merge_beside(&self) {
+        if self.shared.merging.swap(true, Ordering::AcqRel) {
+            return;
+        }
+        let live = self.clone();
+        let spawned = std::thread::Builder::new().name("gallery-merge".to_owned()).spawn(move || {
+            let merging = Merging(&live.shared.merging);
+            // one thread: what is asked and registered meanwhile has the others
+            if let Ok(pool) = rayon::ThreadPoolBuilder::new().num_threads(1).build() {
+                pool.install(|| live.merge());
+            }
+            drop(merging);
+        });
+        if let Err(error) = spawned {
+            self.shared.merging.store(false, Ordering::Release);
+            tracing::warn!("the gallery can't be tidied up: {error}");
+        }
+    }
+
+    fn merge(&self) {
+        while let Some(merge) = self.gallery().and_then(|gallery| gallery.due()) {
+            let merged = merge.run();
+            let _changing = self.changing();
+            if let Some(mut gallery) = self.gallery() {
+                gallery.adopt(merged);
+                self.replace(gallery);
+            }
+        }
+    }
+
+    /// The gallery before is dropped after the lock is.
+    fn replace(&self, gallery: Gallery) {
+        let before = std::mem::replace(&mut *self.write(), State::Ready(gallery));
+        drop(before);
+    }
+
+    fn read(&self) -> RwLockReadGuard<'_, State> {
+        self.shared.state.read().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn write(&self) -> RwLockWriteGuard<'_, State> {
+        self.shared.state.write().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn changing(&self) -> MutexGuard<'_, ()> {
+        self.shared.changing.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-fn build(stored: Vec<(ModelId, Vec<u8>)>) -> Gallery {
-    let mut entries = Vec::with_capacity(stored.len());
-    for (id, content) in stored {
-        match Signature::from_bytes(&content) {
-            Ok(signature) => entries.push((id.number(), signature)),
-            Err(error) => tracing::warn!(model.id = %id, "the signature is left out of the gallery: {error}"),
+/// Says that nobody merges any more, also when merging panicked.
+struct Merging<'a>(&'a AtomicBool);
+
+impl Drop for Merging<'_> {
+    fn drop(&mut self) {
+        self.0.store(false, Ordering::Release);
+    }
+}
+
+async fn off_thread<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> Result<T, StoreError> {
+    tokio::task::spawn_blocking(work).await.map_err(|error| super::damaged("a signature", error))
+}
+
+/// A gallery that grows by full segments.
+#[derive(Debug, Default)]
+struct Loading {
+    gallery: Gallery,
+    waiting: Vec<Entry>,
+}
+
+impl Loading {
+    fn models(&self) -> usize {
+        self.gallery.len() + self.waiting.len()
+    }
+
+    fn taking(mut self, page: Vec<(ModelId, Vec<u8>)>) -> Loading {
+        let entries: Vec<Option<Entry>> = page.into_par_iter().map(|(id, content)| entry(id, &content)).collect();
+        self.waiting.extend(entries.into_iter().flatten());
+        if self.waiting.len() >= FULL_SEGMENT {
+            self.append();
+            tracing::info!(models = self.models(), "the gallery is being loaded");
+        }
+        self
+    }
+
+    fn append(&mut self) {
+        self.gallery.append(&self.waiting);
+        self.waiting = Vec::new();
+    }
+
+    fn finished(mut self) -> Gallery {
+        self.append();
+        self.gallery
+    }
+}
+
+fn entry(id: ModelId, content: &[u8]) -> Option<Entry> {
+    match Signature::from_bytes(content) {
+        Ok(signature) => Some(Entry::new(id.number(), signature)),
+        Err(error) => {
+            tracing::warn!(model.id = %id, "the signature is left out of the gallery: {error}");
+            None
         }
     }
-    Gallery::build(entries)
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::models::{NewModel, StoredSignature};
     use super::super::testing;
     use super::*;
+    use crate::faces::signature::tests::example;
+    use crate::retrieval::Wanted;
 
     #[tokio::test]
     async fn it_is_ready_only_when_loaded() {
@@ -144,5 +312,39 @@ mod tests {
         assert!(gallery.is_ready());
         gallery.remove(ModelId::new());
         assert_eq!(gallery.ask(Gallery::len), Ok(0));
+    }
+
+    /// Models whose signature is stored.
+    fn models(count: usize) -> Vec<NewModel> {
+        let signature = example(0.3, 5);
+        let stored = StoredSignature::from(&signature);
+        (0..count).map(|_| NewModel { signature: Some(stored.clone()), ..NewModel::test(None) }).collect()
+    }
+
+    #[tokio::test]
+    async fn all_pages_are_loaded_and_changes_meanwhile_are_not_lost() {
+        let (store, _folder) = testing::store().await;
+        let models = models(PAGE + 10);
+        store.create_models(&models).await.expect("stored");
+        let gallery = LiveGallery::default();
+        let (late, gone) = (ModelId::new(), models[17].id);
+        gallery.insert(late, example(0.9, 6));
+        gallery.remove(gone);
+        assert_eq!(gallery.load(&store).await.expect("loaded"), models.len());
+        let best = gallery.ask(|g| g.by_probe(&example(0.9, 6), None, &Wanted::best(1))).expect("ready");
+        assert_eq!(best[0].model_id, late.number());
+        let all = gallery.ask(|g| g.by_probe(&example(0.3, 5), None, &Wanted::best(5000))).expect("ready");
+        assert!(all.iter().all(|found| found.model_id != gone.number()));
+    }
+
+    #[tokio::test]
+    async fn additions_are_seen_at_once_while_segments_are_merged() {
+        let (store, _folder) = testing::store().await;
+        let gallery = LiveGallery::default();
+        gallery.load(&store).await.expect("loaded");
+        for count in 1..600 {
+            gallery.insert(ModelId::new(), example(0.01 * count as f64, 3));
+            assert_eq!(gallery.ask(Gallery::len), Ok(count));
+        }
     }
 }

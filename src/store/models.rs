@@ -134,6 +134,16 @@ impl Store {
         Ok(())
     }
 
+    /// Stores many uploaded models at once.
+    pub async fn create_models(&self, models: &[NewModel]) -> Result<(), StoreError> {
+        let mut tx = self.begin().await?;
+        for model in models {
+            insert(&mut tx, model).await?;
+        }
+        tx.commit().await?;
+        Ok(())
+    }
+
     /// One model.
     pub async fn model(&self, id: ModelId) -> Result<ModelRecord, StoreError> {
         let row: Option<ModelRow> = sqlx::query_as(
@@ -188,11 +198,18 @@ impl Store {
         Ok(content)
     }
 
-    /// All signatures, for the index in memory.
-    pub async fn signatures(&self) -> Result<Vec<(ModelId, Vec<u8>)>, StoreError> {
-        let rows: Vec<(String, Vec<u8>)> = sqlx::query_as("SELECT model_id, content FROM signature ORDER BY model_id")
-            .fetch_all(&self.readers)
-            .await?;
+    /// The signatures of up to `limit` models, in the order of their ids, those after the given one.
+    pub async fn signatures_after(
+        &self,
+        after: Option<ModelId>,
+        limit: usize,
+    ) -> Result<Vec<(ModelId, Vec<u8>)>, StoreError> {
+        let rows: Vec<(String, Vec<u8>)> =
+            sqlx::query_as("SELECT model_id, content FROM signature WHERE model_id > ? ORDER BY model_id LIMIT ?")
+                .bind(after.map_or(String::new(), |id| id.to_string()))
+                .bind(to_i64(limit as u64))
+                .fetch_all(&self.readers)
+                .await?;
         rows.into_iter().map(|(id, content)| Ok((stored_id!(ModelId, &id)?, content))).collect()
     }
 
@@ -298,10 +315,11 @@ mod tests {
         store.create_model(&model, None).await.expect("stored");
         assert_eq!(store.model(model.id).await.expect("there").signature, Some(summary));
         assert_eq!(store.assets(model.id).await.expect("read"), model.assets);
-        assert_eq!(store.signatures().await.expect("read"), [(model.id, vec![1, 2, 3])]);
+        assert_eq!(store.signatures_after(None, 5).await.expect("read"), [(model.id, vec![1, 2, 3])]);
+        assert!(store.signatures_after(Some(model.id), 5).await.expect("read").is_empty());
         store.delete_model(model.id).await.expect("deleted");
         assert!(store.assets(model.id).await.expect("read").is_empty());
-        assert!(store.signatures().await.expect("read").is_empty());
+        assert!(store.signatures_after(None, 5).await.expect("read").is_empty());
         assert!(matches!(store.delete_model(model.id).await, Err(StoreError::NotFound { kind: "model", .. })));
     }
 }

@@ -1,7 +1,7 @@
 //! `visage bench faces`: the paper's Table 3 for the faces of a labelled set, faces against other things step by step,
 //! landmark errors, and what disturbances do to a verdict. Every unit is taken as unknown.
 
-mod dataset;
+pub(super) mod dataset;
 mod robustness;
 mod roc;
 mod tables;

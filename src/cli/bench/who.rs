@@ -1,0 +1,149 @@
+//! `visage bench who`: does what is left of a scanned head tell whose it is, among many?
+//!
+//! The people are code-made heads. A probe is one of them with a third of its triangles, noise of 0.3 mm on the
+//! standard and turned at random. How hard that is hangs on how near the nearest pairs are, so that is measured too, for
+//! the same number of comparisons on the real heads of a labelled set if one is given.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use rand::seq::SliceRandom;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+use rayon::prelude::*;
+
+use super::faces::dataset;
+use crate::faces::{self, DenseSignature, Signature};
+use crate::geometry::{Cloud, Mesh, Motion, Surface, Unit, Vector3};
+use crate::progress::Progress;
+use crate::retrieval::{Gallery, ModelId, Wanted};
+use crate::synthetic::head::{Proportions, head};
+
+/// How many people there are.
+#[derive(Debug, Args)]
+pub struct WhoArgs {
+    /// Code-made people in the gallery
+    #[arg(long, default_value_t = 1000)]
+    people: u64,
+    /// How many of them are asked about
+    #[arg(long, default_value_t = 200)]
+    probes: u64,
+    /// How much people differ: 1 for 4 to 9 % in each of eight measures
+    #[arg(long, default_value_t = 1.0)]
+    variety: f64,
+    /// A labelled set: the nearest pairs of its heads (ICT and SIMPOP) are measured as well
+    #[arg(long)]
+    data: Option<PathBuf>,
+}
+
+/// Noise of a probe, mm on the standard.
+const NOISE_MM: f64 = 0.3;
+
+/// Runs the measurement and prints it.
+pub fn run(args: WhoArgs) -> anyhow::Result<()> {
+    let people: Vec<Signature> = (0..args.people)
+        .into_par_iter()
+        .map(|seed| described(&person(seed, args.variety)))
+        .collect::<Result<_, _>>()?;
+    let gallery = Gallery::build(people.iter().enumerate().map(|(id, s)| (id as ModelId, s.clone())).collect());
+    let step = (args.people / args.probes.max(1)).max(1);
+    let asked: Vec<u64> = (0..args.people).step_by(step as usize).take(args.probes as usize).collect();
+    let found = asked
+        .par_iter()
+        .map(|&seed| {
+            let probe = described(&remnant(&person(seed, args.variety), seed))?;
+            let best = gallery.by_probe(&probe, None, &Wanted::best(1));
+            let own = probe.dense().zip(people[seed as usize].dense()).and_then(|(a, b)| a.distance_mm(b));
+            Ok((best.first().is_some_and(|found| found.model_id == ModelId::from(seed)), own.unwrap_or(f64::INFINITY)))
+        })
+        .collect::<anyhow::Result<Vec<(bool, f64)>>>()?;
+    let first = found.iter().filter(|(is_first, _)| *is_first).count();
+    println!("rank-1: {first} of {} probes among {} people", found.len(), people.len());
+    println!("\n| dense distance, mm | least | 1 % | median | greatest |\n| --- | ---: | ---: | ---: | ---: |");
+    println!("{}", row("probe to its own head", found.into_iter().map(|(_, own)| own).collect()));
+    println!("{}", row("head to the nearest other", nearest(&people)));
+    if let Some(data) = args.data {
+        let rows = dataset::read(&data)?;
+        let heads =
+            rows.into_iter().filter(|row| row.face && (row.file.contains("ict_") || row.file.contains("simpop_")));
+        let real: Vec<Signature> = heads
+            .collect::<Vec<_>>()
+            .into_par_iter()
+            .map(|row| described_surface(&dataset::load(&data, &row)?))
+            .collect::<Result<_, _>>()?;
+        println!("{}", row(&format!("the same of {} real heads", real.len()), nearest(&real)));
+        println!("{}", row("any two real heads", pairs(&real)));
+        let few: Vec<Signature> = people.iter().take(real.len()).cloned().collect();
+        println!("{}", row("any two of as many code-made heads", pairs(&few)));
+    }
+    Ok(())
+}
+
+fn person(seed: u64, variety: f64) -> Mesh {
+    let p = Proportions::of(seed);
+    let nearer = |factor: f64| 1.0 + variety * (factor - 1.0);
+    let proportions = Proportions {
+        size: nearer(p.size),
+        eye_distance: nearer(p.eye_distance),
+        nose_length: nearer(p.nose_length),
+        nose_depth: nearer(p.nose_depth),
+        nose_width: nearer(p.nose_width),
+        mouth_width: nearer(p.mouth_width),
+        jaw_width: nearer(p.jaw_width),
+        chin_depth: nearer(p.chin_depth),
+    };
+    head(&proportions).mesh
+}
+
+/// A third of the triangles, turned, with noise. Code-made heads are in mm of the standard.
+fn remnant(mesh: &Mesh, seed: u64) -> Mesh {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut faces = mesh.faces.clone();
+    faces.shuffle(&mut rng);
+    faces.truncate(mesh.faces.len() / 3);
+    let axis = Vector3::from_fn(|_, _| rng.random_range(-3.0..3.0));
+    let motion = Motion::new(Vector3::new(30.0, -7.0, 2.0), axis);
+    let mut noisy = |p: &crate::geometry::Point3| {
+        motion * p
+            + Vector3::from_fn(|_, _| {
+                let x: f64 = StandardNormal.sample(&mut rng);
+                NOISE_MM * x
+            })
+    };
+    Mesh { vertices: mesh.vertices.iter().map(&mut noisy).collect(), faces }
+}
+
+fn described(mesh: &Mesh) -> anyhow::Result<Signature> {
+    let cloud = Cloud { points: mesh.vertices.clone(), ..Cloud::default() };
+    described_surface(&Surface { cloud, faces: mesh.faces.clone(), ..Surface::default() })
+}
+
+fn described_surface(surface: &Surface) -> anyhow::Result<Signature> {
+    Ok(faces::describe(surface, Unit::Unknown, &Progress::silent())?)
+}
+
+/// For each head the dense distance to the nearest other.
+fn nearest(heads: &[Signature]) -> Vec<f64> {
+    let dense: Vec<&DenseSignature> = heads.iter().filter_map(Signature::dense).collect();
+    let distances = |k: usize| {
+        let others = dense.iter().enumerate().filter(move |(other, _)| *other != k);
+        others.filter_map(|(_, other)| dense[k].distance_mm(other)).fold(f64::INFINITY, f64::min)
+    };
+    (0..dense.len()).into_par_iter().map(distances).collect()
+}
+
+/// The dense distance of every two heads.
+fn pairs(heads: &[Signature]) -> Vec<f64> {
+    let dense: Vec<&DenseSignature> = heads.iter().filter_map(Signature::dense).collect();
+    (0..dense.len())
+        .flat_map(|k| dense[..k].iter().filter_map(|other| other.distance_mm(dense[k])).collect::<Vec<_>>())
+        .collect()
+}
+
+fn row(name: &str, mut values: Vec<f64>) -> String {
+    values.sort_by(f64::total_cmp);
+    let at = |share: f64| values.get(((values.len() as f64 * share) as usize).min(values.len().saturating_sub(1)));
+    let cell = |share: f64| at(share).map_or("-".to_owned(), |value| format!("{value:.2}"));
+    format!("| {name} | {} | {} | {} | {} |", cell(0.0), cell(0.01), cell(0.5), cell(1.0))
+}

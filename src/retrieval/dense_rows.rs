@@ -1,0 +1,263 @@
+//! The dense signatures of many models in one flat array, and a bound that rules most of them out in one pass of
+//! integers.
+//!
+//! The distance leaves out the `t` greatest of the squared differences `s_i`. For any ceiling `c`, those left in sum up
+//! to at least `sum_i min(s_i, c) - t c`: the ones left out count `c` each at most. That needs no sorting, and it is
+//! exact where the ceiling is the least square left out, so a ceiling that fits the reach rules out nearly all there is
+//! to rule out.
+
+use crate::faces::dense::{DenseSignature, KEPT_SHARE, LEAST_COMMON, STEP_MM, UNSEEN};
+use crate::faces::template::TEMPLATE_POINTS;
+
+/// Heights, made positive, padded to whole vector registers with the height 0.
+type Row = [u8; WIDTH];
+const WIDTH: usize = TEMPLATE_POINTS.next_multiple_of(16);
+/// The byte of a height of 0 and that of an unseen point.
+const LEVEL: u8 = 128;
+const NOTHING: u8 = (UNSEEN as u8).wrapping_add(LEVEL);
+/// The ceiling over the reach: with normally distributed differences the least one left out is this much
+/// greater than the root mean square of those left in.
+const CEILING: f64 = 2.08;
+
+/// What is known of a row beside its heights.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+struct Seen {
+    sum: i32,
+    points: u16,
+    /// Whether there is a signature at all.
+    there: bool,
+}
+
+/// The dense signatures of a list of models, some of which have none.
+#[derive(Debug, Default)]
+pub(super) struct DenseRows {
+    rows: Vec<Row>,
+    seen: Vec<Seen>,
+}
+
+fn row(signature: Option<&DenseSignature>) -> (Row, Seen) {
+    let mut row = [LEVEL; WIDTH];
+    let Some(signature) = signature else { return (row, Seen::default()) };
+    let mut seen = Seen { there: true, ..Seen::default() };
+    for (slot, byte) in row.iter_mut().zip(signature.to_bytes()) {
+        *slot = byte.wrapping_add(LEVEL);
+        if *slot != NOTHING {
+            seen.sum += i32::from(*slot) - i32::from(LEVEL);
+            seen.points += 1;
+        }
+    }
+    (row, seen)
+}
+
+impl DenseRows {
+    /// Adds a model's.
+    pub fn push(&mut self, signature: Option<&DenseSignature>) {
+        let (row, seen) = row(signature);
+        self.rows.push(row);
+        self.seen.push(seen);
+    }
+
+    /// Adds one from another list.
+    pub fn push_from(&mut self, others: &DenseRows, place: u32) {
+        self.rows.push(others.rows[place as usize]);
+        self.seen.push(others.seen[place as usize]);
+    }
+
+    /// The dense signature at a place.
+    pub fn signature(&self, place: u32) -> Option<DenseSignature> {
+        let (row, seen) = (&self.rows[place as usize], self.seen[place as usize]);
+        seen.there.then(|| DenseSignature::from_bytes(std::array::from_fn(|k| row[k].wrapping_sub(LEVEL))))
+    }
+
+    /// Whether the model at a place has none.
+    pub fn is_missing(&self, place: u32) -> bool {
+        !self.seen[place as usize].there
+    }
+
+    /// Gives back what was reserved but not used.
+    pub fn shrink(&mut self) {
+        self.rows.shrink_to_fit();
+        self.seen.shrink_to_fit();
+    }
+}
+
+/// A probe's dense signature, to be held against rows.
+#[derive(Debug)]
+pub(super) struct DenseProbe {
+    signature: DenseSignature,
+    row: Row,
+    seen: Seen,
+}
+
+impl DenseProbe {
+    pub fn new(signature: &DenseSignature) -> DenseProbe {
+        let (row, seen) = row(Some(signature));
+        DenseProbe { signature: signature.clone(), row, seen }
+    }
+
+    /// The distance to the model at a place, mm on the standard; `None` if too few points are seen on both.
+    pub fn distance_mm(&self, rows: &DenseRows, place: u32) -> Option<f64> {
+        self.signature.distance_mm(&rows.signature(place)?)
+    }
+
+    /// Whether the distance to the model at a place is surely greater than `reach`. A no says nothing.
+    pub fn is_beyond(&self, rows: &DenseRows, place: u32, reach: &Reach) -> bool {
+        let (row, seen) = (&rows.rows[place as usize], &rows.seen[place as usize]);
+        let whole = TEMPLATE_POINTS as u16;
+        if seen.points == whole && self.seen.points == whole {
+            let shift = Shift::new(seen.sum - self.seen.sum, TEMPLATE_POINTS);
+            let squares = capped_squares(row, &self.row, shift.whole, reach.ceiling);
+            return reach.is_exceeded(squares, TEMPLATE_POINTS, shift.rest);
+        }
+        let (sum, points) = sum_of_common(row, &self.row);
+        if (points as f64) < LEAST_COMMON * TEMPLATE_POINTS as f64 {
+            return false;
+        }
+        let shift = Shift::new(sum, points);
+        let squares = capped_squares_of_common(row, &self.row, shift.whole, reach.ceiling);
+        reach.is_exceeded(squares, points, shift.rest)
+    }
+}
+
+/// A distance to be ruled out.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Reach {
+    /// Its square, in steps, a hair greater so that arithmetic decides nothing.
+    square: f64,
+    /// What differences are capped to, in steps.
+    ceiling: u8,
+}
+
+impl Reach {
+    pub fn new(reach_mm: f64) -> Reach {
+        let steps = reach_mm.max(0.0) / STEP_MM;
+        Reach { square: steps * steps * (1.0 + 1e-9) + 1e-9, ceiling: (CEILING * steps).ceil().clamp(1.0, 255.0) as u8 }
+    }
+
+    /// Given the sum of the capped squared differences from a mean that is off by `rest` (at most half a step).
+    fn is_exceeded(&self, capped_squares: u32, points: usize, rest: f64) -> bool {
+        let points_kept = (KEPT_SHARE * points as f64).ceil();
+        let left_out = points as f64 - points_kept;
+        let squares = f64::from(capped_squares);
+        // (x - rest)^2 >= x^2 - 2 rest x, and the sum of the x is at most the root of points times squares
+        let least =
+            squares - 2.0 * rest * (points as f64 * squares).sqrt() - left_out * f64::from(self.ceiling).powi(2);
+        least > self.square * points_kept
+    }
+}
+
+/// A mean in whole steps, and how far that is from it.
+struct Shift {
+    whole: i16,
+    rest: f64,
+}
+
+impl Shift {
+    fn new(sum: i32, points: usize) -> Shift {
+        let mean = f64::from(sum) / points as f64;
+        Shift { whole: mean.round() as i16, rest: (mean - mean.round()).abs() }
+    }
+}
+
+/// The sum of `min(|a - b - shift|, ceiling)^2`. Padding counts as a difference of `-shift`, which only whole rows of
+/// means near 0 make small; it is taken off again.
+fn capped_squares(a: &Row, b: &Row, shift: i16, ceiling: u8) -> u32 {
+    let padding = u32::from(shift.unsigned_abs().min(u16::from(ceiling))).pow(2) * (WIDTH - TEMPLATE_POINTS) as u32;
+    let sum: u32 = if shift == 0 {
+        let capped = a.iter().zip(b).map(|(a, b)| i32::from(a.abs_diff(*b).min(ceiling)));
+        capped.map(|x| x * x).sum::<i32>() as u32
+    } else {
+        let capped =
+            a.iter().zip(b).map(|(a, b)| (i16::from(*a) - i16::from(*b) - shift).abs().min(i16::from(ceiling)));
+        capped.map(|x| i32::from(x) * i32::from(x)).sum::<i32>() as u32
+    };
+    sum - padding
+}
+
+/// The sum of `a - b` over the points seen on both, and their number. Padding counts nothing to the sum.
+fn sum_of_common(a: &Row, b: &Row) -> (i32, usize) {
+    let mut sum = 0i32;
+    let mut points = 0i16;
+    for (a, b) in a.iter().zip(b) {
+        let both = -i16::from(*a != NOTHING && *b != NOTHING);
+        sum += i32::from((i16::from(*a) - i16::from(*b)) & both);
+        points -= both;
+    }
+    (sum, points as usize - (WIDTH - TEMPLATE_POINTS))
+}
+
+/// [`capped_squares`] over the points seen on both.
+fn capped_squares_of_common(a: &Row, b: &Row, shift: i16, ceiling: u8) -> u32 {
+    let mut sum = 0i32;
+    for (a, b) in a[..TEMPLATE_POINTS].iter().zip(&b[..TEMPLATE_POINTS]) {
+        let both = -i16::from(*a != NOTHING && *b != NOTHING);
+        let x = (i16::from(*a) - i16::from(*b) - shift).abs().min(i16::from(ceiling)) & both;
+        sum += i32::from(x) * i32::from(x);
+    }
+    sum as u32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn signature(heights: &[i8]) -> DenseSignature {
+        DenseSignature::from_bytes(std::array::from_fn(|k| {
+            heights[k % heights.len()].wrapping_add((k % 3) as i8) as u8
+        }))
+    }
+
+    proptest! {
+        #[test]
+        fn what_is_ruled_out_is_farther(
+            a in prop::collection::vec(-60i8..60, 1..300), b in prop::collection::vec(-60i8..60, 1..300),
+            near in any::<bool>(), unseen in prop::collection::vec(0usize..300, 0..90), reach_mm in 0.0..6.0f64,
+        ) {
+            let mut other = if near { signature(&a).to_bytes() } else { signature(&b).to_bytes() };
+            for (k, byte) in b.iter().zip(other.iter_mut()) {
+                *byte = byte.wrapping_add((k / 10) as u8);
+            }
+            for place in unseen {
+                other[place] = UNSEEN as u8;
+            }
+            let (probe, other) = (signature(&a), DenseSignature::from_bytes(other));
+            let mut rows = DenseRows::default();
+            rows.push(None);
+            rows.push(Some(&other));
+            prop_assert_eq!(rows.signature(1), Some(other.clone()));
+            let dense = DenseProbe::new(&probe);
+            let exact = probe.distance_mm(&other);
+            prop_assert_eq!(dense.distance_mm(&rows, 1), exact);
+            for reach_mm in [reach_mm, exact.unwrap_or(0.0), exact.unwrap_or(0.0) * 0.999] {
+                if dense.is_beyond(&rows, 1, &Reach::new(reach_mm)) {
+                    prop_assert!(exact.is_some_and(|exact| exact > reach_mm));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_much_farther_is_ruled_out() {
+        let flat = signature(&[0]);
+        let mut rows = DenseRows::default();
+        rows.push(Some(&signature(&[12, -12, 9, -7, 3, 0, -5])));
+        let mut holed = signature(&[12, -12, 9, -7, 3, 0, -5]).to_bytes();
+        holed[40..90].fill(UNSEEN as u8);
+        rows.push(Some(&DenseSignature::from_bytes(holed)));
+        let probe = DenseProbe::new(&flat);
+        for place in [0, 1] {
+            let exact = probe.distance_mm(&rows, place).expect("most is seen");
+            assert!(probe.is_beyond(&rows, place, &Reach::new(0.8 * exact)), "{exact}");
+            assert!(!probe.is_beyond(&rows, place, &Reach::new(exact)));
+        }
+    }
+
+    #[test]
+    fn a_model_without_one_is_told() {
+        let mut rows = DenseRows::default();
+        rows.push(None);
+        assert!(rows.is_missing(0) && rows.signature(0).is_none());
+        assert_eq!(DenseProbe::new(&signature(&[1])).distance_mm(&rows, 0), None);
+    }
+}

@@ -1,0 +1,50 @@
+//! A segment of the gallery and what has become of its models.
+
+use std::sync::Arc;
+
+use super::ModelId;
+use super::segment::{Kept, Segment};
+use super::triangle_query::{TriangleQuery, score};
+
+/// A segment and which of its models are still there.
+#[derive(Debug, Clone)]
+pub(super) struct Part {
+    pub segment: Arc<Segment>,
+    alive: Arc<Vec<u64>>,
+    pub models: usize,
+}
+
+impl Part {
+    pub fn new(segment: Segment) -> Part {
+        let models = segment.ids.len();
+        Part { segment: Arc::new(segment), alive: Arc::new(vec![u64::MAX; models.div_ceil(64)]), models }
+    }
+
+    pub fn is_alive(&self, place: u32) -> bool {
+        self.alive[place as usize / 64] >> (place % 64) & 1 == 1
+    }
+
+    /// Marks a model as gone; true if it was there.
+    pub fn forget(&mut self, id: ModelId) -> bool {
+        let Some(place) = self.segment.place(id).filter(|place| self.is_alive(*place)) else { return false };
+        Arc::make_mut(&mut self.alive)[place as usize / 64] &= !(1 << (place % 64));
+        self.models -= 1;
+        true
+    }
+
+    /// The places whose models are there, ascending.
+    pub fn places(&self) -> impl Iterator<Item = u32> + '_ {
+        (0..self.segment.ids.len() as u32).filter(|place| self.is_alive(*place))
+    }
+
+    /// What goes into another segment.
+    pub fn kept(&self) -> Kept<'_> {
+        Kept { segment: &self.segment, places: self.places().collect() }
+    }
+
+    /// A model's id and the score of one of its triangles; `None` if the model is gone.
+    pub fn score(&self, query: &TriangleQuery, place: u32, number: u16) -> Option<(ModelId, f64)> {
+        let triangle = self.is_alive(place).then(|| self.segment.outlines.outline(place).triangle(number))??;
+        Some((self.segment.ids[place as usize], score(query.chord(&triangle.shape))))
+    }
+}
