@@ -9,6 +9,7 @@
 //! - [`reconstruction`]: one cloud from the posed views
 //! - [`saliency`]: curvature, multi-scale saliency, salient regions
 //! - [`faces`]: facial triangles, standards, signatures
+//! - [`classes`]: standards made by users, for anything with caps and pits
 //! - [`retrieval`]: the in-memory gallery index and its queries
 //! - [`synthetic`]: objects and scans made by code, for the demo and the tests
 //! - [`pipeline`]: scans to model to signature, stage by stage
@@ -26,6 +27,7 @@
 #![warn(missing_docs)]
 
 pub mod blobs;
+pub mod classes;
 pub mod cli;
 pub mod config;
 pub mod faces;

@@ -99,6 +99,11 @@ impl Progress {
         Progress { sink: None, cancel: Arc::new(AtomicBool::new(false)) }
     }
 
+    /// Stops with this one, but reports to nobody: for a part whose stages are not those of the whole.
+    pub fn muted(&self) -> Self {
+        Progress { sink: None, cancel: self.cancel.clone() }
+    }
+
     /// Tells the sink that `fraction` (0 to 1) of `stage` is done.
     pub fn report(&self, stage: Stage, fraction: f64) {
         if let Some(sink) = &self.sink {

@@ -14,6 +14,7 @@ const LAYERS: &[(&str, &[&str])] = &[
     ("reconstruction", &["geometry", "registration", "progress"]),
     ("saliency", &["geometry", "progress"]),
     ("faces", &["geometry", "saliency", "progress"]),
+    ("classes", &["geometry", "saliency", "faces", "progress"]),
     ("retrieval", &["geometry", "faces", "progress"]),
     ("synthetic", &["geometry"]),
     ("pipeline", &["geometry", "registration", "reconstruction", "saliency", "faces", "progress"]),
@@ -22,16 +23,20 @@ const LAYERS: &[(&str, &[&str])] = &[
     ("config", &["formats"]),
     ("telemetry", &[]),
     // scans, poses and options as values; the gallery index, which it keeps current
-    ("store", &["geometry", "pipeline", "faces", "retrieval"]),
+    ("store", &["geometry", "pipeline", "faces", "classes", "retrieval"]),
     // ids, and which files a sweep must leave
     ("blobs", &["store"]),
-    ("jobs", &["geometry", "formats", "faces", "pipeline", "progress", "config", "telemetry", "store", "blobs"]),
+    (
+        "jobs",
+        &["geometry", "formats", "faces", "classes", "pipeline", "progress", "config", "telemetry", "store", "blobs"],
+    ),
     (
         "http",
         &[
             "geometry",
             "formats",
             "faces",
+            "classes",
             "retrieval",
             "pipeline",
             "progress",
@@ -72,6 +77,7 @@ const PURE: &[&str] = &[
     "reconstruction",
     "saliency",
     "faces",
+    "classes",
     "retrieval",
     "synthetic",
     "pipeline",

@@ -109,7 +109,7 @@ impl Finalist {
 }
 
 impl Oriented<'_> {
-    fn sampled(&self, spacing: f64) -> Samples {
+    pub(crate) fn sampled(&self, spacing: f64) -> Samples {
         if self.mesh.faces.is_empty() {
             Samples::from_cloud(&self.mesh.vertices, self.normals, spacing)
         } else {
@@ -118,7 +118,7 @@ impl Oriented<'_> {
     }
 
     /// Samples of the part within `reach` of `center`.
-    fn sampled_around(&self, center: &Point3, reach: f64, spacing: f64) -> Samples {
+    pub(crate) fn sampled_around(&self, center: &Point3, reach: f64, spacing: f64) -> Samples {
         let near = |p: &Point3| (p - center).norm_squared() < reach * reach;
         if self.mesh.faces.is_empty() {
             let kept = (0..self.mesh.vertices.len()).filter(|&v| near(&self.mesh.vertices[v]));
@@ -130,7 +130,7 @@ impl Oriented<'_> {
     }
 
     /// The area of the surface; 0 for a bare cloud.
-    fn area(&self) -> f64 {
+    pub(crate) fn area(&self) -> f64 {
         (0..self.mesh.faces.len()).map(|f| 0.5 * self.mesh.area_normal(f).norm()).sum()
     }
 }

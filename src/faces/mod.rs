@@ -76,10 +76,10 @@ pub fn describe(surface: &Surface, unit: Unit, progress: &Progress) -> Result<Si
 }
 
 /// A mesh without faces stands for a bare cloud.
-type OrientedSurface = (Mesh, Vec<Vector3>, Side);
+pub(crate) type OrientedSurface = (Mesh, Vec<Vector3>, Side);
 
 /// The box around the surface, if there is enough surface to describe.
-fn checked_bounds(surface: &Surface) -> Result<Bounds, DescribeError> {
+pub(crate) fn checked_bounds(surface: &Surface) -> Result<Bounds, DescribeError> {
     let count = surface.cloud.len();
     match surface.cloud.bounds() {
         Some(bounds) if count >= LEAST_POINTS && bounds.diagonal().is_finite() && bounds.diagonal() > 0.0 => Ok(bounds),
@@ -91,7 +91,7 @@ fn checked_bounds(surface: &Surface) -> Result<Bounds, DescribeError> {
 }
 
 /// The surface with unit normals and what is known of their side; clouds without normals are thinned first.
-fn oriented(surface: &Surface, diagonal: f64) -> OrientedSurface {
+pub(crate) fn oriented(surface: &Surface, diagonal: f64) -> OrientedSurface {
     if let Some(mesh) = surface.mesh() {
         let (normals, side) = (mesh.vertex_normals(), saliency::orientation::side_of_mesh(&mesh));
         return (mesh, normals, side);
@@ -123,7 +123,7 @@ pub(crate) mod tests {
 
     /// The height of a face-like relief over (x, y), mm: a brow-to-chin vault with a nose and two eye pits, at the
     /// places of the standard but 8 % broader.
-    fn height(x: f64, y: f64) -> f64 {
+    pub(crate) fn height(x: f64, y: f64) -> f64 {
         let bump = |cx: f64, cy: f64, sx: f64, sy: f64| (-((x - cx) / sx).powi(2) - ((y - cy) / sy).powi(2)).exp();
         let vault = 104.0 - x * x / 130.0 - (y - 10.0) * (y - 10.0) / 400.0;
         let nose = 22.0 * bump(0.0, -3.0, 18.0, 16.0) + 10.0 * bump(0.0, 16.0, 9.0, 22.0);

@@ -4,7 +4,7 @@ use super::triangle::Triangle;
 use crate::geometry::{Motion, Point3, Vector3};
 
 /// A map from the standard's frame (mm) to the model's: `p_model = R (scale * stretch * p_standard) + t`.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Similarity {
     /// Model units in one millimetre of the standard.
     pub scale: f64,

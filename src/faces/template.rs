@@ -41,6 +41,16 @@ pub fn face() -> &'static Template {
 }
 
 impl Template {
+    /// A surface that keeps its form: points with their outward unit normals, in the order in which they count.
+    pub fn rigid(points: &[Point3], normals: &[Vector3]) -> Template {
+        let still = Jet { value: Vector3::zeros(), along_x: Vector3::zeros(), along_y: Vector3::zeros() };
+        let node = |(point, normal): (&Point3, &Vector3)| {
+            let [along_x, along_y] = crate::saliency::quadric::tangents(normal);
+            Node { rest: Jet { value: point.coords, along_x, along_y }, modes: [still; MODES] }
+        };
+        Template { nodes: points.iter().zip(normals).map(node).collect() }
+    }
+
     /// The number of points.
     pub fn len(&self) -> usize {
         self.nodes.len()
@@ -152,6 +162,14 @@ mod tests {
         assert!(template.points.iter().all(|p| p.y > -23.0 && p.y < 75.0 && p.x.abs() < 60.0));
         assert!(!template.points.iter().any(|p| (p.x.abs() - 31.5).abs() < 5.0 && (p.y - 33.5).abs() < 2.0));
         assert!(template.normals.iter().all(|n| (n.norm() - 1.0).abs() < 1e-12 && n.z > 0.0));
+    }
+
+    #[test]
+    fn a_rigid_template_is_its_points_whatever_the_weights() {
+        let (points, normals) = ([Point3::new(1.0, 2.0, 3.0)], [Vector3::new(0.6, 0.0, -0.8)]);
+        let shaped = Template::rigid(&points, &normals).shaped(&Weights::repeat(2.0), 1);
+        assert_eq!(shaped.points, points);
+        assert!((shaped.normals[0] - normals[0]).norm() < 1e-12);
     }
 
     #[test]

@@ -1,0 +1,195 @@
+//! Where on a surface a class's dense region fits best: triangles of all scale levels and sides, a first look at each, a
+//! closer one at the best that stand at places of their own.
+
+use rayon::prelude::*;
+
+use super::Class;
+use super::corners::{Candidate, SelectiveTriangle};
+use crate::faces::detection::Oriented;
+use crate::faces::features::{features, places};
+use crate::faces::modes::Weights;
+use crate::faces::similarity::Similarity;
+use crate::faces::target::Target;
+use crate::faces::template::Template;
+use crate::faces::verification::{
+    Fit, KEPT_SHARE, PROPORTION_WEIGHT, Placement, RIGID_PROPORTIONS, Search, fit_pose, score,
+};
+use crate::geometry::{Point3, Unit};
+use crate::progress::{Canceled, Progress};
+use crate::saliency::{CellGrid, Samples};
+
+/// The best place of a class on a surface.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Found {
+    /// Where the standard lies in the model.
+    pub pose: Similarity,
+    /// What is left between the region and the surface; see [`Fit::residual_mm`].
+    pub residual_mm: f64,
+    /// The share of the region that could be seen.
+    pub observed: f64,
+    /// Least-squares matching error of the triangle that led there, mm on the standard.
+    pub matching_error_mm: f64,
+}
+
+/// Feature lengths where a unit is unknown, as multiples of the standard's own share of its bounding box: from a part of
+/// a larger thing to a close-up.
+const LEVELS_OF_SHARE: [f64; 6] = [0.42, 0.56, 0.75, 1.0, 1.33, 1.77];
+/// The same where both units are known, as multiples of the true length.
+const LEVELS_OF_TRUE_SIZE: [f64; 5] = [0.6, 0.8, 1.0, 1.25, 1.6];
+/// Where both units are known, a model of the class has this size relative to the standard.
+const TRUE_SIZES: std::ops::RangeInclusive<f64> = 0.5..=2.0;
+/// Spacing of the samples of a level, in feature lengths, and the most of them: as for faces.
+const SPACING: f64 = 0.1;
+const MOST_SAMPLES: usize = 80_000;
+/// The first look, on the level's samples.
+const FIRST_LOOK: Search = Search {
+    points: 90,
+    rounds: 5,
+    most_growth: 1.3,
+    proportion_weight: RIGID_PROPORTIONS,
+    kept_share: KEPT_SHARE,
+    rigid_rounds: 5,
+};
+/// The closer look, of the best few.
+const SECOND_LOOK: Search = Search {
+    points: usize::MAX,
+    rounds: 30,
+    most_growth: 1.3,
+    proportion_weight: PROPORTION_WEIGHT,
+    kept_share: 0.9,
+    rigid_rounds: 30,
+};
+/// How many get it.
+const FINALISTS: usize = 6;
+/// A first look this many times worse than the best gets none.
+const HOPELESS: f64 = 1.8;
+/// Fits whose corners lie this near to each other stand at one place, mm on the standard.
+const SAME_PLACE_MM: f64 = 6.0;
+/// The spacing of the closer look's samples, and how far beyond the region they reach, mm on the standard.
+const FINE_SPACING_MM: f64 = 3.0;
+const FINE_MARGIN_MM: f64 = 25.0;
+
+/// A fit that may be looked at again.
+#[derive(Debug, Clone, Copy)]
+struct Finalist {
+    fit: Fit,
+    sign: f64,
+    matching_error_mm: f64,
+}
+
+/// A class with its region as the fit wants it.
+struct Sought<'a> {
+    class: &'a Class,
+    template: Template,
+    /// From the middle of the region to its farthest point, mm on the standard.
+    reach_mm: f64,
+}
+
+/// See [`Class::find`]. `progress` is asked between levels.
+pub(super) fn find(
+    surface: &Oriented,
+    unit: Unit,
+    class: &Class,
+    progress: &Progress,
+) -> Result<Option<Found>, Canceled> {
+    let reach_mm = class.points.iter().map(|p| p.coords.norm()).fold(0.0, f64::max);
+    let sought = Sought { class, template: class.template(), reach_mm };
+    let diagonal = surface.mesh.bounds().map_or(0.0, |b| b.diagonal());
+    let true_scale = class.true_scale().zip(unit.in_mm()).map(|(standard, mm)| standard / mm);
+    let levels: Vec<f64> = match true_scale {
+        Some(scale) => LEVELS_OF_TRUE_SIZE.iter().map(|factor| factor * class.expected_mm * scale).collect(),
+        None => LEVELS_OF_SHARE.iter().map(|factor| factor * class.share_of_diagonal * diagonal).collect(),
+    };
+    let area = surface.area();
+    let mut finalists = Vec::new();
+    for expected in levels {
+        progress.check()?;
+        let spacing = SPACING * expected;
+        if diagonal <= 0.0 || area / (spacing * spacing) > MOST_SAMPLES as f64 {
+            continue;
+        }
+        let samples = surface.sampled(spacing);
+        if samples.points.len() <= MOST_SAMPLES {
+            for &sign in surface.side.signs() {
+                sought.look_at_level(&samples, expected, sign, &mut finalists);
+            }
+        }
+    }
+    progress.check()?;
+    if let Some(scale) = true_scale {
+        finalists.retain(|f| TRUE_SIZES.contains(&(f.fit.pose.scale / scale)));
+    }
+    Ok(sought.best(surface, finalists))
+}
+
+impl Sought<'_> {
+    fn look_at_level(&self, samples: &Samples, expected: f64, sign: f64, finalists: &mut Vec<Finalist>) {
+        let grid = CellGrid::new(&samples.points, 0.18 * expected);
+        let features = features(samples, &grid, expected);
+        let places = places(samples, &grid, &features, expected, sign);
+        let target = Target { samples, grid: &grid, sign };
+        let candidates: Vec<(&SelectiveTriangle, Candidate)> = self
+            .class
+            .triangles
+            .iter()
+            .flat_map(|t| t.candidates(&places, expected, self.class.expected_mm).into_iter().map(move |c| (t, c)))
+            .collect();
+        let looks =
+            candidates.par_iter().map(|(triangle, candidate)| self.first_look(&target, triangle, candidate, sign));
+        finalists.extend(looks.collect::<Vec<Finalist>>());
+    }
+
+    fn first_look(&self, target: &Target, from: &SelectiveTriangle, to: &Candidate, sign: f64) -> Finalist {
+        let (standard, outward) = (from.detected(), from.outward());
+        let pose = Similarity::of_triangles(&standard, &outward, &to.triangle, &to.outward);
+        let start = Placement { pose, weights: Weights::zeros() };
+        let placement = fit_pose(target, &self.template, &start, &FIRST_LOOK);
+        let shape = to.triangle.shape(&to.outward);
+        Finalist {
+            fit: score(target, &self.template, FIRST_LOOK.points, &placement),
+            sign,
+            matching_error_mm: shape.matching_error(&standard.shape(&outward), standard.size()),
+        }
+    }
+
+    /// The best of the second looks at the best of the first that stand at places of their own; ties by order.
+    fn best(&self, surface: &Oriented, mut finalists: Vec<Finalist>) -> Option<Found> {
+        finalists.sort_by(|a, b| a.fit.residual_mm.total_cmp(&b.fit.residual_mm));
+        let mut kept: Vec<Finalist> = Vec::new();
+        for finalist in finalists {
+            let hopeless = kept.first().is_some_and(|best| finalist.fit.residual_mm > HOPELESS * best.fit.residual_mm);
+            if hopeless || kept.len() == FINALISTS {
+                break;
+            }
+            if !kept.iter().any(|other| self.stand_together(other, &finalist)) {
+                kept.push(finalist);
+            }
+        }
+        let looks = kept.iter().map(|finalist| self.second_look(surface, finalist));
+        let best = looks.reduce(|best, next| if next.fit.residual_mm < best.fit.residual_mm { next } else { best })?;
+        Some(Found {
+            pose: best.fit.pose,
+            residual_mm: best.fit.residual_mm,
+            observed: best.fit.observed,
+            matching_error_mm: best.matching_error_mm,
+        })
+    }
+
+    fn stand_together(&self, a: &Finalist, b: &Finalist) -> bool {
+        let apart = |p: &Point3| (a.fit.pose.point(p) - b.fit.pose.point(p)).norm();
+        let corners = self.class.triangles.iter().flat_map(|t| t.detected().corners);
+        a.sign == b.sign && corners.into_iter().all(|corner| apart(&corner) < SAME_PLACE_MM * a.fit.pose.scale)
+    }
+
+    fn second_look(&self, surface: &Oriented, finalist: &Finalist) -> Finalist {
+        let pose = &finalist.fit.pose;
+        let spacing = FINE_SPACING_MM * pose.scale;
+        let reach = (self.reach_mm + FINE_MARGIN_MM) * pose.scale;
+        let samples = surface.sampled_around(&pose.point(&Point3::origin()), reach, spacing);
+        let grid = CellGrid::new(&samples.points, 2.0 * spacing);
+        let target = Target { samples: &samples, grid: &grid, sign: finalist.sign };
+        let search = Search { points: self.template.len(), ..SECOND_LOOK };
+        let placement = fit_pose(&target, &self.template, &finalist.fit.placement(), &search);
+        Finalist { fit: score(&target, &self.template, search.points, &placement), ..*finalist }
+    }
+}
