@@ -61,7 +61,14 @@ pub struct LiveGallery {
 impl Default for LiveGallery {
     fn default() -> Self {
         let state = RwLock::new(State::Loading(Vec::new()));
-        LiveGallery { shared: Arc::new(Shared { state, changing: Mutex::new(()), merging: AtomicBool::new(false) }) }
+        LiveGallery {
+            shared: Arc::new(Shared {
+                state,
+                changing: Mutex::new(()),
+                catalogue: RwLock::default(),
+                merging: AtomicBool::new(false),
+            }),
+        }
     }
 }
 
