@@ -304,7 +304,8 @@ mod tests {
         let standard = |w: &Wanted| gallery.by_standard("face", MatchMethod::Verified, w).expect("built in");
         let like = |w: &Wanted| gallery.by_probe(&probe, None, w);
         let triangle = |w: &Wanted| gallery.by_triangle(corners, None, w);
-        let rankings: [&dyn Fn(&Wanted) -> Vec<Match>; 3] = [&standard, &like, &triangle];
+        type Ranking<'a> = &'a dyn Fn(&Wanted) -> Vec<Match>;
+        let rankings: [Ranking; 3] = [&standard, &like, &triangle];
         for ranking in rankings {
             let whole = ranking(&Wanted::best(1000));
             assert!(whole.len() > truth.len() / 2);

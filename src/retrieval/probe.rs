@@ -295,7 +295,7 @@ mod tests {
                 let found: Vec<(f64, ModelId)> = found.into_iter().map(|m| (m.score, m.model_id)).collect();
                 assert_eq!(found, brute[..limit.min(brute.len())], "seed {seed}, limit {limit}");
             }
-            let even = |id: ModelId| id % 2 == 0;
+            let even = |id: ModelId| id.is_multiple_of(2);
             let found = gallery.by_probe(&probe, None, &Wanted { accepts: &even, ..Wanted::best(30) });
             let expected: Vec<ModelId> = brute.iter().map(|b| b.1).filter(|id| even(*id)).take(30).collect();
             assert_eq!(found.iter().map(|m| m.model_id).collect::<Vec<_>>(), expected);

@@ -73,11 +73,6 @@ impl Surfels {
         let radius = points.iter().map(|c| nalgebra::Vector3::from(*c).norm()).fold(0.0f32, f32::max).into();
         Surfels { indexed: IndexedPoints::new(points), normals, is_inner, inner, radius }
     }
-
-    /// The number of surfels.
-    pub(crate) fn len(&self) -> usize {
-        self.normals.len()
-    }
 }
 
 fn fit(points: &[LocalPoint], center: &LocalPoint, neighbours: &[Neighbour]) -> ([f32; 3], bool) {

@@ -53,7 +53,8 @@ impl Question {
     /// half of models that are.
     pub fn new(kind: Kind, population: &Population, models: u64, number: u64) -> Question {
         let mut rng = ChaCha8Rng::seed_from_u64(number);
-        let mut model = || population.model(rng.random_range(0..models) + if number % 2 == 0 { models } else { 0 });
+        let mut model =
+            || population.model(rng.random_range(0..models) + if number.is_multiple_of(2) { models } else { 0 });
         match kind {
             Kind::Standard => {
                 let methods = [MatchMethod::Verified, MatchMethod::Descriptors, MatchMethod::Literal];
