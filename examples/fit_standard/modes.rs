@@ -16,6 +16,8 @@ use super::dataset::{POSING, PosedFace};
 const STEP_MM: f64 = 3.0;
 /// Samples of each face.
 const SPACING_MM: f64 = 1.5;
+/// Their normals are averaged over this radius, mm, as the detector's are.
+const SMOOTHING_MM: f64 = 6.0;
 /// Counterparts are looked for within this, mm; it shrinks to a third.
 const REACH_MM: f64 = 15.0;
 /// Residuals beyond this hardly count (Geman-McClure).
@@ -137,9 +139,9 @@ fn registered(face: &PosedFace, places: &[Place]) -> DVector<f64> {
         let p = face.mesh.vertices[*v as usize];
         p.x.abs() < 75.0 && p.y > -50.0 && p.y < 95.0 && p.z > 20.0
     };
-    let normals = face.mesh.vertex_normals();
-    let samples = Samples::from_faces(&face.mesh, &normals, SPACING_MM, |f| f.iter().all(near));
+    let mut samples = Samples::from_faces(&face.mesh, SPACING_MM, |f| f.iter().all(near));
     let cells = CellGrid::new(&samples.points, 4.0);
+    samples.smooth_normals(&cells, SMOOTHING_MM);
     let target = Target { samples: &samples, grid: &cells, sign: 1.0 };
     let landmarks: Vec<(Place, Vector3)> = POSING
         .iter()

@@ -140,17 +140,18 @@ pub(super) fn annotated(
 ) -> Result<Class, ClassError> {
     progress.report(Stage::Describing, 0.0);
     check_names(annotation)?;
-    let diagonal = faces::checked_bounds(surface)?.diagonal();
+    let bounds = faces::checked_bounds(surface)?;
+    let diagonal = bounds.diagonal();
     let size = spread(annotation);
     if size < LEAST_SIZE_OF_DIAGONAL * diagonal {
         return Err(ClassError::TooClose { percent: 100.0 * size / diagonal });
     }
-    let (mesh, normals, side) = faces::oriented(surface, diagonal);
+    let prepared = faces::Prepared::new(surface, diagonal);
     progress.check()?;
-    let oriented = Oriented { mesh: &mesh, normals: &normals, side };
+    let oriented = prepared.oriented(bounds);
     check_on_surface(&oriented, annotation, size)?;
     let mut refused = None;
-    for &sign in side.signs() {
+    for &sign in oriented.side.signs() {
         progress.check()?;
         match seen(&oriented, annotation, size, sign, progress) {
             Ok(sight) => return finished(&oriented, annotation, unit, sight, diagonal),
@@ -204,9 +205,8 @@ fn check_on_surface(surface: &Oriented, annotation: &Annotation, size: f64) -> R
         let distance = |p: &Point3| (p - landmark.place).norm();
         let nearest = samples.points.iter().map(distance).fold(f64::INFINITY, f64::min);
         if nearest > reach {
-            // beyond the samples that were looked at, the vertices tell about how far
-            let vertices = surface.mesh.vertices.iter().map(distance).fold(nearest, f64::min);
-            let percent = 100.0 * vertices / size;
+            // beyond the samples that were looked at, the points of the surface tell about how far
+            let percent = 100.0 * surface.points().map(|p| distance(&p)).fold(nearest, f64::min) / size;
             return Err(ClassError::OffSurface { name: landmark.name.clone(), percent });
         }
     }

@@ -82,9 +82,9 @@ impl Class {
     ) -> Result<Vec<Option<Found>>, DescribeError> {
         progress.report(Stage::Describing, 0.0);
         let bounds = faces::checked_bounds(surface)?;
-        let (mesh, normals, side) = faces::oriented(surface, bounds.diagonal());
+        let prepared = faces::Prepared::new(surface, bounds.diagonal());
         progress.check()?;
-        let oriented = faces::detection::Oriented { mesh: &mesh, normals: &normals, side };
+        let oriented = prepared.oriented(bounds);
         let found: Result<Vec<_>, Canceled> =
             classes.iter().map(|class| search::find(&oriented, unit, class, progress)).collect();
         Ok(found?)

@@ -94,7 +94,7 @@ pub(super) fn find(
 ) -> Result<Option<Found>, Canceled> {
     let reach_mm = class.points.iter().map(|p| p.coords.norm()).fold(0.0, f64::max);
     let sought = Sought { class, template: class.template(), reach_mm };
-    let diagonal = surface.mesh.bounds().map_or(0.0, |b| b.diagonal());
+    let diagonal = surface.bounds.diagonal();
     let true_scale = class.true_scale().zip(unit.in_mm()).map(|(standard, mm)| standard / mm);
     let levels: Vec<f64> = match true_scale {
         Some(scale) => LEVELS_OF_TRUE_SIZE.iter().map(|factor| factor * class.expected_mm * scale).collect(),

@@ -7,6 +7,9 @@ use crate::geometry::{Point3, Vector3};
 
 /// The most triangles that are kept of one scale level.
 const MOST_PER_LEVEL: usize = 16;
+/// Of these with one nose: triangles of one nose lead to much the same place, and a busy object has noses enough to
+/// crowd out a face's own.
+const MOST_PER_NOSE: usize = 4;
 /// A triangle farther from the standard than this is none, RMS mm on the standard.
 const MOST_RMS_MM: f64 = 12.0;
 /// One standard deviation of faces: RMS matching error, mm on the standard.
@@ -96,13 +99,17 @@ impl Candidate {
 pub fn candidates(places: &Places, expected: f64, standard: &Standard) -> Vec<Candidate> {
     let mut found: Vec<(f64, Candidate)> = Vec::new();
     for nose in &places.noses {
+        let mut of_nose: Vec<(f64, Candidate)> = Vec::new();
         for (i, eye) in places.eyes.iter().enumerate() {
             for other in &places.eyes[i + 1..] {
                 if let Some(candidate) = labelled(eye, other, nose, expected, standard) {
-                    found.push((candidate.cost(standard).total(), candidate));
+                    of_nose.push((candidate.cost(standard).total(), candidate));
                 }
             }
         }
+        of_nose.sort_by(|a, b| a.0.total_cmp(&b.0));
+        of_nose.truncate(MOST_PER_NOSE);
+        found.extend(of_nose);
     }
     found.sort_by(|a, b| a.0.total_cmp(&b.0));
     found.into_iter().take(MOST_PER_LEVEL).map(|(_, candidate)| candidate).collect()

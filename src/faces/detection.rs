@@ -11,9 +11,9 @@ use super::standard::{INNER_EYE_DISTANCE_MM, Standard};
 use super::target::Target;
 use super::template::{self, TEMPLATE_POINTS};
 use super::verification::{Fit, KEPT_SHARE, PROPORTION_WEIGHT, Placement, RIGID_PROPORTIONS, Search, fit_pose, score};
-use crate::geometry::{Mesh, Point3, Unit, Vector3};
+use crate::geometry::{Bounds, Mesh, Point3, Unit};
 use crate::progress::{Canceled, Progress};
-use crate::saliency::{CellGrid, Samples, Side};
+use crate::saliency::{CellGrid, Patches, Samples, Side};
 
 /// Expected inner-eye distances as shares of the bounding box's diagonal, for files of unknown unit: from a
 /// face alone down to a torso (the faces of the public set: 0.048 to 0.16).
@@ -57,19 +57,30 @@ const SAME_PLACE_MM: f64 = 6.0;
 /// The spacing of the finer samples, mm on the standard, and how far around the face they reach.
 const FINE_SPACING_MM: f64 = 3.0;
 const FINE_REACH_MM: f64 = 110.0;
+/// Normals are averaged over this radius, mm on the standard: about an edge of a head of 5000 vertices.
+const SMOOTHING_MM: f64 = 6.0;
 /// The same for the last look, at one place: landmarks and heights.
 const CLOSE_SPACING_MM: f64 = 1.5;
 const CLOSE_REACH_MM: f64 = 120.0;
 
-/// A surface ready to be sampled at any spacing, with consistent unit normals at its points.
+/// A surface ready to be sampled at any spacing, with consistent unit normals.
 #[derive(Debug, Clone, Copy)]
 pub struct Oriented<'a> {
-    /// Vertices, and faces unless it is a bare cloud.
-    pub mesh: &'a Mesh,
-    /// Unit normals at the vertices.
-    pub normals: &'a [Vector3],
-    /// Which side they point to.
+    /// What is sampled.
+    pub form: Form<'a>,
+    /// The box around it.
+    pub bounds: Bounds,
+    /// Which side the normals point to.
     pub side: Side,
+}
+
+/// What a surface is made of.
+#[derive(Debug, Clone, Copy)]
+pub enum Form<'a> {
+    /// A mesh with faces.
+    Mesh(&'a Mesh),
+    /// A cloud with a patch of surface at every point.
+    Cloud(&'a Patches),
 }
 
 /// What the cheap part found, and what became of the best of it.
@@ -109,35 +120,45 @@ impl Finalist {
 }
 
 impl Oriented<'_> {
+    /// The points it was made of.
+    pub(crate) fn points(&self) -> Box<dyn Iterator<Item = Point3> + '_> {
+        match self.form {
+            Form::Mesh(mesh) => Box::new(mesh.vertices.iter().copied()),
+            Form::Cloud(patches) => Box::new(patches.centers()),
+        }
+    }
+
     pub(crate) fn sampled(&self, spacing: f64) -> Samples {
-        if self.mesh.faces.is_empty() {
-            Samples::from_cloud(&self.mesh.vertices, self.normals, spacing)
-        } else {
-            Samples::from_mesh(self.mesh, self.normals, spacing)
+        match self.form {
+            Form::Mesh(mesh) => Samples::from_mesh(mesh, spacing),
+            Form::Cloud(patches) => patches.sampled(spacing, |_| true),
         }
     }
 
     /// Samples of the part within `reach` of `center`.
     pub(crate) fn sampled_around(&self, center: &Point3, reach: f64, spacing: f64) -> Samples {
         let near = |p: &Point3| (p - center).norm_squared() < reach * reach;
-        if self.mesh.faces.is_empty() {
-            let kept = (0..self.mesh.vertices.len()).filter(|&v| near(&self.mesh.vertices[v]));
-            let (points, normals): (Vec<_>, Vec<_>) = kept.map(|v| (self.mesh.vertices[v], self.normals[v])).unzip();
-            return Samples::from_cloud(&points, &normals, spacing);
+        match self.form {
+            Form::Mesh(mesh) => {
+                let kept = |face: &[u32; 3]| face.iter().any(|&v| near(&mesh.vertices[v as usize]));
+                Samples::from_faces(mesh, spacing, kept)
+            }
+            Form::Cloud(patches) => patches.sampled(spacing, near),
         }
-        let kept = |face: &[u32; 3]| face.iter().any(|&v| near(&self.mesh.vertices[v as usize]));
-        Samples::from_faces(self.mesh, self.normals, spacing, kept)
     }
 
-    /// The area of the surface; 0 for a bare cloud.
+    /// The area of a mesh, about that of a cloud.
     pub(crate) fn area(&self) -> f64 {
-        (0..self.mesh.faces.len()).map(|f| 0.5 * self.mesh.area_normal(f).norm()).sum()
+        match self.form {
+            Form::Mesh(mesh) => (0..mesh.faces.len()).map(|f| 0.5 * mesh.area_normal(f).norm()).sum(),
+            Form::Cloud(patches) => patches.area(),
+        }
     }
 }
 
 /// Finds the facial triangles and verifies the best. `progress` is asked between levels.
 pub fn detect(surface: &Oriented, unit: Unit, standard: &Standard, progress: &Progress) -> Result<Detection, Canceled> {
-    let diagonal = surface.mesh.bounds().map_or(0.0, |b| b.diagonal());
+    let diagonal = surface.bounds.diagonal();
     let levels: Vec<f64> = match unit.in_mm() {
         Some(mm) => LEVELS_OF_TRUE_SIZE.iter().map(|share| share * INNER_EYE_DISTANCE_MM / mm).collect(),
         None => LEVELS_OF_DIAGONAL.iter().map(|share| share * diagonal).collect(),
@@ -244,7 +265,8 @@ fn closest_look(surface: &Oriented, found: &Finalist) -> FoundFace {
 fn around(surface: &Oriented, pose: &Similarity, spacing_mm: f64, reach_mm: f64) -> (Samples, CellGrid) {
     let spacing = spacing_mm * pose.scale;
     let center = pose.point(&Point3::new(0.0, 20.0, 100.0));
-    let samples = surface.sampled_around(&center, reach_mm * pose.scale, spacing);
+    let mut samples = surface.sampled_around(&center, reach_mm * pose.scale, spacing);
     let grid = CellGrid::new(&samples.points, 2.0 * spacing);
+    samples.smooth_normals(&grid, SMOOTHING_MM * pose.scale);
     (samples, grid)
 }

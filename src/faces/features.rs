@@ -13,8 +13,8 @@ const EYE_RADIUS: f64 = 0.27;
 /// Least neighbours of either fit.
 const NOSE_NEIGHBOURS: u32 = 18;
 const EYE_NEIGHBOURS: u32 = 11;
-/// Curvature is fitted at every second sample: the fits overlap so much that it hardly changes from one to the next.
-const EVERY: usize = 2;
+/// Curvature is fitted at every third sample: the fits overlap so much that it hardly changes from one to the next.
+const EVERY: usize = 3;
 /// A place is a candidate if nothing stronger lies within this radius, in expected inner-eye distances.
 const SUPPRESSION_RADIUS: f64 = 0.3;
 /// A place is centred over its neighbours within this share of that radius.

@@ -1,5 +1,6 @@
 //! The landmarks of a face: carried over by the fitted standard, then moved to where the surface itself shows them.
 
+use super::lower_face;
 use super::modes::{self, LANDMARKS};
 use super::target::Target;
 use super::verification::Placement;
@@ -54,6 +55,13 @@ const EXTREMA: [Extremum; 3] = [
     },
 ];
 
+/// Looks for a landmark on the surface around its carried place.
+type Find = fn(&Target, &Placement, &Point3) -> Option<Point3>;
+
+/// The landmarks that expressions move.
+const READ_OFF: [(&str, Find); 3] =
+    [("mouth_r", lower_face::mouth_corner), ("mouth_l", lower_face::mouth_corner), ("chin", lower_face::chin)];
+
 /// The landmarks of the face that was found at `placement`. A refinement that leaves its neighbourhood is dropped.
 pub fn landmarks(target: &Target, placement: &Placement) -> Landmarks {
     let pose = &placement.pose;
@@ -63,6 +71,10 @@ pub fn landmarks(target: &Target, placement: &Placement) -> Landmarks {
         if let Some(found) = extremum.find(target, placement, &carried[index]) {
             carried[index] += (found - carried[index]) * extremum.weight;
         }
+    }
+    for (name, find) in READ_OFF {
+        let Some(index) = LANDMARKS.iter().position(|landmark| *landmark == name) else { continue };
+        carried[index] = find(target, placement, &carried[index]).unwrap_or(carried[index]);
     }
     carried.map(|place| {
         let point = pose.point(&place);

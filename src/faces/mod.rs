@@ -10,6 +10,7 @@ pub mod detection;
 pub mod features;
 pub mod judgement;
 pub mod landmarks;
+pub mod lower_face;
 pub mod modes;
 mod modes_table;
 pub mod relief;
@@ -34,7 +35,8 @@ pub use triangle::{Shape, Triangle};
 
 use crate::geometry::{Bounds, Mesh, Surface, Unit, Vector3};
 use crate::progress::{Canceled, Progress, Stage};
-use crate::saliency::{self, CurvedSurface, RegionOptions, Side};
+use crate::saliency::orientation::OrientedCloud;
+use crate::saliency::{self, CurvedSurface, Patches, RegionOptions, Side};
 
 /// Why a surface has no signature.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -51,32 +53,62 @@ pub enum DescribeError {
 const LEAST_POINTS: usize = 50;
 /// A signature keeps this many facial triangles, the cheapest.
 const MOST_FACIAL_TRIANGLES: usize = 16;
-/// A bare cloud is thinned to cells of this share of the diagonal before normals are estimated: the finest
-/// level's spacing.
-const CLOUD_CELL_OF_DIAGONAL: f64 = 0.0045;
+/// A cloud is thinned to cells of this share of the diagonal before anything is fitted: about a millimetre on a head.
+const CLOUD_CELL_OF_DIAGONAL: f64 = 0.003;
 
 /// Computes the signature of a mesh or of a cloud. Runs inside the caller's rayon pool.
 pub fn describe(surface: &Surface, unit: Unit, progress: &Progress) -> Result<Signature, DescribeError> {
     progress.report(Stage::Describing, 0.0);
     let bounds = checked_bounds(surface)?;
-    let (mesh, normals, side) = oriented(surface, bounds.diagonal());
+    let prepared = Prepared::new(surface, bounds.diagonal());
     progress.check()?;
     progress.report(Stage::Describing, 0.1);
-    let curved = curved(&mesh, &normals, side);
+    let curved = prepared.curved();
     let xi = curved.xi();
     let map = saliency::saliency(&curved, xi);
     let regions = saliency::salient_regions(&curved, &map, xi, &RegionOptions::default());
     progress.check()?;
     progress.report(Stage::Describing, 0.4);
-    let oriented = detection::Oriented { mesh: &mesh, normals: &normals, side };
-    let mut detection = detection::detect(&oriented, unit, &standard::face(), progress)?;
+    let mut detection = detection::detect(&prepared.oriented(bounds), unit, &standard::face(), progress)?;
     detection.candidates.truncate(MOST_FACIAL_TRIANGLES);
     progress.report(Stage::Describing, 1.0);
     Ok(Signature::new(bounds, rms_radius(&curved), unit, &regions, &detection))
 }
 
-/// A mesh without faces stands for a bare cloud.
-pub(crate) type OrientedSurface = (Mesh, Vec<Vector3>, Side);
+/// A surface with consistent unit normals, and what is known of their side.
+pub(crate) enum Prepared {
+    Mesh { mesh: Mesh, side: Side },
+    Cloud { cloud: OrientedCloud, patches: Patches },
+}
+
+impl Prepared {
+    pub(crate) fn new(surface: &Surface, diagonal: f64) -> Prepared {
+        if let Some(mesh) = surface.mesh() {
+            let side = saliency::orientation::side_of_mesh(&mesh);
+            return Prepared::Mesh { mesh, side };
+        }
+        let cloud = saliency::orientation::oriented_cloud(surface, CLOUD_CELL_OF_DIAGONAL * diagonal);
+        let patches = Patches::new(&cloud.points, &cloud.normals, &cloud.proximity);
+        Prepared::Cloud { cloud, patches }
+    }
+
+    /// What the paper's saliency needs to know.
+    fn curved(&self) -> CurvedSurface {
+        match self {
+            Prepared::Mesh { mesh, side } => CurvedSurface::from_mesh(mesh, side.first_sign()),
+            Prepared::Cloud { cloud, .. } => CurvedSurface::from_cloud(&cloud.points, &cloud.normals),
+        }
+    }
+
+    /// What the detector samples.
+    pub(crate) fn oriented(&self, bounds: Bounds) -> detection::Oriented<'_> {
+        let (form, side) = match self {
+            Prepared::Mesh { mesh, side } => (detection::Form::Mesh(mesh), *side),
+            Prepared::Cloud { cloud, patches } => (detection::Form::Cloud(patches), cloud.side),
+        };
+        detection::Oriented { form, bounds, side }
+    }
+}
 
 /// The box around the surface, if there is enough surface to describe.
 pub(crate) fn checked_bounds(surface: &Surface) -> Result<Bounds, DescribeError> {
@@ -87,24 +119,6 @@ pub(crate) fn checked_bounds(surface: &Surface) -> Result<Bounds, DescribeError>
             "the surface has {count} points, or all in one place; send a model with at least {LEAST_POINTS} points \
              that differ"
         ))),
-    }
-}
-
-/// The surface with unit normals and what is known of their side; clouds without normals are thinned first.
-pub(crate) fn oriented(surface: &Surface, diagonal: f64) -> OrientedSurface {
-    if let Some(mesh) = surface.mesh() {
-        let (normals, side) = (mesh.vertex_normals(), saliency::orientation::side_of_mesh(&mesh));
-        return (mesh, normals, side);
-    }
-    let (vertices, normals, side) = saliency::orientation::oriented_cloud(surface, CLOUD_CELL_OF_DIAGONAL * diagonal);
-    (Mesh { vertices, faces: Vec::new() }, normals, side)
-}
-
-fn curved(mesh: &Mesh, normals: &[Vector3], side: Side) -> CurvedSurface {
-    if mesh.faces.is_empty() {
-        CurvedSurface::from_cloud(&mesh.vertices, normals)
-    } else {
-        CurvedSurface::from_mesh(mesh, side.first_sign())
     }
 }
 

@@ -6,9 +6,10 @@ use std::collections::BinaryHeap;
 
 use rayon::prelude::*;
 
-use super::cells::{CellGrid, neighbour_radius};
 use super::curvature::sorted_edges;
+use super::proximity::Proximity;
 use super::samples::Samples;
+use crate::geometry::normals::least_spread;
 use crate::geometry::{Mesh, Point3, Surface, Vector3};
 
 /// What is known of the outer side of a surface with consistent normals.
@@ -58,58 +59,74 @@ pub fn side_of_mesh(mesh: &Mesh) -> Side {
     }
 }
 
-/// Normals are estimated from about this many neighbours.
-const NORMAL_NEIGHBOURS: usize = 18;
+/// A cloud with unit normals, what is known of their side, and its neighbours.
+#[derive(Debug, Clone)]
+pub struct OrientedCloud {
+    /// Positions, thinned.
+    pub points: Vec<Point3>,
+    /// Unit normals; zero where the neighbours tell none.
+    pub normals: Vec<Vector3>,
+    /// Which side they point to.
+    pub side: Side,
+    /// Each point's neighbours.
+    pub proximity: Proximity,
+}
 
-/// A bare cloud with unit normals, and what is known of their side. Its own normals are outward by the convention
-/// of this program; without them the cloud is thinned to cells of edge `cell`, normals are estimated from the
-/// neighbours, and turned towards the scanner if its place is known.
-pub fn oriented_cloud(surface: &Surface, cell: f64) -> (Vec<Point3>, Vec<Vector3>, Side) {
+/// A bare cloud thinned to cells of edge `cell`, with unit normals. Its own normals are outward by the convention of
+/// this program; without them normals are estimated from the neighbours, and turned towards the scanner if its place
+/// is known.
+pub fn oriented_cloud(surface: &Surface, cell: f64) -> OrientedCloud {
     if let Some(normals) = &surface.cloud.normals {
         let unit = |n: &nalgebra::Vector3<f32>| n.cast::<f64>().try_normalize(1e-9).unwrap_or_else(Vector3::zeros);
-        return (surface.cloud.points.clone(), normals.iter().map(unit).collect(), Side::Outward);
+        let normals: Vec<Vector3> = normals.iter().map(unit).collect();
+        let Samples { points, normals, .. } = Samples::from_cloud(&surface.cloud.points, &normals, cell);
+        let proximity = Proximity::new(&points);
+        return OrientedCloud { points, normals, side: Side::Outward, proximity };
     }
     let same_side = vec![Vector3::z(); surface.cloud.len()];
     let points = Samples::from_cloud(&surface.cloud.points, &same_side, cell).points;
-    let radius = neighbour_radius(&points, 2.0 * cell, NORMAL_NEIGHBOURS);
-    let grid = CellGrid::new(&points, radius);
-    let mut normals = plane_normals(&points, &grid, radius);
-    if let Some(sensor) = surface.sensor {
-        for (point, normal) in points.iter().zip(&mut normals) {
-            if normal.dot(&(sensor - point)) < 0.0 {
-                *normal = -*normal;
-            }
+    let proximity = Proximity::new(&points);
+    let mut normals = plane_normals(&points, &proximity);
+    let Some(sensor) = surface.sensor else {
+        make_consistent(&points, &proximity, &mut normals);
+        return OrientedCloud { points, normals, side: Side::Unknown, proximity };
+    };
+    for (point, normal) in points.iter().zip(&mut normals) {
+        if normal.dot(&(sensor - point)) < 0.0 {
+            *normal = -*normal;
         }
-        return (points, normals, Side::Outward);
     }
-    make_consistent(&points, &grid, radius, &mut normals);
-    (points, normals, Side::Unknown)
+    OrientedCloud { points, normals, side: Side::Outward, proximity }
 }
 
-/// Normals of the planes fitted to the neighbours within `radius`; either sign. Zero with too few neighbours.
-fn plane_normals(points: &[Point3], grid: &CellGrid, radius: f64) -> Vec<Vector3> {
-    points
-        .par_iter()
-        .map(|center| {
+/// Normals of the planes fitted to the neighbours; either sign. Zero with too few neighbours.
+fn plane_normals(points: &[Point3], proximity: &Proximity) -> Vec<Vector3> {
+    (0..points.len())
+        .into_par_iter()
+        .map(|index| {
             let (mut sum, mut squares, mut count) = (Vector3::zeros(), nalgebra::Matrix3::zeros(), 0.0);
-            grid.for_each_within(center, radius, |other, _| {
-                let offset = points[other] - center;
+            for other in proximity.of(index) {
+                let offset = points[other] - points[index];
                 sum += offset;
                 squares += offset * offset.transpose();
                 count += 1.0;
-            });
+            }
             if count < 4.0 {
                 return Vector3::zeros();
             }
-            let eigen = (squares - sum * sum.transpose() / count).symmetric_eigen();
-            eigen.eigenvectors.column(eigen.eigenvalues.imin()).into_owned()
+            least_spread(&(squares - sum * sum.transpose() / count)).0
         })
         .collect()
 }
 
-/// Turns normals so that neighbours agree: Hoppe's propagation along the minimum spanning tree of the
-/// neighbour graph, whose edges cost `1 - |n_i . n_j|`. Each component starts at its highest point, turned up.
-fn make_consistent(points: &[Point3], grid: &CellGrid, radius: f64, normals: &mut [Vector3]) {
+/// Turns normals so that neighbours agree, along the minimum spanning tree of the neighbour graph (Hoppe et al., 1992).
+/// Each component starts at its highest point, turned up.
+///
+/// Neighbours agree as on a circular arc: the normal of one, mirrored at the plane that bisects their connection, is
+/// the other's. So a bend as sharp as a nose is passed even where points are sparse, and the two sides of a thin wall
+/// look away from each other (after Konig and Gumhold, 2009). An edge costs `1 - |agreement|`.
+fn make_consistent(points: &[Point3], proximity: &Proximity, normals: &mut [Vector3]) {
+    let listed_by = proximity.reversed();
     let mut by_height: Vec<usize> = (0..points.len()).collect();
     by_height.sort_by(|&a, &b| points[b].z.total_cmp(&points[a].z).then(a.cmp(&b)));
     let mut done = vec![false; points.len()];
@@ -127,18 +144,23 @@ fn make_consistent(points: &[Point3], grid: &CellGrid, radius: f64, normals: &mu
             if std::mem::replace(&mut done[point], true) {
                 continue;
             }
-            if normals[point].dot(&normals[from]) < 0.0 {
+            if agreement(points, normals, from, point) < 0.0 {
                 normals[point] = -normals[point];
             }
-            grid.for_each_within(&points[point], radius, |other, _| {
-                if !done[other] {
-                    let cost = (1.0 - normals[other].dot(&normals[point]).abs()).max(0.0);
-                    // bits of a non-negative float order as the float does
-                    heap.push(Reverse((cost.to_bits(), other as u32, point as u32)));
-                }
-            });
+            for other in proximity.of(point).chain(listed_by.of(point)).filter(|&other| !done[other]) {
+                let cost = (1.0 - agreement(points, normals, point, other).abs()).max(0.0);
+                // bits of a non-negative float order as the float does
+                heap.push(Reverse((cost.to_bits(), other as u32, point as u32)));
+            }
         }
     }
+}
+
+/// The cosine between the normal of one point, mirrored to the place of the other, and the other's.
+fn agreement(points: &[Point3], normals: &[Vector3], from: usize, to: usize) -> f64 {
+    let along = (points[to] - points[from]).try_normalize(f64::MIN_POSITIVE).unwrap_or_else(Vector3::zeros);
+    let mirrored = normals[from] - along * (2.0 * along.dot(&normals[from]));
+    mirrored.dot(&normals[to])
 }
 
 #[cfg(test)]
@@ -163,7 +185,8 @@ mod tests {
     #[test]
     fn estimated_normals_of_a_sphere_agree() {
         let cloud = Cloud::from_points(sphere(1.0, 4).vertices);
-        let (points, normals, side) = oriented_cloud(&Surface { cloud, ..Surface::default() }, 0.05);
+        let OrientedCloud { points, normals, side, .. } =
+            oriented_cloud(&Surface { cloud, ..Surface::default() }, 0.05);
         assert_eq!(side, Side::Unknown);
         assert!(normals.iter().zip(&points).all(|(n, p)| n.dot(&p.coords) > 0.95), "highest point turned up");
     }
@@ -173,7 +196,7 @@ mod tests {
         let points = sphere(1.0, 4).vertices.into_iter().filter(|p| p.x > 0.4).collect();
         let sensor = Some(Point3::new(5.0, 0.0, 0.0));
         let surface = Surface { cloud: Cloud::from_points(points), sensor, ..Surface::default() };
-        let (points, normals, side) = oriented_cloud(&surface, 0.05);
+        let OrientedCloud { points, normals, side, .. } = oriented_cloud(&surface, 0.05);
         assert_eq!(side, Side::Outward);
         assert!(normals.iter().zip(&points).all(|(n, p)| n.dot(&p.coords) > 0.9));
     }
@@ -182,7 +205,7 @@ mod tests {
     fn own_normals_are_believed() {
         let mut cloud = Cloud::from_points(vec![Point3::origin()]);
         cloud.normals = Some(vec![nalgebra::Vector3::new(0.0, 0.0, 2.0)]);
-        let (_, normals, side) = oriented_cloud(&Surface { cloud, ..Surface::default() }, 1.0);
+        let OrientedCloud { normals, side, .. } = oriented_cloud(&Surface { cloud, ..Surface::default() }, 1.0);
         assert_eq!((normals[0], side), (Vector3::z(), Side::Outward));
     }
 }

@@ -4,6 +4,9 @@
 use std::collections::HashMap;
 use std::hash::{BuildHasherDefault, Hasher};
 
+use rayon::prelude::*;
+
+use super::cells::CellGrid;
 use crate::geometry::{Bounds, Mesh, Point3, Vector3};
 
 /// One point for each cell of edge `spacing` that the surface passes through.
@@ -32,29 +35,44 @@ const PIECE_IN_CELLS: f64 = 0.5;
 const MOST_PIECES: f64 = 4096.0;
 
 impl Samples {
-    /// Samples of a mesh by area: large faces are cut into pieces, so faces and vertices of any size do.
-    /// `vertex_normals` are interpolated over each face. Cells where the surface passes twice with opposite
-    /// normals (a thin wall) give two samples.
-    pub fn from_mesh(mesh: &Mesh, vertex_normals: &[Vector3], spacing: f64) -> Samples {
-        Samples::from_faces(mesh, vertex_normals, spacing, |_| true)
+    /// Samples of a mesh by area: large faces are cut into pieces, so faces and vertices of any size do. Normals are
+    /// those of the faces in a cell, weighted by area, so that they don't depend on where the faces have their
+    /// vertices. Cells where the surface passes twice with opposite normals (a thin wall) give two samples.
+    pub fn from_mesh(mesh: &Mesh, spacing: f64) -> Samples {
+        Samples::from_faces(mesh, spacing, |_| true)
     }
 
     /// Samples of those faces of a mesh that `keep` takes; see [`Samples::from_mesh`].
-    pub fn from_faces(
-        mesh: &Mesh,
-        vertex_normals: &[Vector3],
-        spacing: f64,
-        keep: impl Fn(&[u32; 3]) -> bool,
-    ) -> Samples {
+    pub fn from_faces(mesh: &Mesh, spacing: f64, keep: impl Fn(&[u32; 3]) -> bool) -> Samples {
         let mut cells = Cells::new(spacing, mesh.bounds());
-        for (index, face) in mesh.faces.iter().enumerate().filter(|(_, face)| keep(face)) {
-            let area = 0.5 * mesh.area_normal(index).norm();
-            if area > 0.0 {
-                let corners = face.map(|v| (mesh.vertices[v as usize], vertex_normals[v as usize]));
-                cells.add_face(&corners, area, PIECE_IN_CELLS * spacing);
+        for (index, _) in mesh.faces.iter().enumerate().filter(|(_, face)| keep(face)) {
+            let across = mesh.area_normal(index);
+            let double_area = across.norm();
+            if double_area > 0.0 {
+                cells.add_face(
+                    &mesh.corners(index),
+                    &(across / double_area),
+                    0.5 * double_area,
+                    PIECE_IN_CELLS * spacing,
+                );
             }
         }
         cells.finish()
+    }
+
+    /// Averages normals over the samples nearer than `radius` that look the same way: the edges of coarse faces are
+    /// no feature of the surface. `grid` is of these samples.
+    pub fn smooth_normals(&mut self, grid: &CellGrid, radius: f64) {
+        let smoothed = |index: usize| {
+            let (normal, mut sum) = (self.normals[index], Vector3::zeros());
+            grid.for_each_within(&self.points[index], radius, |other, distance2| {
+                if self.normals[other].dot(&normal) > 0.0 {
+                    sum += self.normals[other] * (self.areas[other] * (1.0 - distance2 / (radius * radius)).powi(2));
+                }
+            });
+            sum.try_normalize(f64::MIN_POSITIVE).unwrap_or(normal)
+        };
+        self.normals = (0..self.points.len()).into_par_iter().map(smoothed).collect();
     }
 
     /// The same surface with a wider spacing: samples gathered into larger cells.
@@ -84,7 +102,8 @@ pub(super) fn gather(points: &[Point3], normals: &[Vector3], areas: &[f64], spac
     Gathered { samples: cells.finish(), cell_of }
 }
 
-struct Cells {
+/// Sums of the points in each cell.
+pub(super) struct Cells {
     spacing: f64,
     origin: Point3,
     slots: HashMap<(u64, bool), u32, BuildHasherDefault<KeyHasher>>,
@@ -95,7 +114,7 @@ struct Cells {
 }
 
 impl Cells {
-    fn new(spacing: f64, bounds: Option<Bounds>) -> Cells {
+    pub(super) fn new(spacing: f64, bounds: Option<Bounds>) -> Cells {
         Cells {
             spacing: spacing.max(f64::MIN_POSITIVE),
             origin: bounds.map_or(Point3::origin(), |b| b.min),
@@ -107,7 +126,7 @@ impl Cells {
     }
 
     /// Adds to the cell's first sample if the normals agree, else to its second.
-    fn add(&mut self, point: &Point3, normal: &Vector3, area: f64) -> u32 {
+    pub(super) fn add(&mut self, point: &Point3, normal: &Vector3, area: f64) -> u32 {
         let offset = point - self.origin;
         let [x, y, z] = [0, 1, 2].map(|axis| (offset[axis] / self.spacing) as u64 & 0x1f_ffff);
         let key = x | y << 21 | z << 42;
@@ -138,14 +157,14 @@ impl Cells {
     }
 
     /// Cuts a face into pieces no longer than `longest`, in rows along its longest edge; each counts by its area.
-    fn add_face(&mut self, corners: &[(Point3, Vector3); 3], area: f64, longest: f64) {
-        let length2 = |k: usize| (corners[(k + 1) % 3].0 - corners[k].0).norm_squared();
+    fn add_face(&mut self, corners: &[Point3; 3], normal: &Vector3, area: f64, longest: f64) {
+        let length2 = |k: usize| (corners[(k + 1) % 3] - corners[k]).norm_squared();
         let k = (0..3).fold(0, |best, k| if length2(k) > length2(best) { k } else { best });
         let (a, b, c) = (corners[k], corners[(k + 1) % 3], corners[(k + 2) % 3]);
         let length = length2(k).sqrt();
         let pieces = |extent: f64| (extent / longest).ceil().clamp(1.0, MOST_PIECES);
         let rows = pieces(2.0 * area / length);
-        let [along, up] = [(b.0 - a.0, b.1 - a.1), (c.0 - a.0, c.1 - a.1)];
+        let [along, up] = [b - a, c - a];
         for row in 0..rows as usize {
             // a row is a trapezoid: its two widths as shares of the base, and the height of its centroid
             let (lower, upper) = (1.0 - row as f64 / rows, 1.0 - (row + 1) as f64 / rows);
@@ -154,12 +173,12 @@ impl Cells {
             let share = area * (lower * lower - upper * upper) / count;
             for piece in 0..count as usize {
                 let u = (piece as f64 + 0.5) / count * (1.0 - v);
-                self.add(&(a.0 + along.0 * u + up.0 * v), &(a.1 + along.1 * u + up.1 * v), share);
+                self.add(&(a + along * u + up * v), normal, share);
             }
         }
     }
 
-    fn finish(self) -> Samples {
+    pub(super) fn finish(self) -> Samples {
         let mut samples = Samples { spacing: self.spacing, ..Samples::default() };
         for (position, normal, area) in self.sums {
             samples.points.push(self.origin + position / area);
@@ -204,7 +223,7 @@ mod tests {
     #[test]
     fn samples_keep_the_area_and_lie_on_the_surface() {
         let mesh = sphere(1.0, 5);
-        let samples = Samples::from_mesh(&mesh, &mesh.vertex_normals(), 0.1);
+        let samples = Samples::from_mesh(&mesh, 0.1);
         let area: f64 = samples.areas.iter().sum();
         assert!((area / (4.0 * std::f64::consts::PI) - 1.0).abs() < 0.01, "{area}");
         for (point, normal) in samples.points.iter().zip(&samples.normals) {
@@ -219,9 +238,36 @@ mod tests {
             vertices: vec![Point3::origin(), Point3::new(1.0, 0.0, 0.0), Point3::new(0.0, 1.0, 0.0)],
             faces: vec![[0, 1, 2]],
         };
-        let samples = Samples::from_mesh(&plate, &plate.vertex_normals(), 0.05);
+        let samples = Samples::from_mesh(&plate, 0.05);
         assert!((200..=240).contains(&samples.points.len()), "{}", samples.points.len());
         assert!((samples.areas.iter().sum::<f64>() - 0.5).abs() < 1e-12);
+    }
+
+    #[test]
+    fn normals_do_not_depend_on_the_triangulation() {
+        // a coarse ball, and the same flat faces each cut into four
+        let coarse = sphere(1.0, 2);
+        let mut fine = Mesh { vertices: coarse.vertices.clone(), faces: Vec::new() };
+        for &[a, b, c] in &coarse.faces {
+            let first = fine.vertices.len() as u32;
+            for [i, j] in [[a, b], [b, c], [c, a]] {
+                fine.vertices.push(nalgebra::center(&coarse.vertices[i as usize], &coarse.vertices[j as usize]));
+            }
+            let [d, e, f] = [first, first + 1, first + 2];
+            fine.faces.extend([[a, d, f], [d, b, e], [f, e, c], [d, e, f]]);
+        }
+        let smooth = |mesh: &Mesh| {
+            let mut samples = Samples::from_mesh(mesh, 0.1);
+            samples.smooth_normals(&CellGrid::new(&samples.points, 0.2), 0.4);
+            samples
+        };
+        let (one, other) = (smooth(&coarse), smooth(&fine));
+        let grid = CellGrid::new(&other.points, 0.1);
+        for (point, normal) in one.points.iter().zip(&one.normals) {
+            assert!(normal.dot(&point.coords.normalize()) > 0.99, "rounder than its faces");
+            let (near, _) = grid.nearest_where(point, 0.1, |_| true).expect("the same surface");
+            assert!(other.normals[near].dot(normal) > 0.999);
+        }
     }
 
     #[test]

@@ -2,6 +2,7 @@
 //! landmark errors, and what disturbances do to a verdict. Every unit is taken as unknown.
 
 pub(super) mod dataset;
+mod disturbances;
 mod robustness;
 mod roc;
 mod tables;
@@ -26,7 +27,7 @@ pub struct FacesArgs {
     /// Writes `faces.md` and `roc.svg` there instead of printing.
     #[arg(long)]
     out: Option<PathBuf>,
-    /// Also disturbs every model: turned, subdivided, thinned to a noisy cloud, cut in half.
+    /// Also disturbs every model: turned, subdivided, thinned to a noisy cloud, cut in half, scanned badly.
     #[arg(long)]
     robustness: bool,
 }
