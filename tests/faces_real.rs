@@ -10,7 +10,7 @@ use visage::faces::judgement::MATCH_SCORE;
 use visage::faces::modes::LANDMARKS;
 use visage::faces::{self, MatchMethod, Signature, standard};
 use visage::formats::{ReadLimits, read_surface};
-use visage::geometry::{Motion, Point3, Surface, Unit, Vector3};
+use visage::geometry::{Cloud, Motion, Point3, Surface, Unit, Vector3};
 use visage::progress::Progress;
 use visage::retrieval::{Gallery, Wanted, measures};
 
@@ -117,7 +117,7 @@ fn descriptors_tell_faces_from_other_things() {
         faces.iter().filter(|s| **s >= MATCH_SCORE).count() + others.iter().filter(|s| **s < MATCH_SCORE).count();
     let accuracy = right as f64 / (faces.len() + others.len()) as f64;
     println!("descriptors: AUC {auc:.3}, accuracy at the threshold {accuracy:.3}");
-    assert!(auc >= 0.96, "{auc}");
+    assert!(auc >= 0.97, "{auc}");
     assert!(accuracy >= 0.85, "{accuracy}");
 }
 
@@ -138,8 +138,7 @@ fn the_dense_check_splits_faces_from_other_things() {
 #[test]
 #[ignore = "needs VISAGE_DATA"]
 fn landmarks_are_where_the_models_say() {
-    for name in ["eye_r_inner", "eye_l_inner", "eye_r_outer", "eye_l_outer", "nose_tip", "subnasale", "sellion"] {
-        let index = LANDMARKS.iter().position(|l| *l == name).expect("a known landmark");
+    for (index, name) in LANDMARKS.iter().enumerate() {
         let mut errors: Vec<f64> = gallery()
             .iter()
             .filter_map(|(row, _, signature)| {
@@ -150,7 +149,7 @@ fn landmarks_are_where_the_models_say() {
         errors.sort_by(f64::total_cmp);
         let median = errors[errors.len() / 2];
         println!("{name}: median {median:.2} mm over {} models", errors.len());
-        assert!(errors.len() >= 30 && median <= 2.7, "{name}: {median:.2} mm");
+        assert!(errors.len() >= 30 && median <= 2.5, "{name}: {median:.2} mm");
     }
 }
 
@@ -226,6 +225,34 @@ fn a_disturbed_copy_finds_its_original() {
     let share = first as f64 / models.len() as f64;
     println!("probe: {first} of {} copies find their original first ({share:.2})", models.len());
     assert!(share >= 0.7, "{share}");
+}
+
+/// A quarter of the vertices with 0.2 mm of noise on the standard, without triangles.
+fn sparse_cloud(surface: &Surface, mm: f64, seed: u64) -> Surface {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let mut points = surface.cloud.points.clone();
+    points.shuffle(&mut random);
+    points.truncate(points.len() / 4);
+    for point in &mut points {
+        let normal = |_, _| (0..12).map(|_| random.random_range(-0.5..0.5)).sum::<f64>();
+        *point += Vector3::from_fn(normal) * 0.2 * mm;
+    }
+    Surface { cloud: Cloud::from_points(points), ..Surface::default() }
+}
+
+#[test]
+#[ignore = "needs VISAGE_DATA"]
+fn sparse_noisy_clouds_keep_their_verdict() {
+    // every fourth model: the whole table is `visage bench faces --robustness`
+    for (id, (row, surface, signature)) in gallery().iter().enumerate().step_by(4) {
+        let fit = signature.fit().filter(|_| row.face);
+        let diagonal = surface.cloud.bounds().expect("a sound model").diagonal();
+        let cloud = sparse_cloud(surface, fit.map_or(diagonal / 350.0, |fit| fit.pose.scale), id as u64);
+        let judge = |s: &Signature| faces::judge(s, &standard::face(), MatchMethod::Verified).score;
+        let [before, after] = [judge(signature), judge(&described(&cloud))];
+        println!("{} {before:.3} {after:.3}", row.file);
+        assert_eq!(before >= MATCH_SCORE, after >= MATCH_SCORE, "{}: {before} {after}", row.file);
+    }
 }
 
 #[test]

@@ -33,6 +33,9 @@ pub const XI_OF_DIAGONAL: f64 = 0.003;
 /// square of the density. A head of this many points has a spacing of 1.6 xi: finer than the smallest sigma.
 const MAX_POINTS: usize = 40_000;
 
+/// The same if there are more than this many points to a cell: some files crowd their vertices into a few places.
+const CROWDED: usize = 2;
+
 /// The finest cell, in xi, that points are gathered into.
 const CELL_IN_XI: f64 = 1.5;
 
@@ -57,7 +60,9 @@ impl CurvedSurface {
     pub fn from_mesh(mesh: &Mesh, side: f64) -> CurvedSurface {
         let mut surface = curvature::of_mesh(mesh, side);
         surface.cut_curvature();
-        if surface.points.len() > MAX_POINTS { surface.gathered() } else { surface }
+        let gathered = surface.gathered();
+        let crowded = surface.points.len() > CROWDED * gathered.points.len();
+        if crowded || surface.points.len() > MAX_POINTS { gathered } else { surface }
     }
 
     /// A bare cloud with unit normals: thinned to cells, its curvature from weighted quadric fits.

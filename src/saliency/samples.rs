@@ -246,7 +246,7 @@ mod tests {
     #[test]
     fn normals_do_not_depend_on_the_triangulation() {
         // a coarse ball, and the same flat faces each cut into four
-        let coarse = sphere(1.0, 2);
+        let coarse = sphere(1.0, 3);
         let mut fine = Mesh { vertices: coarse.vertices.clone(), faces: Vec::new() };
         for &[a, b, c] in &coarse.faces {
             let first = fine.vertices.len() as u32;
@@ -258,15 +258,15 @@ mod tests {
         }
         let smooth = |mesh: &Mesh| {
             let mut samples = Samples::from_mesh(mesh, 0.1);
-            samples.smooth_normals(&CellGrid::new(&samples.points, 0.2), 0.4);
+            samples.smooth_normals(&CellGrid::new(&samples.points, 0.2), 0.3);
             samples
         };
         let (one, other) = (smooth(&coarse), smooth(&fine));
         let grid = CellGrid::new(&other.points, 0.1);
         for (point, normal) in one.points.iter().zip(&one.normals) {
-            assert!(normal.dot(&point.coords.normalize()) > 0.99, "rounder than its faces");
+            assert!(normal.dot(&point.coords.normalize()) > 0.98, "rounder than its faces");
             let (near, _) = grid.nearest_where(point, 0.1, |_| true).expect("the same surface");
-            assert!(other.normals[near].dot(normal) > 0.999);
+            assert!(other.normals[near].dot(normal) > 0.99);
         }
     }
 
