@@ -261,7 +261,8 @@ impl Task<'_> {
         let mut placement = None;
         if given.contains(&None) {
             let refine = |views: &[View], initial: &[Motion]| self.refine(views, initial);
-            placement = Some(place(views, &given, sensors, &refine, self.progress)?);
+            let set = Set { names: self.names, views, given: &given, sensors };
+            placement = Some(place(&set, &refine, self.progress)?);
         }
         let mut initial = Vec::with_capacity(views.len());
         for (view, pose) in given.iter().enumerate() {

@@ -122,7 +122,7 @@ fn judge_placement(result: &Multiview, names: &[String], verdict: &mut Verdict) 
     }
     let placed = names.len() - unplaced.len();
     let quality = if placed < 2 { Quality::Failed } else { Quality::Doubtful };
-    verdict.lower(quality, format!("not joined to the first view: {}", unplaced.join(", ")));
+    verdict.lower(quality, format!("without a place among the others: {}", unplaced.join(", ")));
 }
 
 fn judge_sharpness(names: &[String], verdict: &mut Verdict) {

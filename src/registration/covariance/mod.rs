@@ -195,12 +195,14 @@ fn small_sample(clusters: usize) -> f64 {
     if m > 12.0 { m / (m - 9.1) } else { 4.0 }
 }
 
-/// Where each view's six unknowns begin; view 0 and views without a pair have none.
+/// Where each view's six unknowns begin; the first view with a pair, to which the others are relative, and views
+/// without one have none.
 fn columns(pairs: &[(usize, usize)], n: usize) -> Vec<Option<usize>> {
     let mut next = 0;
+    let reference = pairs.iter().map(|pair| pair.0).min();
     (0..n)
         .map(|view| {
-            (view > 0 && pairs.iter().any(|pair| pair.0 == view)).then(|| {
+            (Some(view) != reference && pairs.iter().any(|pair| pair.0 == view)).then(|| {
                 next += 6;
                 next - 6
             })

@@ -79,8 +79,13 @@ pub fn assemble(scene: &Scene, links: &[Link], progress: &Progress) -> Result<As
         }
     }
     let mut groups: Vec<Group> = groups.into_iter().flatten().collect();
-    groups.sort_by(|a, b| b.views.len().cmp(&a.views.len()).then(a.views.cmp(&b.views)));
+    sort_by_size(&mut groups);
     Ok(Assembly { groups, ambiguous })
+}
+
+/// The largest first, those of equal size in the order of views.
+pub fn sort_by_size(groups: &mut [Group]) {
+    groups.sort_by(|a, b| b.views.len().cmp(&a.views.len()).then(a.views.cmp(&b.views)));
 }
 
 /// Lays both groups together as `link` says, if all their views bear it out and nothing else fits as well.

@@ -43,6 +43,13 @@ impl Group {
         self.views.iter().position(|v| *v == view).map(|k| self.confidences[k])
     }
 
+    /// The group with view k called `names[k]`, which rise.
+    pub fn renamed(mut self, names: &[usize]) -> Group {
+        self.views.iter_mut().for_each(|view| *view = names[*view]);
+        self.links.iter_mut().for_each(|link| (link.i, link.j) = (names[link.i], names[link.j]));
+        self
+    }
+
     /// Both groups in this one's world, views in order. A join is a doubt about the smaller side.
     pub fn united(&self, other: &Group, motion: &Motion, confidence: f64) -> Group {
         let doubts_other = other.views.len() <= self.views.len();

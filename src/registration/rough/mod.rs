@@ -56,9 +56,9 @@ pub struct Rough {
     pub groups: Vec<Group>,
     /// For each view whether it, or its group, fits the rest in several ways.
     pub ambiguous: Vec<bool>,
-    /// All pairs' candidates.
+    /// All pairs' candidates, as long as all views were one set.
     pub links: Vec<Link>,
-    /// Edge of the surfels' voxels, a length.
+    /// Edge of the surfels' voxels then, a length.
     pub edge: f64,
 }
 
@@ -68,9 +68,43 @@ pub fn edge_of(views: &[View]) -> f64 {
     multiview::common_spacing(views) * (EDGE_FACTOR * (points / SURFELS).sqrt()).max(FINEST_EDGE)
 }
 
-/// Finds poses for `views`. `given` are poses that are thought to be known (local frame to world): they propose, like
+/// Groups `views` and finds poses within each group. The largest group is told apart first; what is left is a set of
+/// its own, with lengths and noise of its own: it may be another object, scanned more finely or more coarsely. `given` are poses that are thought to be known (local frame to world): they propose, like
 /// matches do. `sensors` tell where the scanner stood (local frame), where that is known.
 pub fn rough(
+    views: &[View],
+    given: &[Option<Motion>],
+    sensors: &[Option<Sensor>],
+    progress: &Progress,
+) -> Result<Rough, Canceled> {
+    let mut found = rough_at_once(views, given, sensors, progress)?;
+    let mut settled = 1;
+    while let Some(rest) = rest_beyond(&found.groups, settled) {
+        let views: Vec<View> = rest.iter().map(|view| views[*view].clone()).collect();
+        let given: Vec<Option<Motion>> = rest.iter().map(|view| given[*view]).collect();
+        let sensors: Vec<Option<Sensor>> = rest.iter().map(|view| sensors[*view]).collect();
+        let again = rough_at_once(&views, &given, &sensors, progress)?;
+        found.groups.truncate(settled);
+        found.groups.extend(again.groups.into_iter().map(|group| group.renamed(&rest)));
+        rest.iter().zip(again.ambiguous).for_each(|(view, ambiguous)| found.ambiguous[*view] |= ambiguous);
+        settled += 1;
+    }
+    assembly::sort_by_size(&mut found.groups);
+    Ok(found)
+}
+
+/// The views that are in none of the first `settled` groups, in order, if another group may be found among them.
+fn rest_beyond(groups: &[Group], settled: usize) -> Option<Vec<usize>> {
+    if groups.get(settled - 1)?.views.len() < 2 {
+        return None;
+    }
+    let mut rest: Vec<usize> = groups[settled..].iter().flat_map(|group| group.views.iter().copied()).collect();
+    rest.sort_unstable();
+    (rest.len() >= 2).then_some(rest)
+}
+
+/// Groups views with one length of surfels and one level of noise for all.
+fn rough_at_once(
     views: &[View],
     given: &[Option<Motion>],
     sensors: &[Option<Sensor>],

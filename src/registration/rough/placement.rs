@@ -3,12 +3,12 @@
 
 use super::group::Group;
 use super::rough;
+use super::scan_set::Set;
 use crate::geometry::Motion;
 use crate::progress::{Canceled, Progress};
 use crate::registration::multiview::{self, Multiview, PairOutcome};
 use crate::registration::overlap::OverlapMatrix;
-use crate::registration::quality;
-use crate::registration::sensor::Sensor;
+use crate::registration::quality::{self, Quality, Verdict};
 use crate::registration::view::View;
 
 /// Where a view's pose came from.
@@ -30,6 +30,8 @@ pub struct PlacedGroup {
     pub views: Vec<usize>,
     /// For each of `views` its pose: local frame to the group's world, in which its first view stands at the identity.
     pub local_poses: Vec<Motion>,
+    /// How good they are, judged by its own views alone.
+    pub verdict: Verdict,
 }
 
 /// What became of a set.
@@ -47,31 +49,32 @@ pub struct Placement {
     pub groups: Vec<PlacedGroup>,
 }
 
+impl Placement {
+    /// Whether nothing speaks against the views that are placed; that others are not is no fault of theirs.
+    pub fn is_sound(&self) -> bool {
+        self.groups.first().is_some_and(|group| group.verdict.quality == Quality::Good)
+    }
+}
+
 /// Refines poses; see [`crate::registration::method::Method::register`].
 pub type Refine<'a> = dyn Fn(&[View], &[Motion]) -> Result<Multiview, Canceled> + 'a;
 
 /// A given pose that is off by less than this share of the view's size is one that refinement can start from.
 const NEAR: f64 = 0.3;
 
-/// Places all views. `given` are the poses that are known (local frame to world), `sensors` the scanner's places (local
-/// frame) where they are.
-pub fn place(
-    views: &[View],
-    given: &[Option<Motion>],
-    sensors: &[Option<Sensor>],
-    refine: &Refine,
-    progress: &Progress,
-) -> Result<Placement, Canceled> {
-    let rough = rough(views, given, sensors, progress)?;
+/// Places all views of a set, whatever poses it has.
+pub fn place(set: &Set, refine: &Refine, progress: &Progress) -> Result<Placement, Canceled> {
+    let views = set.views;
+    let rough = rough(views, set.given, set.sensors, progress)?;
     let mut groups = Vec::new();
     let mut placed: Option<Multiview> = None;
     for group in rough.groups.iter().filter(|group| group.views.len() > 1) {
         let (group, refined) = settle_group(views, group, refine)?;
-        groups.extend(held_together(&group, &refined));
+        groups.extend(held_together(set, &group, &refined));
         placed.get_or_insert_with(|| spread(&group, &refined, views.len()));
     }
     let mut result = placed.unwrap_or_else(|| Multiview::alone(views.len()));
-    let origins = settle_world(views, given, &mut result);
+    let origins = settle_world(views, set.given, &mut result);
     let main = rough.groups.first().filter(|group| group.views.len() > 1);
     let sure = |view: usize| main.and_then(|group| group.confidence_of(view)).filter(|_| result.placed[view]);
     let confidences = (0..views.len()).map(|view| sure(view).unwrap_or(0.0)).collect();
@@ -104,12 +107,18 @@ fn settle_group(views: &[View], group: &Group, refine: &Refine) -> Result<(Group
 }
 
 /// The views of a refined group that still hang together, in the frame of the first.
-fn held_together(group: &Group, refined: &Multiview) -> Option<PlacedGroup> {
+fn held_together(set: &Set, group: &Group, refined: &Multiview) -> Option<PlacedGroup> {
     let kept: Vec<usize> = (0..group.views.len()).filter(|k| refined.placed[*k]).collect();
     let world = refined.local_poses[*kept.first()?].inverse();
-    (kept.len() > 1).then(|| PlacedGroup {
+    if kept.len() < 2 {
+        return None;
+    }
+    let members: Vec<View> = group.views.iter().map(|view| set.views[*view].clone()).collect();
+    let names: Vec<String> = group.views.iter().map(|view| set.names[*view].clone()).collect();
+    Some(PlacedGroup {
         views: kept.iter().map(|k| group.views[*k]).collect(),
         local_poses: kept.iter().map(|k| world * refined.local_poses[*k]).collect(),
+        verdict: quality::judge(&members, refined, multiview::common_spacing(&members), &names),
     })
 }
 

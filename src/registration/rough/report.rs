@@ -5,6 +5,7 @@ use serde::Serialize;
 use super::placement::{Origin, PlacedGroup, Placement};
 use crate::geometry::se3;
 use crate::registration::multiview::Multiview;
+use crate::registration::quality::Quality;
 use crate::registration::view::View;
 
 /// How the views came to their poses.
@@ -18,13 +19,17 @@ pub struct PlacementReport {
     groups: Vec<PlacedGroup>,
 }
 
-/// A further group of views that hang together, but not with the placed ones.
+/// A group of views that hang together; the first is the one that is placed.
 #[derive(Debug, Clone, Serialize)]
 struct GroupReport<'a> {
     /// Its scans.
     views: Vec<&'a str>,
     /// For each its 4x4 row-major pose: scan to the frame of the group's first scan.
     poses: Vec<[[f64; 4]; 4]>,
+    /// The verdict on these poses by themselves,
+    quality: Quality,
+    /// and why it is not better.
+    reasons: &'a [String],
 }
 
 impl PlacementReport {
@@ -40,15 +45,17 @@ impl PlacementReport {
 
     /// The views were placed by their surface.
     pub fn of(placement: &Placement) -> Self {
-        let reason = |(placed, ambiguous): (&bool, &bool)| match (placed, ambiguous) {
+        let in_another_group = |view: usize| placement.groups.iter().any(|group| group.views.contains(&view));
+        let reason = |view: usize| match (placement.result.placed[view], placement.ambiguous[view]) {
             (true, _) => None,
             (false, true) => Some(AMBIGUOUS),
+            (false, false) if in_another_group(view) => Some(OTHER_GROUP),
             (false, false) => Some(APART),
         };
         PlacementReport {
             origins: placement.origins.clone(),
             confidences: Some(placement.confidences.clone()),
-            reasons: placement.result.placed.iter().zip(&placement.ambiguous).map(reason).collect(),
+            reasons: (0..placement.origins.len()).map(reason).collect(),
             groups: placement.groups.clone(),
         }
     }
@@ -75,6 +82,7 @@ impl PlacementReport {
                 row["pose"] = serde_json::json!(self.origins[view]);
                 row["confidence"] = serde_json::json!(self.confidences.as_ref().map(|sure| sure[view]));
                 row["unplaced"] = serde_json::json!(self.reasons[view]);
+                row["group"] = serde_json::json!(self.groups.iter().position(|group| group.views.contains(&view)));
             }
         }
         report["confidence"] = serde_json::json!(self.confidence());
@@ -87,10 +95,11 @@ impl PlacementReport {
 const DOUBTFUL: f64 = 0.5;
 
 const APART: &str = "no other view's surface bears out a place for it: it shows something else, or overlaps too little";
+const OTHER_GROUP: &str = "it hangs together with other scans than the placed ones, see `groups`: another object, or a part that overlaps the rest too little";
 const AMBIGUOUS: &str =
     "it fits the others in several ways that are equally good: the object looks the same from several sides";
 
-fn group_report<'a>(group: &PlacedGroup, names: &'a [String], views: &[View]) -> GroupReport<'a> {
+fn group_report<'a>(group: &'a PlacedGroup, names: &'a [String], views: &[View]) -> GroupReport<'a> {
     let first = group.views.first().map(|view| views[*view].scan_pose(&group.local_poses[0]).inverse());
     let pose = |(view, local_pose): (&usize, &crate::geometry::Motion)| {
         se3::to_rows(&(first.unwrap_or_default() * views[*view].scan_pose(local_pose)))
@@ -98,5 +107,7 @@ fn group_report<'a>(group: &PlacedGroup, names: &'a [String], views: &[View]) ->
     GroupReport {
         views: group.views.iter().map(|view| names[*view].as_str()).collect(),
         poses: group.views.iter().zip(&group.local_poses).map(pose).collect(),
+        quality: group.verdict.quality,
+        reasons: &group.verdict.reasons,
     }
 }

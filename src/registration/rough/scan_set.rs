@@ -52,10 +52,10 @@ impl Set<'_> {
 
     /// Places the views by their surface.
     fn placed(&self, refine: &Refine, progress: &Progress) -> Result<Registered, Canceled> {
-        let placement = place(self.views, self.given, self.sensors, refine, progress)?;
+        let placement = place(self, refine, progress)?;
         let verdict = self.judge(&placement.result, progress);
         let mut report = PlacementReport::of(&placement);
-        if verdict.quality != Quality::Good {
+        if !placement.is_sound() {
             report.doubt();
         }
         Ok(Registered { result: placement.result, verdict, placement: report })
