@@ -84,3 +84,56 @@ fn head_sets_are_placed_from_their_scans_alone() {
         assert!(error_mm < 0.5, "{name}: {error_mm} mm");
     }
 }
+
+/// Views of the groups of a report, with what each is a scan of; `objects[k]` is what scan `s<k>.ply` shows.
+fn groups(outcome: &pipeline::Outcome, objects: &[usize]) -> Vec<Vec<usize>> {
+    let groups = outcome.report["groups"].as_array().expect("groups are told");
+    let place = |name: &serde_json::Value| outcome.poses.iter().position(|(n, _)| *name == **n).expect("a known name");
+    groups
+        .iter()
+        .map(|group| group["views"].as_array().into_iter().flatten().map(|name| objects[place(name)]).collect())
+        .collect()
+}
+
+/// Registers the first `count` scans of each set as one pile.
+fn mixture(parts: &[(&str, &str, usize)]) -> (pipeline::Outcome, Vec<usize>) {
+    let (mut scans, mut objects) = (Vec::new(), Vec::new());
+    for (object, (folder, pose_file, count)) in parts.iter().enumerate() {
+        for scan in strangers(&data().join(folder), pose_file, 5).0.into_iter().take(*count) {
+            scans.push(NamedScan { name: format!("s{}.ply", scans.len()), ..scan });
+            objects.push(object);
+        }
+    }
+    let options = Options { cloud: false, signature: false, ..Options::default() };
+    let outcome = pipeline::run(scans, &BTreeMap::new(), Unit::Unknown, &options, &Progress::silent())
+        .unwrap_or_else(|error| panic!("{error}"));
+    (outcome, objects)
+}
+
+#[test]
+#[ignore = "needs VISAGE_DATA"]
+fn the_scans_of_two_objects_come_back_as_two_groups() {
+    let dragon = ("stanford/dragon", "dragonStandRight.conf", 15);
+    let happy = ("stanford/happy", "happyStandRight.conf", 15);
+    let (head_a, head_b) = (("faces/scansets/head_a", "poses_gt.txt", 8), ("faces/scansets/head_b", "poses_gt.txt", 8));
+    for parts in [[dragon, happy], [head_a, head_b]] {
+        let (outcome, objects) = mixture(&parts);
+        let mut found = groups(&outcome, &objects);
+        found.sort();
+        assert_eq!(found, [vec![0; parts[0].2], vec![1; parts[1].2]], "{parts:?}");
+        for group in outcome.report["groups"].as_array().expect("groups") {
+            assert_eq!(group["quality"], "good", "{parts:?}: {}", group["reasons"]);
+        }
+    }
+}
+
+#[test]
+#[ignore = "needs VISAGE_DATA"]
+fn a_scan_of_something_else_has_no_place_on_the_bunny() {
+    let bunny = ("stanford/bunny", "bun.conf", 10);
+    for foreign in [("stanford/dragon", "dragonStandRight.conf", 1), ("stanford/happy", "happyStandRight.conf", 1)] {
+        let (outcome, objects) = mixture(&[bunny, foreign]);
+        assert_eq!(groups(&outcome, &objects), [vec![0; 10]], "{foreign:?}");
+        assert!(outcome.poses[10].1.is_none() && outcome.report["views"][10]["unplaced"].is_string());
+    }
+}

@@ -55,6 +55,9 @@ pub struct RegisterArgs {
     /// Add scans to a finished model: its folder (or its poses.json); the poses in it stay as they are
     #[arg(long, value_name = "MODEL")]
     add_to: Option<PathBuf>,
+    /// Keep turntable, floor, walls and stray points [default: left out where recognised]
+    #[arg(long)]
+    keep_all: bool,
     /// Don't make the merged cloud
     #[arg(long)]
     no_cloud: bool,
@@ -122,6 +125,7 @@ fn options(args: &RegisterArgs) -> Options {
         sensor: args.sensor,
         scale: args.scale,
         reference: args.reference.clone(),
+        keep_all: args.keep_all,
         cloud: !args.no_cloud,
         signature: !args.no_signature,
         ..Options::default()
@@ -241,10 +245,39 @@ fn summarise(outcome: &Outcome, out: &Path) -> anyhow::Result<()> {
     for reason in verdict["reasons"].as_array().into_iter().flatten().filter_map(|reason| reason.as_str()) {
         println!("  {reason}");
     }
+    for line in groups_in_words(&outcome.report).into_iter().chain(left_out_in_words(&outcome.report)) {
+        println!("{line}");
+    }
     if quality == "failed" {
         bail!("the registration failed; the files are written, but don't use them unseen");
     }
     Ok(())
+}
+
+/// A line for each group of scans beside the placed one.
+fn groups_in_words(report: &serde_json::Value) -> Vec<String> {
+    let words = |(index, group): (usize, &serde_json::Value)| {
+        let names: Vec<&str> =
+            group["views"].as_array().into_iter().flatten().filter_map(|name| name.as_str()).collect();
+        let quality = group["quality"].as_str().unwrap_or("unknown");
+        format!(
+            "group {index} ({quality} by itself): {}; not placed, their poses among each other are in report.json",
+            names.join(", ")
+        )
+    };
+    report["groups"].as_array().into_iter().flatten().enumerate().skip(1).map(words).collect()
+}
+
+/// What was left out of the scans, if anything was.
+fn left_out_in_words(report: &serde_json::Value) -> Option<String> {
+    let views = || report["views"].as_array().into_iter().flatten();
+    let sum = |what: &str| views().filter_map(|view| view["left_out"][what].as_u64()).sum::<u64>();
+    let (support, strays) = (sum("support"), sum("strays"));
+    (support + strays > 0).then(|| {
+        format!(
+            "left out: {support} points of turntable, floor or walls, {strays} stray points (--keep-all keeps them)"
+        )
+    })
 }
 
 fn progress_bar() -> ProgressBar {

@@ -70,6 +70,19 @@ impl Cloud {
         Point3::from(sum / self.points.len().max(1) as f64)
     }
 
+    /// The points for which `kept` holds, in order, with their attributes.
+    pub fn kept(&self, kept: &[bool]) -> Cloud {
+        fn of<T: Clone>(values: &[T], kept: &[bool]) -> Vec<T> {
+            values.iter().zip(kept).filter(|(_, kept)| **kept).map(|(value, _)| value.clone()).collect()
+        }
+        Cloud {
+            points: of(&self.points, kept),
+            normals: self.normals.as_ref().map(|normals| of(normals, kept)),
+            colors: self.colors.as_ref().map(|colors| of(colors, kept)),
+            intensities: self.intensities.as_ref().map(|intensities| of(intensities, kept)),
+        }
+    }
+
     /// The same cloud moved by `motion`: positions and normals turn, other attributes stay.
     pub fn moved(&self, motion: &Motion) -> Cloud {
         let rotation = motion.rotation.cast::<f32>();

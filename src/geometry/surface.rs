@@ -36,6 +36,29 @@ impl Surface {
     pub fn mesh(&self) -> Option<Mesh> {
         (!self.faces.is_empty()).then(|| Mesh { vertices: self.cloud.points.clone(), faces: self.faces.clone() })
     }
+
+    /// The surface of the points for which `kept` holds, in order; triangles that lose a corner go, pixels become empty.
+    pub fn kept(&self, kept: &[bool]) -> Surface {
+        let mut next = 0;
+        let places: Vec<Option<u32>> = kept
+            .iter()
+            .map(|kept| {
+                next += u32::from(*kept);
+                kept.then(|| next - 1)
+            })
+            .collect();
+        let place = |index: u32| places.get(index as usize).copied().flatten();
+        let face = |[a, b, c]: &[u32; 3]| Some([place(*a)?, place(*b)?, place(*c)?]);
+        Surface {
+            cloud: self.cloud.kept(kept),
+            faces: self.faces.iter().filter_map(face).collect(),
+            grid: self.grid.as_ref().map(|grid| RangeGrid {
+                pixels: grid.pixels.iter().map(|index| place(*index).unwrap_or(RangeGrid::EMPTY)).collect(),
+                ..grid.clone()
+            }),
+            sensor: self.sensor,
+        }
+    }
 }
 
 /// The unit of a file's coordinates.
@@ -87,5 +110,26 @@ impl std::str::FromStr for Unit {
             .into_iter()
             .find(|unit| unit.name() == text)
             .ok_or_else(|| format!("{text:?} is no unit that is known here; use mm, cm, m, in or unknown"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn leaving_points_out_keeps_faces_and_pixels_right() {
+        let points = (0..4).map(|x| Point3::new(f64::from(x), 0.0, 0.0)).collect();
+        let mut cloud = Cloud::from_points(points);
+        cloud.colors = Some((0..4).map(|c| [c; 3]).collect());
+        let pixels = vec![0, RangeGrid::EMPTY, 1, 2, 3, RangeGrid::EMPTY];
+        let grid = Some(RangeGrid { columns: 3, rows: 2, pixels });
+        let surface = Surface { cloud, faces: vec![[0, 1, 2], [0, 2, 3]], grid, sensor: None };
+        let kept = surface.kept(&[true, false, true, true]);
+        assert_eq!(kept.cloud.points.iter().map(|p| p.x).collect::<Vec<_>>(), [0.0, 2.0, 3.0]);
+        assert_eq!(kept.cloud.colors, Some(vec![[0; 3], [2; 3], [3; 3]]));
+        assert_eq!(kept.faces, [[0, 1, 2]]);
+        let empty = RangeGrid::EMPTY;
+        assert_eq!(kept.grid.expect("the grid stays").pixels, [0, empty, empty, 1, 2, empty]);
     }
 }

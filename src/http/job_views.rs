@@ -55,6 +55,9 @@ pub struct OptionsView {
     scale: String,
     /// The scan that keeps its pose and so fixes the world; the first when not given.
     reference: Option<String>,
+    /// Whether turntable, floor, walls and stray points stay in the scans.
+    #[schema(required = false, example = false)]
+    keep_all: bool,
     /// Whether the merged cloud is made.
     #[schema(required = false, example = true)]
     cloud: bool,

@@ -113,6 +113,12 @@ pub fn table() -> Vec<OptionInfo> {
             None,
             "the name of the scan that keeps its pose and so fixes the world; the first when not given",
         ),
+        plain(
+            "keep_all",
+            "boolean",
+            None,
+            "whether turntable, floor, walls and stray points stay in the scans; else they are left out where they are recognised",
+        ),
         plain("cloud", "boolean", None, "whether the merged cloud is made"),
         plain("signature", "boolean", None, "whether the signature is made, by which queries find the model"),
     ]

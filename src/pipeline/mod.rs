@@ -1,5 +1,6 @@
 //! Scans to model to signature, stage by stage: the whole path, free of files, clocks and HTTP.
 
+mod cleaning;
 mod start;
 
 use std::collections::BTreeMap;
@@ -51,6 +52,8 @@ pub struct Options {
     pub scale: Scale,
     /// The scan that keeps its pose and so fixes the world; the first if absent.
     pub reference: Option<String>,
+    /// Whether turntable, floor, walls and stray points stay in the scans.
+    pub keep_all: bool,
     /// Whether the merged cloud is made.
     pub cloud: bool,
     /// Whether the signature is made.
@@ -68,6 +71,7 @@ impl Default for Options {
             sensor: None,
             scale: Scale::default(),
             reference: None,
+            keep_all: false,
             cloud: true,
             signature: true,
         }
@@ -138,7 +142,9 @@ pub fn run_from(
     let setting = Setting::new(start, &mut scans, options)?;
     check_input(&scans, options)?;
     let names: Vec<String> = scans.iter().map(|scan| scan.name.clone()).collect();
-    let views = prepare(&scans, progress)?;
+    let mut views = prepare(&scans, progress)?;
+    let left_out =
+        (!options.keep_all).then(|| cleaning::clean_scans(&mut scans, &mut views, options, progress)).transpose()?;
     let (views, sensors, registered) = setting.register(&scans, views, &names, options, progress)?;
     let Registered { result, mut verdict, placement } = registered;
     let positions: Vec<Option<Vector3>> = sensors.iter().map(|sensor| sensor.and_then(|s| s.position())).collect();
@@ -172,6 +178,9 @@ pub fn run_from(
     for (index, entry) in report["views"].as_array_mut().into_iter().flatten().enumerate() {
         if let Some((_, outward)) = &merged {
             entry["normals_outward"] = outward[index].into();
+        }
+        if let Some(left_out) = &left_out {
+            entry["left_out"] = serde_json::json!(left_out[index]);
         }
         if options.scale != Scale::None || views[index].scale != 1.0 {
             entry["scale"] = views[index].scale.into();

@@ -4,6 +4,7 @@
 //! modules are their parts.
 
 pub mod candidates;
+pub mod cleaning;
 pub mod covariance;
 pub mod free_space;
 pub mod joint;

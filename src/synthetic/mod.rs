@@ -5,6 +5,7 @@
 //! - [`objects`]: things that are no face: a head with bumps for a face, a jug, a smooth blob
 //! - [`shapes`]: a catalogue of thirty kinds of things, each by seed, to scan and register with an exact truth
 //! - [`scanner`]: range scans by ray casting
+//! - [`scene`]: objects on a turntable, on the floor, before a wall
 //! - [`truth`]: disturbing true poses, and how far estimated ones are from the truth
 //!
 //! Lengths are millimetres. Pure and deterministic: the same seed gives the same bits.
@@ -13,6 +14,7 @@ pub mod head;
 pub mod implicit;
 pub mod objects;
 pub mod scanner;
+pub mod scene;
 pub mod shapes;
 pub mod surface_nets;
 pub mod truth;

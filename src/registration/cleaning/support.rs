@@ -1,0 +1,245 @@
+//! Turntable, floor and wall: large planes with nothing behind them, about an object that stands before them.
+//!
+//! A face of the object may be as large and as flat, and have the rest of the object before it, as the bottom of a crate
+//! has. But it does not go on beyond the rest all around, as a floor goes on about what stands on it.
+
+use std::f64::consts::TAU;
+
+use super::survey::Survey;
+use crate::geometry::Vector3;
+use crate::geometry::normals::least_spread;
+use crate::registration::sensor::Sensor;
+
+/// A plane with nothing of the object on it or behind it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Support {
+    /// Unit normal, towards the object (local frame).
+    pub normal: Vector3,
+    /// `normal . p` of its points.
+    pub offset: f64,
+    /// What lies no farther than this before the plane belongs to it, a length.
+    pub reach: f64,
+}
+
+/// Supports of a scan at most: a floor and two walls.
+pub const MOST: usize = 3;
+/// Surfels from which a plane is sought.
+const SEEDS: usize = 150;
+/// Distances from a plane of the surfels that it is fitted to, in edges, step by step.
+const FITS: [f64; 4] = [1.0, 0.6, 0.35, 0.25];
+/// Cosine of the normals of a plane's surfels.
+const LIKE: f64 = 0.92;
+/// A plane is large from this share of the surfels on.
+const LARGE: f64 = 0.12;
+/// Of the surfels beside a support no more than this share may lie behind it, counted in those on it: the rim of a table.
+const BEHIND: f64 = 0.2;
+/// How far before a plane its points may lie: so many of its own root mean square heights,
+const FLAT: f64 = 4.0;
+/// range accuracies,
+const NOISE: f64 = 5.0;
+/// and spacings at least.
+const LEAST_REACH: f64 = 0.75;
+/// What stands before a support is at least this share of the surfels.
+const LEAST_OBJECT: f64 = 0.03;
+/// Directions about the object in which a support should go on beyond it,
+const SECTORS: usize = 36;
+/// and in which share of them it has to,
+pub const AROUND: f64 = 0.6;
+/// and where the set is known to have one.
+pub const AROUND_IF_EXPECTED: f64 = 0.45;
+/// It goes on if it reaches this many edges beyond the object.
+const BEYOND: f64 = 2.0;
+
+impl Support {
+    /// How far a place lies before the plane; negative: behind.
+    fn height(&self, place: &Vector3) -> f64 {
+        self.normal.dot(place) - self.offset
+    }
+
+    /// Whether what lies there is part of the support, or behind it.
+    pub fn holds(&self, place: &Vector3) -> bool {
+        self.height(place) < self.reach
+    }
+
+    /// Whether the scanner stood before it.
+    fn faces(&self, survey: &Survey, sensor: &Sensor) -> bool {
+        let Some(nearest) = (0..survey.len()).find(|surfel| self.height(&survey.position(*surfel)).abs() < self.reach)
+        else {
+            return false;
+        };
+        self.normal.dot(&sensor.direction_from(&survey.indexed.points[nearest])) > 0.0
+    }
+
+    fn has(&self, survey: &Survey, surfel: usize, tolerance: f64) -> bool {
+        self.height(&survey.position(surfel)).abs() < tolerance && survey.normals[surfel].dot(&self.normal).abs() > LIKE
+    }
+}
+
+/// The planes, `most` at the most, that the object of a scan stands on or before; each has to go on beyond it in this
+/// share of the directions.
+pub fn supports(survey: &Survey, candidates: &[Support], around: f64, most: usize) -> Vec<Support> {
+    // a voxel where two planes meet, or the object and a plane, lies off both
+    let near = FITS[1] * survey.edge;
+    let is_on = |surfel: usize, planes: &[Support]| {
+        planes.iter().any(|plane| plane.height(&survey.position(surfel)) < plane.reach.max(near))
+    };
+    // with all of them taken away the object is left; where that is nothing, some of them are the object's own
+    let is_about = |taken: &Vec<Support>| {
+        let object: Vec<usize> = (0..survey.len()).filter(|surfel| !is_on(*surfel, taken)).collect();
+        object.len() as f64 >= LEAST_OBJECT * survey.len() as f64
+            && taken.iter().all(|plane| share_around(survey, plane, &object) >= around)
+    };
+    selections(candidates).into_iter().filter(|taken| taken.len() <= most).find(is_about).unwrap_or_default()
+}
+
+/// All ways to choose some of the planes, most first, the earlier ones first.
+fn selections(planes: &[Support]) -> Vec<Vec<Support>> {
+    let chosen = |mask: usize| planes.iter().enumerate().filter(|(k, _)| mask >> k & 1 == 1).map(|(_, p)| *p).collect();
+    let mut all: Vec<Vec<Support>> = (1..1usize << planes.len()).map(chosen).collect();
+    all.sort_by_key(|chosen| std::cmp::Reverse(chosen.len()));
+    all
+}
+
+/// Large planes with hardly anything behind them as seen by the scanner, the largest first.
+pub fn bounding_planes(survey: &Survey, sensor: Option<&Sensor>) -> Vec<Support> {
+    let mut free: Vec<usize> = (0..survey.len()).filter(|surfel| survey.normals[*surfel] != Vector3::zeros()).collect();
+    let least = (LARGE * survey.len() as f64).max(20.0) as usize;
+    let mut found = Vec::new();
+    // a few more than are wanted: faces of the object may be larger
+    for _ in 0..2 * MOST {
+        let Some((plane, members)) = largest_plane(survey, &free).filter(|(_, members)| members.len() >= least) else {
+            break;
+        };
+        free.retain(|surfel| !members.contains(surfel));
+        if let Some(support) = bounding(survey, plane, members.len())
+            && sensor.is_none_or(|sensor| support.faces(survey, sensor))
+            && found.len() < MOST
+        {
+            found.push(support);
+        }
+    }
+    found
+}
+
+/// The plane that holds most of the `free` surfels, with those in order.
+fn largest_plane(survey: &Survey, free: &[usize]) -> Option<(Support, Vec<usize>)> {
+    let members = |plane: &Support, tolerance: f64| -> Vec<usize> {
+        free.iter().copied().filter(|surfel| plane.has(survey, *surfel, tolerance)).collect()
+    };
+    let step = free.len().div_ceil(SEEDS).max(1);
+    let seed_plane = |surfel: &usize| {
+        let normal = survey.normals[*surfel];
+        Support { normal, offset: normal.dot(&survey.position(*surfel)), reach: 0.0 }
+    };
+    let count = |plane: &Support| free.iter().filter(|s| plane.has(survey, **s, FITS[0] * survey.edge)).count();
+    let seeds = free.iter().step_by(step).map(seed_plane);
+    let (_, mut plane) = seeds.map(|plane| (count(&plane), plane)).max_by_key(|(count, _)| *count)?;
+    let mut on = members(&plane, FITS[0] * survey.edge);
+    for tolerance in FITS {
+        plane = fitted(survey, &on)?;
+        on = members(&plane, tolerance * survey.edge);
+    }
+    Some((plane, on))
+}
+
+fn fitted(survey: &Survey, members: &[usize]) -> Option<Support> {
+    if members.len() < 3 {
+        return None;
+    }
+    let count = members.len() as f64;
+    let mean = members.iter().map(|surfel| survey.position(*surfel)).sum::<Vector3>() / count;
+    let mut scatter = nalgebra::Matrix3::zeros();
+    for surfel in members {
+        let d = survey.position(*surfel) - mean;
+        scatter += d * d.transpose();
+    }
+    let (normal, spread) = least_spread(&(scatter / count));
+    Some(Support { normal, offset: normal.dot(&mean), reach: spread.max(0.0).sqrt() })
+}
+
+/// The plane with its normal towards what lies before it, if next to nothing lies behind. Until then `reach` is the
+/// root mean square height of its surfels.
+fn bounding(survey: &Survey, plane: Support, members: usize) -> Option<Support> {
+    let off = FITS[FITS.len() - 1] * survey.edge;
+    let heights = (0..survey.len()).map(|surfel| plane.height(&survey.position(surfel)));
+    let (before, behind) = heights.fold((0, 0), |(before, behind), height| {
+        (before + usize::from(height > off), behind + usize::from(height < -off))
+    });
+    let sign = if behind > before { -1.0 } else { 1.0 };
+    let reach = (FLAT * plane.reach).max(NOISE * survey.range_accuracy).max(LEAST_REACH * survey.spacing);
+    let plane = Support { normal: plane.normal * sign, offset: plane.offset * sign, reach };
+    (before.min(behind) as f64 <= BEHIND * members as f64).then_some(plane)
+}
+
+/// In which share of the directions along it the plane reaches beyond the object.
+fn share_around(survey: &Survey, plane: &Support, object: &[usize]) -> f64 {
+    let across = plane.normal.cross(&Vector3::ith(plane.normal.iamin(), 1.0)).normalize();
+    let along = plane.normal.cross(&across);
+    let project = |surfel: usize| {
+        let place = survey.position(surfel);
+        nalgebra::Vector2::new(place.dot(&across), place.dot(&along))
+    };
+    let middle = object.iter().map(|surfel| project(*surfel)).sum::<nalgebra::Vector2<f64>>() / object.len() as f64;
+    let farthest = |surfels: &mut dyn Iterator<Item = usize>| {
+        let mut radii = [0.0f64; SECTORS];
+        for surfel in surfels {
+            let offset = project(surfel) - middle;
+            let sector = (offset.y.atan2(offset.x).rem_euclid(TAU) / TAU * SECTORS as f64) as usize % SECTORS;
+            radii[sector] = radii[sector].max(offset.norm());
+        }
+        radii
+    };
+    let of_object = farthest(&mut object.iter().copied());
+    let of_plane = farthest(&mut (0..survey.len()).filter(|s| plane.has(survey, *s, FITS[1] * survey.edge)));
+    let beyond = of_plane.iter().zip(&of_object).filter(|(plane, object)| **plane > **object + BEYOND * survey.edge);
+    beyond.count() as f64 / SECTORS as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::{Cloud, Point3};
+    use crate::registration::view::View;
+
+    fn found(points: Vec<Point3>, sensor: Option<Sensor>) -> Vec<Support> {
+        let survey = Survey::new(&View::new(&Cloud::from_points(points)).expect("a sound scan"));
+        supports(&survey, &bounding_planes(&survey, sensor.as_ref()), AROUND, MOST)
+    }
+
+    fn grid(place: impl Fn(f64, f64) -> Option<Point3>) -> Vec<Point3> {
+        let steps = || (-50..=50).map(|k| 2.0 * f64::from(k));
+        steps().flat_map(|x| steps().map(move |y| (x, y))).filter_map(|(x, y)| place(x, y)).collect()
+    }
+
+    fn dome_on_floor() -> Vec<Point3> {
+        grid(|x, y| Some(Point3::new(x, y, (900.0 - x * x - y * y).max(0.0).sqrt())))
+    }
+
+    #[test]
+    fn a_floor_about_a_dome_is_a_support_as_long_as_it_faces_the_scanner() {
+        let [support] = found(dome_on_floor(), None)[..] else { panic!("there is one floor") };
+        assert!(support.normal.z > 0.999, "towards the dome");
+        assert_eq!(found(dome_on_floor(), Some(Sensor::Toward(Vector3::z()))).len(), 1);
+        assert!(found(dome_on_floor(), Some(Sensor::Toward(-Vector3::z()))).is_empty(), "seen from below it is a lid");
+    }
+
+    #[test]
+    fn a_wall_behind_and_a_floor_below_are_two() {
+        let mut points = grid(|x, y| (x.hypot(y) > 30.0).then(|| Point3::new(x, y, 0.0)));
+        points.extend(grid(|x, z| (z > -94.0).then(|| Point3::new(x, 100.0, z + 96.0))));
+        // well above the floor: what stands low before a wall is bounded by the floor
+        let dome = dome_on_floor().into_iter().filter(|p| p.z > 0.0);
+        points.extend(dome.map(|p| Point3::new(p.x, p.y, p.z + 60.0)));
+        assert_eq!(found(points, None).len(), 2);
+    }
+
+    #[test]
+    fn angles_trays_and_bare_planes_are_objects() {
+        assert!(found(grid(|x, y| Some(Point3::new(x, y, 0.0))), None).is_empty());
+        let mut angle = grid(|x, y| Some(Point3::new(x, y, 0.0)));
+        angle.extend(grid(|x, z| (z > -98.0).then(|| Point3::new(x, 100.0, z + 100.0))));
+        assert!(found(angle, None).is_empty());
+        let tray = grid(|x, y| Some(Point3::new(x, y, 0.5 * (x.abs().max(y.abs()) - 70.0).max(0.0))));
+        assert!(found(tray, None).is_empty());
+    }
+}

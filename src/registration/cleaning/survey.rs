@@ -1,0 +1,78 @@
+//! A scan in a few thousand surfels, enough to see planes and what is far from what.
+
+use crate::geometry::Vector3;
+use crate::geometry::neighbours::{IndexedPoints, LocalPoint};
+use crate::geometry::normals::least_spread;
+use crate::geometry::thinning::thin;
+use crate::registration::view::View;
+
+/// About how many surfels stand for a scan.
+const SURFELS: f64 = 2500.0;
+/// A view of n points has about `n (EDGE_FACTOR / edge)^2` voxels of an edge given in spacings.
+const EDGE_FACTOR: f64 = 1.7;
+/// A voxel narrower than this (in spacings) holds too few points to average.
+const FINEST_EDGE: f64 = 2.5;
+/// Radius of a surfel's neighbourhood, in edges.
+const REACH: f64 = 1.2;
+/// Points of a neighbourhood that are looked at: enough for a normal.
+const NEIGHBOURS: usize = 60;
+
+/// The surfels of a view, in its local frame.
+pub struct Survey {
+    /// Positions with their tree.
+    pub indexed: IndexedPoints,
+    /// Unit normals, their signs arbitrary.
+    pub normals: Vec<Vector3>,
+    /// Points in each surfel's voxel.
+    pub counts: Vec<u32>,
+    /// Edge of the voxels, a length.
+    pub edge: f64,
+    /// Spacing of the view.
+    pub spacing: f64,
+    /// Range accuracy of the view, a length.
+    pub range_accuracy: f64,
+}
+
+impl Survey {
+    /// Surveys a view.
+    pub fn new(view: &View) -> Self {
+        let points = view.points();
+        let edge = view.spacing * (EDGE_FACTOR * (points.len() as f64 / SURFELS).sqrt()).max(FINEST_EDGE);
+        let thinned = thin(points, edge as f32);
+        // every so many points are enough for normals
+        let step = (points.len() / (NEIGHBOURS * thinned.centroids.len()).max(1)).max(1);
+        let sampled = IndexedPoints::new(points.iter().step_by(step).copied().collect());
+        let reach = (REACH * edge) as f32;
+        let normals = thinned.centroids.iter().map(|center| normal(&sampled, center, reach)).collect();
+        let indexed = IndexedPoints::new(thinned.centroids);
+        let (spacing, range_accuracy) = (view.spacing, view.range_accuracy);
+        Survey { indexed, normals, counts: thinned.counts, edge, spacing, range_accuracy }
+    }
+
+    /// The number of surfels.
+    pub fn len(&self) -> usize {
+        self.counts.len()
+    }
+
+    /// A surfel's position.
+    pub fn position(&self, surfel: usize) -> Vector3 {
+        nalgebra::Vector3::from(self.indexed.points[surfel]).cast::<f64>()
+    }
+}
+
+/// The normal at `center`; zero where there are too few points.
+fn normal(indexed: &IndexedPoints, center: &LocalPoint, reach: f32) -> Vector3 {
+    let center = nalgebra::Vector3::from(*center);
+    let (mut count, mut sum, mut squares) = (0, nalgebra::Vector3::zeros(), nalgebra::Matrix3::zeros());
+    indexed.tree.for_each_within(&center.into(), reach * reach, |neighbour| {
+        let d = nalgebra::Vector3::from(indexed.points[neighbour.index as usize]) - center;
+        count += 1;
+        sum += d;
+        squares += d * d.transpose();
+    });
+    if count < 3 {
+        return Vector3::zeros();
+    }
+    let mean: nalgebra::Vector3<f32> = sum / count as f32;
+    least_spread(&(squares / count as f32 - mean * mean.transpose()).cast::<f64>()).0
+}
