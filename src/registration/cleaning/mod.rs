@@ -87,7 +87,7 @@ impl LeftOut {
             false => points().map(|p| !is_supporting(&p)).collect(),
         };
         let rest = |surfel: &usize| !is_supporting(&survey.position(*surfel));
-        let rest: Vec<usize> = (0..survey.len()).filter(rest).collect();
+        let rest: Vec<usize> = (0..survey.count()).filter(rest).collect();
         let kept = match strays::main_body(survey, &rest) {
             Some(body) => standing.iter().zip(view.points()).map(|(stands, p)| *stands && body.reaches(p)).collect(),
             None => standing.clone(),

@@ -63,7 +63,7 @@ impl Support {
 
     /// Whether the scanner stood before it.
     fn faces(&self, survey: &Survey, sensor: &Sensor) -> bool {
-        let Some(nearest) = (0..survey.len()).find(|surfel| self.height(&survey.position(*surfel)).abs() < self.reach)
+        let Some(nearest) = (0..survey.count()).find(|surfel| self.height(&survey.position(*surfel)).abs() < self.reach)
         else {
             return false;
         };
@@ -85,8 +85,8 @@ pub fn supports(survey: &Survey, candidates: &[Support], around: f64, most: usiz
     };
     // with all of them taken away the object is left; where that is nothing, some of them are the object's own
     let is_about = |taken: &Vec<Support>| {
-        let object: Vec<usize> = (0..survey.len()).filter(|surfel| !is_on(*surfel, taken)).collect();
-        object.len() as f64 >= LEAST_OBJECT * survey.len() as f64
+        let object: Vec<usize> = (0..survey.count()).filter(|surfel| !is_on(*surfel, taken)).collect();
+        object.len() as f64 >= LEAST_OBJECT * survey.count() as f64
             && taken.iter().all(|plane| share_around(survey, plane, &object) >= around)
     };
     selections(candidates).into_iter().filter(|taken| taken.len() <= most).find(is_about).unwrap_or_default()
@@ -102,8 +102,8 @@ fn selections(planes: &[Support]) -> Vec<Vec<Support>> {
 
 /// Large planes with hardly anything behind them as seen by the scanner, the largest first.
 pub fn bounding_planes(survey: &Survey, sensor: Option<&Sensor>) -> Vec<Support> {
-    let mut free: Vec<usize> = (0..survey.len()).filter(|surfel| survey.normals[*surfel] != Vector3::zeros()).collect();
-    let least = (LARGE * survey.len() as f64).max(20.0) as usize;
+    let mut free: Vec<usize> = (0..survey.count()).filter(|surfel| survey.normals[*surfel] != Vector3::zeros()).collect();
+    let least = (LARGE * survey.count() as f64).max(20.0) as usize;
     let mut found = Vec::new();
     // a few more than are wanted: faces of the object may be larger
     for _ in 0..2 * MOST {
@@ -161,7 +161,7 @@ fn fitted(survey: &Survey, members: &[usize]) -> Option<Support> {
 /// root mean square height of its surfels.
 fn bounding(survey: &Survey, plane: Support, members: usize) -> Option<Support> {
     let off = FITS[FITS.len() - 1] * survey.edge;
-    let heights = (0..survey.len()).map(|surfel| plane.height(&survey.position(surfel)));
+    let heights = (0..survey.count()).map(|surfel| plane.height(&survey.position(surfel)));
     let (before, behind) = heights.fold((0, 0), |(before, behind), height| {
         (before + usize::from(height > off), behind + usize::from(height < -off))
     });
@@ -190,7 +190,7 @@ fn share_around(survey: &Survey, plane: &Support, object: &[usize]) -> f64 {
         radii
     };
     let of_object = farthest(&mut object.iter().copied());
-    let of_plane = farthest(&mut (0..survey.len()).filter(|s| plane.has(survey, *s, FITS[1] * survey.edge)));
+    let of_plane = farthest(&mut (0..survey.count()).filter(|s| plane.has(survey, *s, FITS[1] * survey.edge)));
     let beyond = of_plane.iter().zip(&of_object).filter(|(plane, object)| **plane > **object + BEYOND * survey.edge);
     beyond.count() as f64 / SECTORS as f64
 }

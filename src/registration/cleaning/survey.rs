@@ -50,7 +50,7 @@ impl Survey {
     }
 
     /// The number of surfels.
-    pub fn len(&self) -> usize {
+    pub fn count(&self) -> usize {
         self.counts.len()
     }
 
