@@ -63,7 +63,8 @@ impl Support {
 
     /// Whether the scanner stood before it.
     fn faces(&self, survey: &Survey, sensor: &Sensor) -> bool {
-        let Some(nearest) = (0..survey.count()).find(|surfel| self.height(&survey.position(*surfel)).abs() < self.reach)
+        let Some(nearest) =
+            (0..survey.count()).find(|surfel| self.height(&survey.position(*surfel)).abs() < self.reach)
         else {
             return false;
         };
@@ -102,7 +103,8 @@ fn selections(planes: &[Support]) -> Vec<Vec<Support>> {
 
 /// Large planes with hardly anything behind them as seen by the scanner, the largest first.
 pub fn bounding_planes(survey: &Survey, sensor: Option<&Sensor>) -> Vec<Support> {
-    let mut free: Vec<usize> = (0..survey.count()).filter(|surfel| survey.normals[*surfel] != Vector3::zeros()).collect();
+    let mut free: Vec<usize> =
+        (0..survey.count()).filter(|surfel| survey.normals[*surfel] != Vector3::zeros()).collect();
     let least = (LARGE * survey.count() as f64).max(20.0) as usize;
     let mut found = Vec::new();
     // a few more than are wanted: faces of the object may be larger
