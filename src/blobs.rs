@@ -6,6 +6,7 @@
 //! DATA/staging/...                 uploads and models in the making; emptied at start
 //! DATA/scan-sets/{set}/{file}      scans, under ids of ours
 //! DATA/models/{model}/{asset}      files of models, under names of ours
+//! DATA/standards/{standard}/{asset} files that standards were made of
 //! ```
 //! Files are written and synced under `staging` and then moved by one rename, so a file that is where it belongs
 //! is whole. The database row comes after the file: what a crash leaves without a row is swept at the next start.
@@ -15,7 +16,7 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use crate::store::{FileId, KnownFiles, ModelId, ScanSetId};
+use crate::store::{FileId, KnownFiles, ModelId, ScanSetId, StandardId};
 
 /// How often a lock that is held is tried again.
 const LOCK_POLL: Duration = Duration::from_millis(20);
@@ -160,7 +161,7 @@ impl Blobs {
             }
         }
         let blobs = Blobs { root: root.to_owned(), _lock: lock };
-        for folder in [blobs.staging(), blobs.scan_sets(), blobs.models()] {
+        for folder in [blobs.staging(), blobs.scan_sets(), blobs.models(), blobs.standards()] {
             create_private(&folder).map_err(doing("creating the data folder"))?;
         }
         Ok(blobs)
@@ -181,6 +182,10 @@ impl Blobs {
 
     fn models(&self) -> PathBuf {
         self.root.join("models")
+    }
+
+    fn standards(&self) -> PathBuf {
+        self.root.join("standards")
     }
 
     fn scan(&self, set: ScanSetId, file: FileId) -> PathBuf {
@@ -253,6 +258,37 @@ impl Blobs {
         gone(fs::remove_dir_all(self.models().join(model.to_string()))).map_err(doing("removing a model"))
     }
 
+    /// The content of a file of a model; `None` if it is not there. Blocks.
+    pub fn read_asset(&self, model: ModelId, asset: &str) -> Result<Option<Vec<u8>>, BlobError> {
+        match fs::read(self.models().join(model.to_string()).join(asset)) {
+            Ok(content) => Ok(Some(content)),
+            Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
+            Err(error) => Err(doing("reading a file of a model")(error)),
+        }
+    }
+
+    /// Moves the file of a standard to where it belongs. Blocks.
+    pub fn keep_standard(&self, staged: &StagedFile, standard: StandardId, asset: &str) -> Result<(), BlobError> {
+        let folder = self.standards().join(standard.to_string());
+        let keep = || -> io::Result<()> {
+            create_private(&folder)?;
+            fs::rename(&staged.path, folder.join(asset))?;
+            sync_folder(&folder)?;
+            sync_folder(&self.standards())
+        };
+        keep().map_err(doing("keeping a standard"))
+    }
+
+    /// The file that a standard was made of. Blocks.
+    pub fn read_standard(&self, standard: StandardId, asset: &str) -> Result<Vec<u8>, BlobError> {
+        fs::read(self.standards().join(standard.to_string()).join(asset)).map_err(doing("reading a standard"))
+    }
+
+    /// Removes a standard's file. Blocks.
+    pub fn remove_standard(&self, standard: StandardId) -> Result<(), BlobError> {
+        gone(fs::remove_dir_all(self.standards().join(standard.to_string()))).map_err(doing("removing a standard"))
+    }
+
     /// Removes whatever the database does not know, left by a crash; answers with the number of things removed.
     /// Only before the service begins: uploads in flight look just the same. Blocks.
     pub fn sweep(&self, known: &KnownFiles) -> Result<usize, BlobError> {
@@ -260,6 +296,9 @@ impl Blobs {
             let mut removed = sweep_folder(&self.staging(), |_| false)?;
             removed +=
                 sweep_folder(&self.models(), |name| ModelId::parse(name).is_some_and(|id| known.models.contains(&id)))?;
+            removed += sweep_folder(&self.standards(), |name| {
+                StandardId::parse(name).is_some_and(|id| known.standards.contains(&id))
+            })?;
             removed += sweep_folder(&self.scan_sets(), |name| {
                 ScanSetId::parse(name).is_some_and(|id| known.scan_sets.contains(&id))
             })?;
@@ -384,8 +423,19 @@ mod tests {
             blobs.keep_model(&folder, model).expect("kept");
         }
         fs::write(blobs.staging().join("leftover"), b"x").expect("written");
-        let known = KnownFiles { scan_sets: [set].into(), scans: [known_file].into(), models: [models[0]].into() };
-        assert_eq!(blobs.sweep(&known).expect("swept"), 4);
+        let standards = [StandardId::new(), StandardId::new()];
+        for standard in standards {
+            blobs.keep_standard(&staged(&blobs, b"x").await, standard, "model.ply").expect("kept");
+        }
+        let known = KnownFiles {
+            scan_sets: [set].into(),
+            scans: [known_file].into(),
+            models: [models[0]].into(),
+            standards: [standards[0]].into(),
+        };
+        assert_eq!(blobs.sweep(&known).expect("swept"), 5);
+        assert!(blobs.read_standard(standards[0], "model.ply").is_ok());
+        assert!(blobs.read_standard(standards[1], "model.ply").is_err());
         assert!(blobs.read_scan(set, known_file).is_ok());
         assert!(blobs.read_scan(set, lost_file).is_err());
         assert!(blobs.open_asset(models[0], "report.json").await.expect("asked").is_some());

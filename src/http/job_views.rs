@@ -6,15 +6,19 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use crate::pipeline::Options;
-use crate::store::{JobError, JobId, JobRecord, JobStatus, NewJob};
+use crate::store::{JobError, JobId, JobKind, JobRecord, JobStatus, NewJob};
 
 /// What is to be done.
 #[derive(Debug, Clone, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NewJobBody {
-    /// The scans to be registered.
+    /// What it is for; an `evaluate` job takes no other field.
+    #[serde(default)]
+    #[schema(required = false)]
+    pub kind: JobKind,
+    /// The scans to be registered; required but for an `evaluate` job.
     #[schema(format = "uuid")]
-    pub scan_set_id: String,
+    pub scan_set_id: Option<String>,
     /// A finished model of the same scan set that scans are added to: its poses stay, to the last bit, and only scans
     /// without one are registered, onto the others.
     #[schema(format = "uuid")]
@@ -96,6 +100,8 @@ pub struct JobView {
     /// Its id.
     #[schema(format = "uuid")]
     pub id: String,
+    /// What it is for.
+    pub kind: JobKind,
     /// Where it stands.
     pub status: JobStatus,
     /// The step it is in, or was in when it ended; null before it begins.
@@ -110,9 +116,9 @@ pub struct JobView {
     pub attempts: u32,
     /// Whether a stop was asked for.
     pub cancel_asked: bool,
-    /// The scans it works on.
+    /// The scans it works on; null for an evaluation.
     #[schema(format = "uuid")]
-    pub scan_set_id: String,
+    pub scan_set_id: Option<String>,
     /// The model it adds scans to; null if it makes one anew.
     #[schema(format = "uuid")]
     pub base_model_id: Option<String>,
@@ -151,8 +157,8 @@ pub struct JobLinks {
     pub cancel: String,
     /// POST here to run it again after it failed or was canceled.
     pub retry: String,
-    /// Its scans.
-    pub scan_set: String,
+    /// Its scans; null for an evaluation.
+    pub scan_set: Option<String>,
     /// What it left.
     pub model: Option<String>,
 }
@@ -168,13 +174,14 @@ impl JobView {
         let self_ = address(job.id);
         JobView {
             id: job.id.to_string(),
+            kind: job.kind,
             status: job.status,
             stage: job.stage.clone(),
             progress: (job.progress * 1e4).round() / 1e4,
             seconds: job.stage_seconds.clone(),
             attempts: job.attempts,
             cancel_asked: job.cancel_asked,
-            scan_set_id: job.scan_set_id.to_string(),
+            scan_set_id: job.scan_set_id.map(|id| id.to_string()),
             base_model_id: job.base.as_ref().map(|base| base.model_id.to_string()),
             model_id: job.model_id.map(|id| id.to_string()),
             error: job.error.clone(),
@@ -187,7 +194,7 @@ impl JobView {
                 events: format!("{self_}/events"),
                 cancel: format!("{self_}/cancel"),
                 retry: format!("{self_}/retry"),
-                scan_set: super::scan_set_views::address(job.scan_set_id),
+                scan_set: job.scan_set_id.map(super::scan_set_views::address),
                 model: job.model_id.map(super::model_views::address),
                 self_,
             },
@@ -198,7 +205,8 @@ impl JobView {
     pub fn of_new(job: &NewJob) -> Self {
         Self::of(&JobRecord {
             id: job.id,
-            scan_set_id: job.scan_set_id,
+            kind: JobKind::Register,
+            scan_set_id: Some(job.scan_set_id),
             label: job.label.clone(),
             options: job.options.clone(),
             base: job.base.clone(),

@@ -20,8 +20,8 @@ use super::{events, extract, job_views, models, names, responses};
 use crate::jobs::{admission, options};
 use crate::pipeline::Options;
 use crate::store::{
-    FileId, JobBase, JobFilter, JobId, JobRecord, JobStatus, ModelId, NewJob, NewScanSet, PoseFile, ScanRecord,
-    ScanSetId, StoreError,
+    FileId, JobBase, JobFilter, JobId, JobKind, JobRecord, JobStatus, ModelId, NewJob, NewScanSet, PoseFile,
+    ScanRecord, ScanSetId, StoreError,
 };
 
 pub(super) const TAG: &str = "jobs";
@@ -61,7 +61,8 @@ struct Order {
 ///
 /// Accepted (202) only after it is durable. Refused at once when the scan set has fewer than two scans. Scans
 /// without an initial pose are placed by their surface. As a form, scans and poses come in the same call. With
-/// `base_model_id`, scans that the model has no pose for are added to it.
+/// `base_model_id`, scans that the model has no pose for are added to it. With `{"kind": "evaluate"}` the stored models
+/// are judged against all standards and old signatures are made anew; where such a job waits already, it is the answer.
 #[utoipa::path(
     post, path = "/v1/jobs", tag = TAG, operation_id = "createJob",
     params(("Idempotency-Key" = Option<String>, Header, description = "Makes a repeated request harmless.")),
@@ -92,6 +93,9 @@ async fn create(
         if let Some(answer) = attempt.known(&state, || blake3::hash(&bytes).to_hex().to_string()).await? {
             return Ok(answer);
         }
+        if body.kind == JobKind::Evaluate {
+            return evaluate(state, attempt, body).await;
+        }
         order_of_json(&state, body).await?
     } else {
         return Err(wrong_media_type(
@@ -120,10 +124,31 @@ async fn create(
     Ok(created)
 }
 
+/// Queues an evaluation; answers with the one that waits, if one does already.
+async fn evaluate(state: AppState, attempt: Attempt, body: NewJobBody) -> Result<Created, Problem> {
+    let NewJobBody { kind: _, scan_set_id, base_model_id, options, label } = body;
+    if scan_set_id.is_some() || base_model_id.is_some() || options.is_some() || label.is_some() {
+        let detail = "an evaluation works on all stored models and has no options";
+        return Err(Problem::new(Code::InvalidField, detail, "send {\"kind\": \"evaluate\"} alone"));
+    }
+    uninterrupted(async move {
+        let _attempt = attempt;
+        let id = state.shop.store.demand_evaluation().await?;
+        state.shop.board.announce_work();
+        let view = JobView::of(&look_up(&state, id).await?);
+        Ok(Created::new(StatusCode::ACCEPTED, job_views::address(id), &view)?.retry_after(1))
+    })
+    .await
+}
+
 async fn order_of_json(state: &AppState, body: NewJobBody) -> Result<Order, Problem> {
     let options = body.options.map(options::parse).transpose()?.unwrap_or_default();
     let label = body.label.map(|label| names::text("label", &label)).transpose()?;
-    let set = state.shop.store.scan_set(parse_scan_set_id(&body.scan_set_id)?).await?;
+    let scan_set_id = body.scan_set_id.ok_or_else(|| {
+        let detail = "a registration needs a scan_set_id";
+        Problem::new(Code::InvalidField, detail, "send {\"scan_set_id\": \"...\"}, or {\"kind\": \"evaluate\"}")
+    })?;
+    let set = state.shop.store.scan_set(parse_scan_set_id(&scan_set_id)?).await?;
     let base = match &body.base_model_id {
         Some(id) => Some(base_of(state, models::parse_id(id)?, set.id).await?),
         None => None,
@@ -271,8 +296,10 @@ async fn retry(State(state): State<AppState>, Path(id): Path<String>) -> Result<
     let id = parse_id(&id)?;
     // the scan set may have changed since the job ended
     let job = state.shop.store.job(id).await?;
-    let set = state.shop.store.scan_set(job.scan_set_id).await?;
-    admit(&set.scans, set.poses.as_ref(), job.base.as_ref(), &job.options)?;
+    if let Some(set) = job.scan_set_id {
+        let set = state.shop.store.scan_set(set).await?;
+        admit(&set.scans, set.poses.as_ref(), job.base.as_ref(), &job.options)?;
+    }
     state.shop.store.retry_job(id, state.limits().queued_jobs).await?;
     state.shop.board.announce_work();
     Ok((StatusCode::ACCEPTED, Json(JobView::of(&look_up(&state, id).await?))))

@@ -10,6 +10,7 @@ use utoipa_axum::routes;
 use super::extract::LONGEST_KEY;
 use super::problem::Problem;
 use super::responses;
+use super::standards::MOST_STANDARDS;
 use super::state::AppState;
 use crate::jobs::options::{self, OptionInfo};
 use crate::store::live_gallery::NotReady;
@@ -81,6 +82,8 @@ struct LimitsView {
     upload_stall_seconds: u64,
     /// Characters of an idempotency key.
     idempotency_key_characters: usize,
+    /// Standards made by users.
+    standards: usize,
 }
 
 /// Versions of what shapes the answers.
@@ -94,6 +97,8 @@ struct Versions {
     api: &'static str,
     /// Of the operator that makes signatures.
     signature: u32,
+    /// Of the operator that makes standards and judges models against them.
+    class: u32,
 }
 
 /// How many there are.
@@ -105,6 +110,12 @@ struct Load {
     running_jobs: u64,
     /// Models that queries search; null while the gallery is being loaded.
     searchable_models: Option<usize>,
+    /// Models whose signature is of another version and so is not searched, until a job has made it anew.
+    stale_signatures: u64,
+    /// Pairs of a model and a standard made by a user that are not judged yet.
+    missing_verdicts: u64,
+    /// Standards made by users.
+    standards: u64,
 }
 
 /// What the service offers.
@@ -133,11 +144,13 @@ async fn info(State(state): State<AppState>) -> Result<Json<Info>, Problem> {
     let config = &state.shop.config;
     let limits = &config.limits;
     let (queued_jobs, running_jobs) = state.shop.store.queue_length().await?;
+    let backlog = state.shop.store.backlog().await?;
     Ok(Json(Info {
         versions: Versions {
             visage: env!("CARGO_PKG_VERSION"),
             api: "v1",
             signature: crate::faces::Signature::VERSION,
+            class: crate::classes::Class::VERSION,
         },
         limits: LimitsView {
             upload_bytes: limits.upload_bytes,
@@ -152,6 +165,7 @@ async fn info(State(state): State<AppState>) -> Result<Json<Info>, Problem> {
             attempts_per_job: config.queue.max_attempts,
             upload_stall_seconds: limits.upload_stall.as_secs(),
             idempotency_key_characters: LONGEST_KEY,
+            standards: MOST_STANDARDS,
         },
         job_options: options::table(),
         file_formats: crate::formats::EXTENSIONS,
@@ -160,6 +174,9 @@ async fn info(State(state): State<AppState>) -> Result<Json<Info>, Problem> {
             queued_jobs,
             running_jobs,
             searchable_models: state.shop.gallery.ask(crate::retrieval::Gallery::len).ok(),
+            stale_signatures: backlog.stale_signatures,
+            missing_verdicts: backlog.missing_verdicts,
+            standards: backlog.standards,
         },
     }))
 }

@@ -27,6 +27,7 @@ mod router;
 mod scan_set_views;
 mod scan_sets;
 mod server;
+mod standard_views;
 mod standards;
 mod state;
 mod upload;

@@ -4,6 +4,7 @@ use serde::Serialize;
 use utoipa::ToSchema;
 
 use super::scan_set_views::UnitView;
+use super::verdicts::VerdictView;
 use crate::faces::SignatureSummary;
 use crate::store::{AssetRecord, ModelId, ModelRecord};
 
@@ -134,6 +135,8 @@ pub struct ModelView {
     /// an uploaded model.
     #[schema(value_type = Option<Object>)]
     pub report: Option<serde_json::Value>,
+    /// What it is by each standard that it is judged against.
+    pub verdicts: Vec<VerdictView>,
 }
 
 impl ModelView {
@@ -143,6 +146,7 @@ impl ModelView {
             summary: ModelSummary::of(model),
             assets: assets.iter().map(|asset| AssetView::of(model.id, asset)).collect(),
             report,
+            verdicts: Vec::new(),
         }
     }
 }

@@ -14,6 +14,7 @@ use super::problem::{Code, Problem};
 use super::scan_sets::parse_id as parse_scan_set_id;
 use super::state::{AppState, blocking, uninterrupted};
 use super::upload::{self, Form, FormRules, UploadedFile};
+use super::verdicts::{self, VerdictView};
 use super::{assets, describe, names, responses};
 use crate::faces::Signature;
 use crate::geometry::Surface;
@@ -66,7 +67,8 @@ async fn create(
         return Ok(answer);
     }
     let upload = described(&state, form).await?;
-    let view = ModelView::of(&upload.record(), &upload.model.assets, None);
+    let verdicts = vec![VerdictView::of_face(&upload.signature)];
+    let view = ModelView { verdicts, ..ModelView::of(&upload.record(), &upload.model.assets, None) };
     let created = Created::new(StatusCode::CREATED, address(upload.model.id), &view)?;
     let replay = attempt.replay(&created, upload.model.id.to_string());
     uninterrupted(async move {
@@ -75,7 +77,10 @@ async fn create(
         let id = model.id;
         keep_file(&state, &model, file).await?;
         state.shop.store.create_model(&model, replay.as_ref()).await?;
-        Ok(state.shop.gallery.publish(&state.shop.store, id, signature).await?)
+        state.shop.gallery.publish(&state.shop.store, id, signature).await?;
+        // where there are standards, it waits to be judged against them
+        state.shop.board.announce_work();
+        Ok(())
     })
     .await?;
     Ok(created)
@@ -199,7 +204,8 @@ async fn get_one(State(state): State<AppState>, Path(id): Path<String>) -> Resul
     let model = state.shop.store.model(id).await?;
     let assets = state.shop.store.assets(id).await?;
     let report = read_report(&state, id, &assets).await?;
-    Ok(Json(ModelView::of(&model, &assets, report)))
+    let verdicts = verdicts::on_model(&state, &model).await?;
+    Ok(Json(ModelView { verdicts, ..ModelView::of(&model, &assets, report) }))
 }
 
 async fn read_report(

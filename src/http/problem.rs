@@ -8,6 +8,7 @@ use axum::http::header::{self, HeaderName, HeaderValue};
 use axum::response::{IntoResponse, Response};
 
 use crate::blobs::BlobError;
+use crate::classes::ClassError;
 use crate::faces::DescribeError;
 use crate::formats::FormatError;
 use crate::jobs::admission::AdmissionError;
@@ -52,6 +53,8 @@ codes! {
     MethodNotAllowed = "method_not_allowed", METHOD_NOT_ALLOWED, "the resource does not know this method";
     UploadStalled = "upload_stalled", REQUEST_TIMEOUT, "the upload came to a standstill";
     InUse = "in_use", CONFLICT, "an unfinished job needs it";
+    DuplicateStandard = "duplicate_standard", CONFLICT, "a standard has this name already";
+    BuiltIn = "built_in", CONFLICT, "what is built in can't be changed";
     WrongStatus = "wrong_status", CONFLICT, "the job's status does not allow this";
     RequestInProgress = "request_in_progress", CONFLICT, "the same request is being worked on";
     TooLarge = "too_large", PAYLOAD_TOO_LARGE, "the body is larger than is allowed";
@@ -74,6 +77,12 @@ codes! {
     UnreadablePoses = "unreadable_poses", UNPROCESSABLE_ENTITY, "the pose file can't be read";
     KeyReused = "idempotency_key_reused", UNPROCESSABLE_ENTITY, "the idempotency key belongs to another request";
     UnknownStandard = "unknown_standard", UNPROCESSABLE_ENTITY, "there is no such standard";
+    TooManyStandards = "too_many_standards", UNPROCESSABLE_ENTITY, "there are as many standards as are allowed";
+    TooFewLandmarks = "too_few_landmarks", UNPROCESSABLE_ENTITY, "a class needs at least three landmarks";
+    OffSurface = "off_surface", UNPROCESSABLE_ENTITY, "a landmark is not on the surface";
+    NoCharacter = "no_character", UNPROCESSABLE_ENTITY, "too few landmarks are caps or pits";
+    DegenerateTriangle = "degenerate_triangle", UNPROCESSABLE_ENTITY, "the landmarks span no triangle";
+    TooSmallRegion = "too_small_region", UNPROCESSABLE_ENTITY, "there is too little surface around the landmarks";
     NoSignature = "no_signature", UNPROCESSABLE_ENTITY, "the model has no signature of this version";
     Undescribable = "undescribable_model", UNPROCESSABLE_ENTITY, "the model can't be described";
     QueueFull = "queue_full", TOO_MANY_REQUESTS, "too many jobs are waiting";
@@ -235,6 +244,12 @@ impl From<StoreError> for Problem {
             StoreError::QueueFull { .. } => {
                 Problem::new(Code::QueueFull, detail, "try again when jobs have ended, or cancel some").retry_after(10)
             }
+            StoreError::NameTaken { .. } => {
+                Problem::new(Code::DuplicateStandard, detail, "choose another name, or delete that one first")
+            }
+            StoreError::TooManyStandards { .. } => {
+                Problem::new(Code::TooManyStandards, detail, "delete one that is not needed any more")
+            }
             StoreError::TooManyScans { .. } => {
                 Problem::new(Code::TooManyScans, detail, "send fewer scans, or ask the operator to raise the limit")
             }
@@ -314,6 +329,34 @@ impl From<DescribeError> for Problem {
                 Problem::new(Code::Undescribable, reason, "send a mesh or cloud with more of the surface")
             }
         }
+    }
+}
+
+impl From<ClassError> for Problem {
+    fn from(error: ClassError) -> Self {
+        let detail = error.to_string();
+        let (code, hint) = match error {
+            ClassError::Canceled(_) => return Problem::shutting_down(),
+            ClassError::Degenerate(_) => (Code::Undescribable, "send a mesh or cloud with more of the surface"),
+            ClassError::TooFewLandmarks(_) => {
+                (Code::TooFewLandmarks, "name at least three caps or pits of the surface")
+            }
+            ClassError::UnknownCorner(_) => (Code::InvalidField, "name three different ones of the landmarks"),
+            ClassError::OffSurface { .. } => {
+                (Code::OffSurface, "give positions in the coordinates and the unit of the file")
+            }
+            ClassError::NoCharacter { .. } => (
+                Code::NoCharacter,
+                "choose places that stand out or are hollow in every direction: tips, corners, dents",
+            ),
+            ClassError::TooClose { .. } | ClassError::InLine => {
+                (Code::DegenerateTriangle, "choose landmarks farther apart and not in a line, or send a smaller part")
+            }
+            ClassError::TooSmallRegion { .. } => {
+                (Code::TooSmallRegion, "send more of the surface around the landmarks, or choose them farther apart")
+            }
+        };
+        Problem::new(code, detail, hint)
     }
 }
 

@@ -39,6 +39,7 @@ const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
         (name = "jobs", description = "Asynchronous registration: queued, running, succeeded, failed, canceled."),
         (name = "models", description = "Registered objects, and finished models uploaded to the gallery."),
         (name = "queries", description = "Which models are faces, and which are like a given one."),
+        (name = "standards", description = "The classes that can be asked for: the built-in face, and those of users."),
         (name = "service", description = "Health, limits, versions."),
     )
 )]

@@ -71,7 +71,7 @@ impl Server {
         let serving = axum::serve(listener, router).with_graceful_shutdown(stop.clone().cancelled_owned());
         let serving = tokio::spawn(serving.into_future());
         let runner = Runner::start(&shop, &stop, &crash);
-        let chores = tokio::spawn(chores(shop.store.clone(), shop.gallery.clone(), stop.clone()));
+        let chores = tokio::spawn(chores(shop.store.clone(), shop.gallery.clone(), shop.board.clone(), stop.clone()));
         tracing::info!(%addr, data = %config.data_dir.display(), threads = config.threads, "serving");
         Ok(ServerHandle { addr, shop, stop, crash, serving, runner, chores })
     }
@@ -101,11 +101,19 @@ async fn open(config: &Arc<ServerConfig>, engine: Arc<dyn Engine>) -> Result<Wor
 }
 
 /// Loads the gallery, then cleans up now and then.
-async fn chores(store: Store, gallery: LiveGallery, stop: CancellationToken) {
+async fn chores(store: Store, gallery: LiveGallery, board: Arc<Board>, stop: CancellationToken) {
     let work = async {
         match gallery.load(&store).await {
             Ok(models) => tracing::info!(models, "the gallery is loaded"),
             Err(error) => tracing::error!("the gallery can't be loaded, queries will not be answered: {error}"),
+        }
+        match store.queue_evaluation().await {
+            Ok(Some(job)) => {
+                tracing::info!(job.id = %job, "stored models are to be looked at again");
+                board.announce_work();
+            }
+            Ok(None) => {}
+            Err(error) => tracing::warn!("looking for what is out of date: {error}"),
         }
         loop {
             if let Err(error) = store.forget_old_replays().await {

@@ -1,14 +1,20 @@
 //! Verdicts on models as they go over the wire: figures, landmarks, the reason for a no.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 
 use serde::Serialize;
 use utoipa::ToSchema;
 
+use super::problem::Problem;
 use super::queries::MethodView;
-use crate::faces::{MatchMethod, Signature, Standard, judge, judgement, verification};
+use super::standards;
+use super::state::AppState;
+use crate::classes::Found;
+use crate::classes::limit::Learned;
+use crate::faces::{MatchMethod, Signature, Standard, judge, judgement, standard, verification};
 use crate::geometry::Point3;
 use crate::retrieval::{Comparison, Evidence, Reason, SAME_PERSON_MM};
+use crate::store::{ModelRecord, StandardRecord, StoredVerdict};
 
 /// Named places: `{"nose_tip": [x, y, z], ...}`. Right and left are the subject's own.
 pub type Places = BTreeMap<String, Vec<f64>>;
@@ -17,7 +23,8 @@ pub type Places = BTreeMap<String, Vec<f64>>;
 #[derive(Debug, Clone, Serialize, ToSchema)]
 #[schema(as = Reason)]
 pub struct ReasonView {
-    /// `no_triangle`, `no_surface`, `surface_differs`, `triangle_differs`, `corners_differ` or `below_threshold`.
+    /// `no_triangle`, `no_surface`, `surface_differs`, `triangle_differs`, `corners_differ`,
+    /// `below_threshold` or `undescribable`.
     #[schema(example = "surface_differs")]
     pub code: String,
     /// The same in words, with the figure and its limit.
@@ -84,6 +91,87 @@ impl VerdictView {
             reason: evidence.reason().map(ReasonView::from),
         }
     }
+}
+
+impl VerdictView {
+    /// By the built-in face.
+    pub fn of_face(signature: &Signature) -> Self {
+        let face = standard::face();
+        VerdictView::of(&face, &Evidence::new(signature, &face, MatchMethod::default(), None))
+    }
+
+    /// By a standard that a user has made; its own threshold applies if none is given.
+    pub fn of_class(
+        standard: &StandardRecord,
+        learned: &Learned,
+        verdict: &StoredVerdict,
+        threshold: Option<f64>,
+    ) -> Self {
+        let threshold = threshold.unwrap_or(judgement::MATCH_SCORE);
+        let score = if verdict.reason.is_none() { learned.score(verdict.residual_mm) } else { 0.0 };
+        let found = verdict.found.as_ref();
+        let is_there = score >= judgement::MATCH_SCORE.min(threshold);
+        let in_model = |corner: &Point3, found: &Found| found.pose.point(corner).coords.as_slice().to_vec();
+        let triangle = standard.class.triangles.first().zip(found).map(|(triangle, found)| {
+            triangle.annotated().corners.iter().map(|corner| in_model(corner, found)).collect()
+        });
+        let landmarks = found.filter(|_| is_there).map(|found| {
+            let posed = standard.class.posed_landmarks(&found.pose).into_iter();
+            posed.map(|(name, place)| (name, place.coords.as_slice().to_vec())).collect()
+        });
+        VerdictView {
+            standard: standard.name.clone(),
+            method: MethodView::default(),
+            is_match: score >= threshold,
+            score,
+            threshold,
+            matching_error_mm: found.map(|found| found.matching_error_mm),
+            // the paper's distance is that of its literal method, which is for faces
+            sum_of_distances_mm: None,
+            dense_residual_mm: found.map(|found| found.residual_mm),
+            coverage: found.map(|found| found.observed),
+            triangle,
+            landmarks,
+            reason: (score < threshold).then(|| ReasonView::of_class(learned, verdict, score, threshold)),
+        }
+    }
+}
+
+impl ReasonView {
+    fn of_class(learned: &Learned, verdict: &StoredVerdict, score: f64, threshold: f64) -> Self {
+        let text = match (&verdict.reason, &verdict.found) {
+            (Some(text), _) => return ReasonView { code: "undescribable".to_owned(), text: text.clone() },
+            (None, None) => return Reason::NoSurface.into(),
+            (None, Some(_)) if score >= judgement::MATCH_SCORE => {
+                return Reason::BelowThreshold { score, threshold }.into();
+            }
+            (None, Some(found)) => format!(
+                "its surface differs from the standard's by {:.2} mm; {:.2} mm is the most",
+                found.residual_mm, learned.limit_mm
+            ),
+        };
+        ReasonView { code: Reason::SurfaceDiffers { residual_mm: verdict.residual_mm }.code().to_owned(), text }
+    }
+}
+
+/// What a stored model is by the face and by each standard that it is judged against already.
+pub async fn on_model(state: &AppState, model: &ModelRecord) -> Result<Vec<VerdictView>, Problem> {
+    let content = state.shop.store.signature(model.id).await?;
+    let signature = content.and_then(|content| Signature::from_bytes(&content).ok());
+    let mut views: Vec<VerdictView> = signature.iter().map(VerdictView::of_face).collect();
+    let verdicts = state.shop.store.verdicts_on(model.id).await?;
+    if verdicts.is_empty() {
+        return Ok(views);
+    }
+    let standards: HashMap<_, _> =
+        state.shop.store.standards().await?.into_iter().map(|standard| (standard.id, standard)).collect();
+    for verdict in verdicts {
+        if let Some(standard) = standards.get(&verdict.standard_id) {
+            let learned = standards::learned(state, standard.id).await?;
+            views.push(VerdictView::of_class(standard, &learned, &verdict, None));
+        }
+    }
+    Ok(views)
 }
 
 /// Landmarks by name; `None` if there are none.

@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use tokio::sync::{Notify, watch};
 
 use super::tracker::Tracker;
-use crate::store::{JobId, JobRecord, JobStatus};
+use crate::store::{JobId, JobKind, JobRecord, JobStatus};
 
 /// Why a running job is to stop.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -89,13 +89,17 @@ impl Board {
     }
 
     /// Puts a job on the board for as long as the answer lives.
-    pub(super) fn enter(self: &Arc<Self>, id: JobId) -> Entry {
+    pub(super) fn enter(self: &Arc<Self>, id: JobId, kind: JobKind) -> Entry {
         let bell = Arc::downgrade(self);
-        let tracker = Arc::new(Tracker::new(move || {
+        let ring = move || {
             if let Some(board) = bell.upgrade() {
                 board.announce_change();
             }
-        }));
+        };
+        let tracker = Arc::new(match kind {
+            JobKind::Register => Tracker::new(ring),
+            JobKind::Evaluate => Tracker::of_one_stage(ring),
+        });
         let running = Running { tracker, stop: Arc::new(StopFlag::default()) };
         self.lock().insert(id, running.clone());
         Entry { board: self.clone(), id, tracker: running.tracker, stop: running.stop }
@@ -164,7 +168,7 @@ mod tests {
     async fn a_cancel_reaches_the_job_and_rings_the_bell() {
         let board = Arc::new(Board::default());
         let id = JobId::new();
-        let entry = board.enter(id);
+        let entry = board.enter(id, JobKind::Register);
         let mut changes = board.changes();
         board.cancel(id);
         assert_eq!(entry.stop.reason(), Some(StopReason::Canceled));

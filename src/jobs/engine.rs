@@ -1,5 +1,6 @@
 //! The seam between the service and the algorithms.
 
+use crate::classes::{Annotation, Class, ClassError, Found};
 use crate::faces::{self, DescribeError, Signature};
 use crate::geometry::{Surface, Unit};
 use crate::pipeline::{self, NamedScan, Options, Outcome, PipelineError, Start};
@@ -19,6 +20,28 @@ pub trait Engine: Send + Sync + 'static {
 
     /// Computes a signature; see [`faces::describe`].
     fn describe(&self, surface: &Surface, unit: Unit, progress: &Progress) -> Result<Signature, DescribeError>;
+
+    /// Makes a class of an annotated surface; see [`Class::annotated`].
+    fn annotate(
+        &self,
+        surface: &Surface,
+        unit: Unit,
+        annotation: &Annotation,
+        progress: &Progress,
+    ) -> Result<Class, ClassError> {
+        Class::annotated(surface, unit, annotation, progress)
+    }
+
+    /// Looks for classes on a surface; see [`Class::find_each`].
+    fn find(
+        &self,
+        classes: &[&Class],
+        surface: &Surface,
+        unit: Unit,
+        progress: &Progress,
+    ) -> Result<Vec<Option<Found>>, DescribeError> {
+        Class::find_each(classes, surface, unit, progress)
+    }
 }
 
 /// The real thing.

@@ -6,6 +6,7 @@
 //! - [`tracker`]: the progress sink with a clock
 //! - [`board`]: what runs now, for cancel and for those who wait
 //! - [`work`]: one job from scans to stored files, on its own thread and rayon pool
+//! - `evaluation`: stored models judged against standards, and old signatures made anew
 //! - [`artifacts`]: the files of a model as bytes
 //! - [`runner`]: claims jobs, keeps their leases, ends them
 //!
@@ -15,6 +16,7 @@ pub mod admission;
 pub mod artifacts;
 pub mod board;
 pub mod engine;
+mod evaluation;
 pub mod options;
 pub mod runner;
 pub mod tracker;

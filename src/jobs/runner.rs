@@ -13,7 +13,8 @@ use tracing::Instrument;
 
 use super::board::{Board, Entry, StopReason};
 use super::engine::Engine;
-use super::work::{Made, Work, WorkError};
+use super::evaluation::Evaluation;
+use super::work::{Made, Work, WorkError, pooled};
 use crate::blobs::Blobs;
 use crate::config::{QueueTiming, ServerConfig};
 use crate::progress::Progress;
@@ -122,7 +123,7 @@ impl Worker {
     }
 
     async fn run_job(&self, claim: JobClaim) {
-        let entry = self.shop.board.enter(claim.job.id);
+        let entry = self.shop.board.enter(claim.job.id, claim.job.kind);
         tracing::info!("the job begins");
         let made = match self.start_work(&claim, &entry).await {
             Ok(result) => self.watch(&claim, &entry, result).await,
@@ -138,36 +139,40 @@ impl Worker {
 
     /// Starts the job's thread.
     async fn start_work(&self, claim: &JobClaim, entry: &Entry) -> Result<WorkResult, WorkError> {
-        let set = self.shop.store.scan_set(claim.job.scan_set_id).await.map_err(|error| {
-            failed("storage_failed", error.to_string(), "look into the server's log, then retry the job")
-        })?;
         let server_threads = self.shop.config.threads.max(1);
+        let threads = claim.job.options.threads.unwrap_or(server_threads).clamp(1, server_threads);
+        let progress = Progress::new(entry.tracker.clone(), entry.stop.flag());
+        let Some(set) = claim.job.scan_set_id else {
+            let evaluation = self.evaluation(progress);
+            return spawned(move || pooled(threads, || evaluation.run()).map(|()| None));
+        };
         let work = Work {
             job: claim.job.clone(),
-            set,
+            set: self.shop.store.scan_set(set).await?,
             blobs: self.shop.blobs.clone(),
             engine: self.shop.engine.clone(),
             limits: self.shop.config.limits,
-            threads: claim.job.options.threads.unwrap_or(server_threads).clamp(1, server_threads),
+            threads,
             tracker: entry.tracker.clone(),
-            progress: Progress::new(entry.tracker.clone(), entry.stop.flag()),
+            progress,
         };
-        let (send, receive) = oneshot::channel();
-        let span = tracing::Span::current();
-        // a thread of its own: the runtime does not wait for it when the shutdown deadline has passed
-        std::thread::Builder::new()
-            .name("job".to_owned())
-            .spawn(move || {
-                let _span = span.entered();
-                // nobody listens any more when the worker has gone
-                let _ = send.send(work.run());
-            })
-            .map_err(|error| failed("no_threads", error.to_string(), "the server has no threads left: retry later"))?;
-        Ok(receive)
+        spawned(move || work.run().map(Some))
+    }
+
+    fn evaluation(&self, progress: Progress) -> Evaluation {
+        Evaluation {
+            store: self.shop.store.clone(),
+            blobs: self.shop.blobs.clone(),
+            gallery: self.shop.gallery.clone(),
+            engine: self.shop.engine.clone(),
+            limits: self.shop.config.limits,
+            progress,
+            runtime: tokio::runtime::Handle::current(),
+        }
     }
 
     /// Keeps the lease and listens for stops until the job's thread has ended.
-    async fn watch(&self, claim: &JobClaim, entry: &Entry, mut result: WorkResult) -> Result<Made, WorkError> {
+    async fn watch(&self, claim: &JobClaim, entry: &Entry, mut result: WorkResult) -> Result<Option<Made>, WorkError> {
         let mut heartbeat = tokio::time::interval(self.timing().heartbeat);
         heartbeat.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
         loop {
@@ -202,12 +207,27 @@ impl Worker {
     }
 
     /// Writes how the job ended.
-    async fn end_job(&self, claim: &JobClaim, entry: &Entry, made: Result<Made, WorkError>) -> Result<(), StoreError> {
+    async fn end_job(
+        &self,
+        claim: &JobClaim,
+        entry: &Entry,
+        made: Result<Option<Made>, WorkError>,
+    ) -> Result<(), StoreError> {
         match made {
-            Ok(made) => self.succeed(claim, made).await,
+            Ok(Some(made)) => self.succeed(claim, made).await,
+            Ok(None) => {
+                if !self.shop.store.finish_job(claim, &Finish::Succeeded(None)).await? {
+                    self.shop.store.finish_job(claim, &Finish::Canceled).await?;
+                }
+                Ok(())
+            }
             Err(WorkError::Failed(error)) => {
                 tracing::warn!(code = error.code, scan = error.scan, "the job failed: {}", error.message);
                 self.shop.store.finish_job(claim, &Finish::Failed(error)).await.map(drop)
+            }
+            Err(WorkError::GivesWay) => {
+                tracing::info!("the job gives way to registrations");
+                self.shop.store.give_back_job(claim).await.map(drop)
             }
             Err(WorkError::Stopped) => match entry.stop.reason() {
                 Some(StopReason::Canceled) => {
@@ -232,7 +252,7 @@ impl Worker {
 
     async fn succeed(&self, claim: &JobClaim, made: Made) -> Result<(), StoreError> {
         let id = made.model.id;
-        if self.shop.store.finish_job(claim, &Finish::Succeeded(Box::new(made.model))).await? {
+        if self.shop.store.finish_job(claim, &Finish::Succeeded(Some(Box::new(made.model)))).await? {
             tracing::info!(model.id = %id, "the job succeeded");
             if let Some(signature) = made.signature {
                 self.shop.gallery.publish(&self.shop.store, id, signature).await?;
@@ -258,7 +278,22 @@ fn defect(message: &str) -> JobError {
     }
 }
 
-type WorkResult = oneshot::Receiver<Result<Made, WorkError>>;
+type WorkResult = oneshot::Receiver<Result<Option<Made>, WorkError>>;
+
+/// Starts work on a thread of its own: the runtime does not wait for it when the shutdown deadline has passed.
+fn spawned(work: impl FnOnce() -> Result<Option<Made>, WorkError> + Send + 'static) -> Result<WorkResult, WorkError> {
+    let (send, receive) = oneshot::channel();
+    let span = tracing::Span::current();
+    std::thread::Builder::new()
+        .name("job".to_owned())
+        .spawn(move || {
+            let _span = span.entered();
+            // nobody listens any more when the worker has gone
+            let _ = send.send(work());
+        })
+        .map_err(|error| failed("no_threads", error.to_string(), "the server has no threads left: retry later"))?;
+    Ok(receive)
+}
 
 fn failed(code: &str, message: impl Into<String>, hint: &str) -> WorkError {
     WorkError::Failed(JobError { code: code.to_owned(), message: message.into(), scan: None, hint: hint.to_owned() })

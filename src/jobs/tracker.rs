@@ -23,6 +23,8 @@ pub struct Snapshot {
 /// Collects what the algorithms report, times the stages, and calls back when there is news.
 pub struct Tracker {
     state: Mutex<State>,
+    /// Whether the job has one stage, whose fraction is that of the whole job.
+    has_one_stage: bool,
     on_news: Box<dyn Fn() + Send + Sync>,
 }
 
@@ -37,7 +39,12 @@ impl Tracker {
     /// `on_news` is called from worker threads: it must be quick and must not block.
     pub fn new(on_news: impl Fn() + Send + Sync + 'static) -> Self {
         let state = State { stage: None, progress: 0.0, told: 0.0, finished_stages: BTreeMap::new() };
-        Tracker { state: Mutex::new(state), on_news: Box::new(on_news) }
+        Tracker { state: Mutex::new(state), has_one_stage: false, on_news: Box::new(on_news) }
+    }
+
+    /// The same for a job of a single stage.
+    pub fn of_one_stage(on_news: impl Fn() + Send + Sync + 'static) -> Self {
+        Tracker { has_one_stage: true, ..Tracker::new(on_news) }
     }
 
     /// How far the job has come; the current stage counts up to now.
@@ -65,7 +72,8 @@ impl ProgressSink for Tracker {
                 *state.finished_stages.entry(last).or_default() += (now - since).as_secs_f64();
             }
         }
-        let overall = stage.base() + fraction.clamp(0.0, 1.0) * (stage.end() - stage.base());
+        let (base, end) = if self.has_one_stage { (0.0, 1.0) } else { (stage.base(), stage.end()) };
+        let overall = base + fraction.clamp(0.0, 1.0) * (end - base);
         state.progress = state.progress.max(overall);
         let news = entered || state.progress - state.told >= STEP;
         if news {
@@ -108,6 +116,15 @@ mod tests {
         assert!(half.stage_seconds["loading"] >= 0.02);
         tracker.report(Stage::Registering, 0.2);
         assert_eq!(tracker.snapshot().progress, half.progress);
+    }
+
+    #[test]
+    fn a_job_of_one_stage_is_done_when_that_is() {
+        let tracker = Tracker::of_one_stage(|| {});
+        tracker.report(Stage::Describing, 0.25);
+        assert_eq!(tracker.snapshot().progress, 0.25);
+        tracker.report(Stage::Describing, 1.0);
+        assert_eq!(tracker.snapshot().progress, 1.0);
     }
 
     #[test]

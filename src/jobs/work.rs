@@ -44,6 +44,8 @@ pub(super) struct Made {
 pub(super) enum WorkError {
     /// A stop was asked for.
     Stopped,
+    /// An evaluation gives way to registrations that wait.
+    GivesWay,
     /// The job failed.
     Failed(JobError),
 }
@@ -74,7 +76,12 @@ impl From<PipelineError> for WorkError {
     }
 }
 
-fn failed(code: &str, message: impl Into<String>, scan: Option<String>, hint: impl Into<String>) -> WorkError {
+pub(super) fn failed(
+    code: &str,
+    message: impl Into<String>,
+    scan: Option<String>,
+    hint: impl Into<String>,
+) -> WorkError {
     WorkError::Failed(JobError { code: code.to_owned(), message: message.into(), scan, hint: hint.into() })
 }
 
@@ -87,17 +94,25 @@ fn defect(message: String) -> WorkError {
     )
 }
 
+/// Runs work inside a rayon pool of its own. A panic anywhere ends this work alone.
+pub(super) fn pooled<T: Send>(
+    threads: usize,
+    work: impl FnOnce() -> Result<T, WorkError> + Send,
+) -> Result<T, WorkError> {
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .thread_name(|index| format!("job-worker-{index}"))
+        .build()
+        .map_err(|error| failed("no_threads", error.to_string(), None, "ask for fewer threads"))?;
+    // nothing that the work holds is looked at after a panic
+    std::panic::catch_unwind(AssertUnwindSafe(|| pool.install(work)))
+        .unwrap_or_else(|payload| Err(defect(format!("a stage ended in a panic: {}", panic_message(&*payload)))))
+}
+
 impl Work {
     /// Does the job. A panic anywhere ends this job alone.
     pub(super) fn run(self) -> Result<Made, WorkError> {
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(self.threads)
-            .thread_name(|index| format!("job-worker-{index}"))
-            .build()
-            .map_err(|error| failed("no_threads", error.to_string(), None, "ask for fewer threads"))?;
-        // nothing of `self` is looked at after a panic
-        std::panic::catch_unwind(AssertUnwindSafe(|| pool.install(|| self.make())))
-            .unwrap_or_else(|payload| Err(defect(format!("a stage ended in a panic: {}", panic_message(&*payload)))))
+        pooled(self.threads, || self.make())
     }
 
     fn make(&self) -> Result<Made, WorkError> {

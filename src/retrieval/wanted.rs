@@ -45,7 +45,7 @@ impl Wanted<'_> {
     }
 
     /// Whether a model with this score is wanted; `threshold` is that of the question.
-    pub(super) fn takes(&self, score: f64, model_id: ModelId, threshold: f64) -> bool {
+    pub fn takes(&self, score: f64, model_id: ModelId, threshold: f64) -> bool {
         let rank = Rank { score, model_id };
         self.after.is_none_or(|after| after.key() < rank.key())
             && (!self.only_matches || score >= threshold)

@@ -68,6 +68,10 @@ id_type!(
     ModelId
 );
 id_type!(
+    /// Names a standard that a user has made.
+    StandardId
+);
+id_type!(
     /// Names a stored scan file: users' file names never reach the disk.
     FileId
 );

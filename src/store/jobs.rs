@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 use sqlx::{FromRow, SqliteConnection};
 
 use super::{
-    JobId, ModelId, NewScanSet, Page, PageRequest, Replay, ScanSetId, Store, StoreError, damaged, models, now_ms,
-    replays, scan_sets, stored_id, timestamp, to_u64,
+    JobId, JobKind, ModelId, NewScanSet, Page, PageRequest, Replay, ScanSetId, Store, StoreError, damaged, models,
+    now_ms, replays, scan_sets, stored_id, timestamp, to_u64,
 };
 use crate::pipeline::Options;
 
@@ -102,8 +102,10 @@ pub struct NewJob {
 pub struct JobRecord {
     /// Its id.
     pub id: JobId,
-    /// The scans it works on.
-    pub scan_set_id: ScanSetId,
+    /// What it is for.
+    pub kind: JobKind,
+    /// The scans it works on; `None` for an evaluation.
+    pub scan_set_id: Option<ScanSetId>,
     /// A class label for the model it makes.
     pub label: Option<String>,
     /// What the caller chose.
@@ -154,7 +156,8 @@ pub enum CancelAnswer {
 #[derive(FromRow)]
 pub(super) struct JobRow {
     id: String,
-    scan_set_id: String,
+    kind: String,
+    scan_set_id: Option<String>,
     label: Option<String>,
     options: String,
     status: String,
@@ -175,7 +178,8 @@ impl JobRow {
     pub(super) fn record(self) -> Result<JobRecord, StoreError> {
         Ok(JobRecord {
             id: stored_id!(JobId, &self.id)?,
-            scan_set_id: stored_id!(ScanSetId, &self.scan_set_id)?,
+            kind: self.kind.parse().map_err(|reason: String| damaged("a kind", reason))?,
+            scan_set_id: self.scan_set_id.map(|text| stored_id!(ScanSetId, &text)).transpose()?,
             label: self.label,
             options: serde_json::from_str(&self.options).map_err(|error| damaged("options", error))?,
             base: match (self.base_model_id, self.base_poses) {
@@ -217,8 +221,8 @@ impl Store {
         let options = serde_json::to_string(&job.options).map_err(|error| damaged("options", error))?;
         // the scan set may have been deleted since it was looked up
         let inserted = sqlx::query(
-            "INSERT INTO job (id, scan_set_id, label, options, base_model_id, base_poses, status)
-             SELECT ?, id, ?, ?, ?, ?, 'queued' FROM scan_set WHERE id = ?",
+            "INSERT INTO job (id, kind, scan_set_id, label, options, base_model_id, base_poses, status)
+             SELECT ?, 'register', id, ?, ?, ?, ?, 'queued' FROM scan_set WHERE id = ?",
         )
         .bind(job.id.to_string())
         .bind(&job.label)

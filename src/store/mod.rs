@@ -4,6 +4,8 @@
 //! - `jobs`: what the API does with jobs; `queue`: what the workers do with them
 //! - `models`: models, their files and signatures
 //! - `matches`: what queries need of them besides the index
+//! - `standards`: classes that users have made, with their examples
+//! - `evaluations`: what is missing or out of date, and the verdicts
 //! - `replays`: answers kept for repeated POSTs
 //! - `live_gallery`: the stored signatures, searchable in memory
 //!
@@ -11,7 +13,9 @@
 //! statements take the write lock at their start (`BEGIN IMMEDIATE`): a transaction that begins by reading
 //! and then writes would be refused at once when another one has written meanwhile.
 
+mod evaluations;
 mod ids;
+mod job_kind;
 mod jobs;
 pub mod live_gallery;
 mod matches;
@@ -19,6 +23,7 @@ mod models;
 mod queue;
 mod replays;
 mod scan_sets;
+mod standards;
 mod sweep;
 
 use std::path::Path;
@@ -26,13 +31,16 @@ use std::time::Duration;
 
 use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePool, SqlitePoolOptions, SqliteSynchronous};
 
-pub use ids::{FileId, JobId, ModelId, ScanSetId};
+pub use evaluations::{Backlog, Outdated, StoredVerdict};
+pub use ids::{FileId, JobId, ModelId, ScanSetId, StandardId};
+pub use job_kind::JobKind;
 pub use jobs::{CancelAnswer, JobBase, JobError, JobFilter, JobRecord, JobStatus, NewJob};
 pub use matches::MatchedModel;
 pub use models::{AssetRecord, ModelFilter, ModelRecord, NewModel, StoredSignature};
 pub use queue::{Finish, JobClaim};
 pub use replays::{Replay, ReplayKey};
 pub use scan_sets::{NewScanSet, PoseFile, PutScan, ScanRecord, ScanSetRecord, sort_naturally};
+pub use standards::{Examples, NewStandard, StandardRecord};
 pub use sweep::KnownFiles;
 
 /// Connections that read at the same time.
@@ -79,6 +87,20 @@ pub enum StoreError {
         /// How many may wait.
         limit: usize,
     },
+    /// There is one of this name.
+    #[error("there is a {kind} named {name:?} already")]
+    NameTaken {
+        /// "standard".
+        kind: &'static str,
+        /// The name.
+        name: String,
+    },
+    /// There is no room for another standard.
+    #[error("there are {limit} standards already, the most that are kept")]
+    TooManyStandards {
+        /// How many there may be.
+        limit: usize,
+    },
     /// The scan set is full.
     #[error("a scan set holds at most {limit} scans")]
     TooManyScans {
@@ -121,13 +143,13 @@ impl Store {
             .busy_timeout(BUSY_TIMEOUT)
             // what was deleted must not stay readable in the file
             .pragma("secure_delete", "ON");
+        migrate(&options).await?;
         let writer = SqlitePoolOptions::new()
             .max_connections(1)
             .idle_timeout(None)
             .max_lifetime(None)
             .connect_with(options.clone())
             .await?;
-        sqlx::migrate!("./migrations").run(&writer).await?;
         let readers = SqlitePoolOptions::new()
             .max_connections(READERS)
             .connect_with(options.read_only(true).create_if_missing(false))
@@ -151,6 +173,15 @@ impl Store {
     async fn begin(&self) -> Result<sqlx::Transaction<'static, sqlx::Sqlite>, StoreError> {
         Ok(self.writer.begin_with("BEGIN IMMEDIATE").await?)
     }
+}
+
+/// Brings the file to this program's version, on a connection that lets tables be built anew without taking along what
+/// refers to them.
+async fn migrate(options: &SqliteConnectOptions) -> Result<(), StoreError> {
+    let pool = SqlitePoolOptions::new().max_connections(1).connect_with(options.clone().foreign_keys(false)).await?;
+    let migrated = sqlx::migrate!("./migrations").run(&pool).await;
+    pool.close().await;
+    Ok(migrated?)
 }
 
 /// Milliseconds since 1970, as the tables keep times.
@@ -251,5 +282,53 @@ pub(crate) mod testing {
         };
         store.create_scan_set(&set, None).await.expect("stored");
         set.id
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The second migration was the last before jobs had kinds.
+    #[tokio::test]
+    async fn a_database_from_before_kinds_keeps_its_jobs_and_models() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let file = folder.path().join("old.sqlite");
+        let options = SqliteConnectOptions::new().filename(&file).create_if_missing(true).foreign_keys(true);
+        let old = SqlitePoolOptions::new().max_connections(1).connect_with(options).await.expect("a new database");
+        let mut before = sqlx::migrate!("./migrations");
+        before.migrations.to_mut().truncate(2);
+        before.run(&old).await.expect("migrated");
+        let (set, job, model) = (ScanSetId::new(), JobId::new(), ModelId::new());
+        sqlx::query("INSERT INTO scan_set (id, name, unit) VALUES (?, 'set', 'mm')")
+            .bind(set.to_string())
+            .execute(&old)
+            .await
+            .expect("stored");
+        let options = serde_json::to_string(&crate::pipeline::Options::default()).expect("plain data");
+        sqlx::query("INSERT INTO job (id, scan_set_id, options, status) VALUES (?, ?, ?, 'succeeded')")
+            .bind(job.to_string())
+            .bind(set.to_string())
+            .bind(options)
+            .execute(&old)
+            .await
+            .expect("stored");
+        sqlx::query(
+            "INSERT INTO model (id, job_id, scan_set_id, name, unit, points) VALUES (?, ?, ?, 'model', 'mm', 1)",
+        )
+        .bind(model.to_string())
+        .bind(job.to_string())
+        .bind(set.to_string())
+        .execute(&old)
+        .await
+        .expect("stored");
+        old.close().await;
+
+        let store = Store::open(&file).await.expect("brought up to date");
+        let kept = store.job(job).await.expect("kept");
+        assert_eq!((kept.kind, kept.scan_set_id, kept.model_id), (JobKind::Register, Some(set), Some(model)));
+        store.delete_job(job).await.expect("deleted");
+        let gone = store.model(model).await;
+        assert!(matches!(gone, Err(StoreError::NotFound { .. })), "foreign keys hold again: {gone:?}");
     }
 }

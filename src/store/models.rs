@@ -3,8 +3,8 @@
 use sqlx::{FromRow, SqliteConnection};
 
 use super::{
-    JobId, ModelId, Page, PageRequest, Replay, ScanSetId, Store, StoreError, damaged, replays, stored_id, to_i64,
-    to_u64,
+    JobId, ModelId, Page, PageRequest, Replay, ScanSetId, Store, StoreError, damaged, evaluations, replays, stored_id,
+    to_i64, to_u64,
 };
 use crate::faces::{Signature, SignatureSummary};
 use crate::geometry::Unit;
@@ -265,6 +265,11 @@ pub(super) async fn insert(db: &mut SqliteConnection, model: &NewModel) -> Resul
             .bind(&signature.content)
             .execute(&mut *db)
             .await?;
+    }
+    let is_to_be_judged: bool =
+        sqlx::query_scalar("SELECT EXISTS (SELECT 1 FROM standard)").fetch_one(&mut *db).await?;
+    if is_to_be_judged {
+        evaluations::queue(db).await?;
     }
     Ok(())
 }

@@ -23,8 +23,8 @@ pub struct JobClaim {
 /// How a worker ends its job.
 #[derive(Debug, Clone)]
 pub enum Finish {
-    /// With a model.
-    Succeeded(Box<NewModel>),
+    /// With a model, or without one for an evaluation.
+    Succeeded(Option<Box<NewModel>>),
     /// With an error.
     Failed(JobError),
     /// On request.
@@ -32,7 +32,7 @@ pub enum Finish {
 }
 
 impl Store {
-    /// Takes the oldest job that waits or whose worker has fallen silent. A job that was started
+    /// Takes the oldest job that waits or whose worker has fallen silent, registrations before evaluations. A job that was started
     /// `max_attempts` times without an end takes its worker down with it: it is failed instead.
     pub async fn claim_job(
         &self,
@@ -47,7 +47,7 @@ impl Store {
                             started_at = ?3, stage = NULL, progress = 0, stage_seconds = '{}'
              WHERE id = (SELECT id FROM job
                          WHERE status = 'queued' OR (status = 'running' AND leased_until < ?3)
-                         ORDER BY id LIMIT 1)
+                         ORDER BY kind = 'evaluate', id LIMIT 1)
              RETURNING *, NULL AS model_id",
         )
         .bind(worker)
@@ -110,7 +110,7 @@ impl Store {
         if done.rows_affected() == 0 {
             return Ok(false);
         }
-        if let Finish::Succeeded(model) = finish {
+        if let Finish::Succeeded(Some(model)) = finish {
             models::insert(&mut tx, model).await?;
         }
         tx.commit().await?;
@@ -269,8 +269,8 @@ mod tests {
         assert_eq!(store.cancel_job(id).await.expect("asked"), CancelAnswer::Asked);
         let none = BTreeMap::new();
         assert_eq!(store.heartbeat(&taken, LEASE, None, 0.1, &none).await.expect("asked"), Some(true));
-        let model = NewModel::test(Some((id, taken.job.scan_set_id)));
-        assert!(!store.finish_job(&taken, &Finish::Succeeded(Box::new(model))).await.expect("asked"));
+        let model = NewModel::test(Some((id, taken.job.scan_set_id.expect("a registration"))));
+        assert!(!store.finish_job(&taken, &Finish::Succeeded(Some(Box::new(model)))).await.expect("asked"));
         assert!(store.finish_job(&taken, &Finish::Canceled).await.expect("asked"));
         assert_eq!(store.job(id).await.expect("there").status, JobStatus::Canceled);
     }
@@ -290,8 +290,8 @@ mod tests {
         let (store, _folder) = testing::store().await;
         let id = queued(&store).await;
         let taken = claim(&store, "w", LEASE).await.expect("waits");
-        let model = NewModel::test(Some((id, taken.job.scan_set_id)));
-        assert!(store.finish_job(&taken, &Finish::Succeeded(Box::new(model.clone()))).await.expect("stored"));
+        let model = NewModel::test(Some((id, taken.job.scan_set_id.expect("a registration"))));
+        assert!(store.finish_job(&taken, &Finish::Succeeded(Some(Box::new(model.clone())))).await.expect("stored"));
         let job = store.job(id).await.expect("there");
         assert_eq!((job.status, job.progress, job.model_id), (JobStatus::Succeeded, 1.0, Some(model.id)));
         assert_eq!(store.delete_job(id).await.expect("deleted"), Some(model.id));

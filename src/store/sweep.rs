@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use super::{FileId, ModelId, ScanSetId, Store, StoreError, stored_id};
+use super::{FileId, ModelId, ScanSetId, StandardId, Store, StoreError, stored_id};
 
 /// All files that rows refer to.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -13,6 +13,8 @@ pub struct KnownFiles {
     pub scans: BTreeSet<FileId>,
     /// Models.
     pub models: BTreeSet<ModelId>,
+    /// Standards.
+    pub standards: BTreeSet<StandardId>,
 }
 
 impl Store {
@@ -22,10 +24,12 @@ impl Store {
         let sets: Vec<String> = sqlx::query_scalar("SELECT id FROM scan_set").fetch_all(&mut *tx).await?;
         let scans: Vec<String> = sqlx::query_scalar("SELECT file_id FROM scan").fetch_all(&mut *tx).await?;
         let models: Vec<String> = sqlx::query_scalar("SELECT id FROM model").fetch_all(&mut *tx).await?;
+        let standards: Vec<String> = sqlx::query_scalar("SELECT id FROM standard").fetch_all(&mut *tx).await?;
         Ok(KnownFiles {
             scan_sets: sets.iter().map(|text| stored_id!(ScanSetId, text)).collect::<Result<_, _>>()?,
             scans: scans.iter().map(|text| stored_id!(FileId, text)).collect::<Result<_, _>>()?,
             models: models.iter().map(|text| stored_id!(ModelId, text)).collect::<Result<_, _>>()?,
+            standards: standards.iter().map(|text| stored_id!(StandardId, text)).collect::<Result<_, _>>()?,
         })
     }
 }

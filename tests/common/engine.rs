@@ -5,6 +5,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
+use visage::classes::{Class, Found};
 use visage::faces::{DescribeError, Signature};
 use visage::geometry::{Cloud, Motion, Surface, Unit, se3};
 use visage::jobs::engine::{Engine, PipelineEngine};
@@ -33,6 +34,8 @@ pub struct FakeEngine {
     mode: Mutex<Mode>,
     /// Registrations that were begun.
     pub runs: AtomicUsize,
+    /// Models that were looked at for classes.
+    pub looks: AtomicUsize,
 }
 
 impl FakeEngine {
@@ -75,6 +78,25 @@ impl Engine for FakeEngine {
 
     fn describe(&self, surface: &Surface, unit: Unit, progress: &Progress) -> Result<Signature, DescribeError> {
         PipelineEngine.describe(surface, unit, progress)
+    }
+
+    fn find(
+        &self,
+        classes: &[&Class],
+        surface: &Surface,
+        unit: Unit,
+        progress: &Progress,
+    ) -> Result<Vec<Option<Found>>, DescribeError> {
+        self.looks.fetch_add(1, Ordering::Relaxed);
+        let mode = *self.mode.lock().expect("never poisoned");
+        if let Mode::Slow(time) = mode {
+            let begin = Instant::now();
+            while begin.elapsed() < time {
+                progress.check()?;
+                std::thread::sleep(Duration::from_millis(5));
+            }
+        }
+        PipelineEngine.find(classes, surface, unit, progress)
     }
 }
 

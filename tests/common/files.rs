@@ -29,20 +29,37 @@ pub fn poses(names: &[String]) -> String {
 
 /// A sphere of 80 mm with bumps, as an OBJ mesh; other phases give other shapes.
 pub fn bumpy_sphere(phase: f64) -> Vec<u8> {
+    ball(80.0, |polar, azimuth| 80.0 + 6.0 * (3.0 * polar + phase).sin() * (4.0 * azimuth - phase).cos() * polar.sin())
+}
+
+/// A ball with three knobs whose tips are at the places given, as an OBJ mesh.
+pub fn knobbed_ball(tips: [[f64; 3]; 3]) -> Vec<u8> {
+    ball(50.0, |polar, azimuth| {
+        let direction = [polar.sin() * azimuth.cos(), polar.sin() * azimuth.sin(), polar.cos()];
+        let knob = |tip: &[f64; 3]| {
+            let length = tip.iter().map(|x| x * x).sum::<f64>().sqrt();
+            let cosine = tip.iter().zip(&direction).map(|(a, b)| a * b).sum::<f64>() / length;
+            (length - 50.0) * ((cosine - 1.0) / 0.1).exp()
+        };
+        50.0 + tips.iter().map(knob).sum::<f64>()
+    })
+}
+
+/// A body around the origin by its radius over polar angle and azimuth, as an OBJ mesh; at the poles it is `pole`.
+fn ball(pole: f64, radius: impl Fn(f64, f64) -> f64) -> Vec<u8> {
     const ROWS: usize = 48;
     const COLUMNS: usize = 64;
-    let mut text = String::from("v 0 0 80\n");
+    let mut text = format!("v 0 0 {pole}\n");
     for row in 1..ROWS {
         let polar = std::f64::consts::PI * row as f64 / ROWS as f64;
         for column in 0..COLUMNS {
             let azimuth = std::f64::consts::TAU * column as f64 / COLUMNS as f64;
-            let bump = 6.0 * (3.0 * polar + phase).sin() * (4.0 * azimuth - phase).cos() * polar.sin();
-            let radius = 80.0 + bump;
+            let radius = radius(polar, azimuth);
             let (x, y) = (radius * polar.sin() * azimuth.cos(), radius * polar.sin() * azimuth.sin());
             text.push_str(&format!("v {x} {y} {}\n", radius * polar.cos()));
         }
     }
-    text.push_str("v 0 0 -80\n");
+    text.push_str(&format!("v 0 0 -{pole}\n"));
     let vertex = |row: usize, column: usize| 2 + (row - 1) * COLUMNS + column % COLUMNS;
     let last = 2 + (ROWS - 1) * COLUMNS;
     for column in 0..COLUMNS {

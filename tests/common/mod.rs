@@ -106,7 +106,7 @@ impl TestServer {
             if view["status"] == status {
                 return view;
             }
-            assert!(begin.elapsed() < Duration::from_secs(10), "still not {status}: {view}");
+            assert!(begin.elapsed() < Duration::from_secs(60), "still not {status}: {view}");
             tokio::time::sleep(Duration::from_millis(10)).await;
         }
     }

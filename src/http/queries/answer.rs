@@ -6,6 +6,7 @@ use super::super::model_views;
 use super::super::problem::Problem;
 use super::super::state::{AppState, blocking};
 use super::super::verdicts::{ExplanationView, VerdictView, places};
+use super::class;
 use super::question::{About, Question};
 use super::views::{MatchView, QueryAnswer};
 use crate::faces::{MatchMethod, Signature, standard};
@@ -14,6 +15,9 @@ use crate::store::{MatchedModel, ModelId};
 
 /// The answer of the gallery as it is at this moment.
 pub async fn answer(state: &AppState, question: Question) -> Result<QueryAnswer, Problem> {
+    if let About::Class { name } = &question.about {
+        return class::answer(state, &question, name).await;
+    }
     let gallery = state.shop.gallery.clone();
     let search = move || {
         let answer = gallery.ask(|index| (question.answer(index, &gallery.catalogue()), index.len()));
@@ -25,6 +29,7 @@ pub async fn answer(state: &AppState, question: Question) -> Result<QueryAnswer,
     blocking(move || QueryAnswer {
         matches: shown(&question, matches, models),
         searched,
+        pending: 0,
         next_cursor,
         verdict: None,
         explain: None,
@@ -40,6 +45,7 @@ pub fn verdict(question: &Question) -> Option<QueryAnswer> {
     Some(QueryAnswer {
         matches: Vec::new(),
         searched: 0,
+        pending: 0,
         next_cursor: None,
         verdict: Some(VerdictView::of(standard, &evidence)),
         explain: question.terms.explain.then(explain),
@@ -59,7 +65,7 @@ fn shown(question: &Question, matches: Vec<Match>, models: Vec<MatchedModel>) ->
 fn match_view(question: &Question, found: &Match, model: MatchedModel) -> MatchView {
     let (standard, method) = match &question.about {
         About::Standard { standard, method } | About::Verdict { standard, method, .. } => (*standard, *method),
-        About::Probe { .. } | About::Triangle(_) => (standard::face(), MatchMethod::Verified),
+        About::Probe { .. } | About::Triangle(_) | About::Class { .. } => (standard::face(), MatchMethod::Verified),
     };
     let is_about_standard = matches!(question.about, About::Standard { .. });
     // what is stored beside the index: landmarks and figures are not kept in memory
@@ -103,7 +109,7 @@ fn match_view(question: &Question, found: &Match, model: MatchedModel) -> MatchV
 /// The threshold that decides a question.
 fn threshold_of(question: &Question) -> f64 {
     let own = || match question.about {
-        About::Standard { .. } | About::Verdict { .. } => crate::faces::judgement::MATCH_SCORE,
+        About::Standard { .. } | About::Class { .. } | About::Verdict { .. } => crate::faces::judgement::MATCH_SCORE,
         About::Probe { .. } => PROBE_MATCH_SCORE,
         About::Triangle(_) => triangle_match_score(),
     };

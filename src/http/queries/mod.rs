@@ -2,10 +2,11 @@
 //!
 //! - `question`: what is asked, read from JSON or from a form; `triangle`: a bare triangle
 //! - `terms`: what every question may add: limit, threshold, filter; `cursor`: where the next page begins
-//! - `answer`: ranked matches with what is stored of their models
+//! - `answer`: ranked matches with what is stored of their models; `class`: those of a class that a user has made
 //! - `views`: all of it as it goes over the wire
 
 mod answer;
+mod class;
 mod cursor;
 mod question;
 mod terms;

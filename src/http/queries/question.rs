@@ -27,8 +27,10 @@ pub struct Question {
     pub about: About,
     /// On which terms.
     pub terms: Terms,
-    after: Option<Rank>,
-    fingerprint: Fingerprint,
+    /// Where the page before ended.
+    pub after: Option<Rank>,
+    /// What a cursor of this question carries.
+    pub fingerprint: Fingerprint,
 }
 
 /// What is asked about.
@@ -39,6 +41,11 @@ pub enum About {
         standard: Standard,
         /// How they are judged.
         method: MatchMethod,
+    },
+    /// Which models are of this class that a user has made?
+    Class {
+        /// The name or id of its standard.
+        name: String,
     },
     /// Which models are like this one?
     Probe {
@@ -67,17 +74,23 @@ impl Question {
         Ok(Question { about, terms, after, fingerprint })
     }
 
+    /// The part of the ranking that is asked for.
+    pub fn wanted<'a>(&self, accepts: &'a (dyn Fn(u128) -> bool + Sync)) -> Wanted<'a> {
+        Wanted {
+            // one more tells whether there is another page
+            limit: self.terms.limit + 1,
+            after: self.after,
+            threshold: self.terms.threshold,
+            only_matches: self.terms.only_matches,
+            accepts,
+        }
+    }
+
     /// The ranked matches, and where the next page begins.
     pub fn answer(&self, gallery: &Gallery, catalogue: &Catalogue) -> (Vec<Match>, Option<String>) {
         let terms = &self.terms;
-        let wanted = Wanted {
-            // one more tells whether there is another page
-            limit: terms.limit + 1,
-            after: self.after,
-            threshold: terms.threshold,
-            only_matches: terms.only_matches,
-            accepts: &|id| catalogue.takes(&terms.filter, id),
-        };
+        let accepts = |id| catalogue.takes(&terms.filter, id);
+        let wanted = self.wanted(&accepts);
         let mut matches = match &self.about {
             About::Standard { standard, method } => {
                 gallery.by_standard(standard.name, *method, &wanted).unwrap_or_default()
@@ -91,7 +104,7 @@ impl Question {
                 }
                 matches
             }
-            About::Verdict { .. } => Vec::new(),
+            About::Verdict { .. } | About::Class { .. } => Vec::new(),
         };
         let more = matches.len() > terms.limit;
         matches.truncate(terms.limit);
@@ -106,6 +119,7 @@ fn fingerprint(about: &About, terms: &Terms) -> Fingerprint {
         About::Standard { standard, method } => format!("standard {} {method:?}", standard.name).into_bytes(),
         About::Probe { signature, stored } => [format!("probe {stored:?}").into_bytes(), signature.to_bytes()].concat(),
         About::Triangle(triangle) => format!("triangle {triangle:?}").into_bytes(),
+        About::Class { name } => format!("class {name}").into_bytes(),
         About::Verdict { .. } => Vec::new(),
     };
     let terms = format!("{:?} {:?} {:?}", terms.threshold, terms.only_matches, terms.filter);
@@ -129,9 +143,14 @@ pub async fn of_json(state: &AppState, body: QueryBody) -> Result<Question, Prob
         return Err(Problem::new(Code::InvalidField, detail, "leave it out when asking about anything else"));
     }
     let about = match (standard, model_id, triangle) {
-        (Some(name), None, None) => {
-            About::Standard { standard: known_standard(&name)?, method: method.unwrap_or_default().into() }
-        }
+        (Some(name), None, None) => match standard::by_name(&name) {
+            Some(standard) => About::Standard { standard, method: method.unwrap_or_default().into() },
+            None if method.is_none_or(|method| matches!(method, MethodView::Verified)) => About::Class { name },
+            None => {
+                let detail = format!("models are judged against {name} by the method verified alone");
+                return Err(Problem::new(Code::InvalidField, detail, "leave method out; the others are for the face"));
+            }
+        },
         (None, Some(id), None) => {
             let id = parse_model_id(&id)?;
             About::Probe { signature: Box::new(stored_signature(state, id).await?), stored: Some(id) }
@@ -171,9 +190,15 @@ pub async fn of_form(state: &AppState, mut form: Form) -> Result<Question, Probl
 
 fn known_standard(name: &str) -> Result<Standard, Problem> {
     standard::by_name(name).ok_or_else(|| {
-        let detail = format!("there is no standard {name:?}");
-        Problem::new(Code::UnknownStandard, detail, "GET /v1/standards lists those that can be asked for")
+        let detail = format!("{name:?} is no standard that an uploaded probe can be judged against");
+        Problem::new(Code::UnknownStandard, detail, "send face; or store the model, which is judged against all")
     })
+}
+
+/// Nothing is known by this name.
+pub fn unknown_standard(name: &str) -> Problem {
+    let detail = format!("there is no standard {name:?}");
+    Problem::new(Code::UnknownStandard, detail, "GET /v1/standards lists those that can be asked for")
 }
 
 fn method_named(name: &str) -> Result<MethodView, Problem> {

@@ -1,0 +1,89 @@
+//! The models of a class that a user has made. They are judged by a job and ranked by what it stored.
+
+use std::collections::HashMap;
+
+use super::super::model_views;
+use super::super::problem::Problem;
+use super::super::standards::{self, Ranking};
+use super::super::state::AppState;
+use super::super::verdicts::VerdictView;
+use super::cursor;
+use super::question::{Question, unknown_standard};
+use super::views::{MatchView, QueryAnswer};
+use crate::faces::judgement::MATCH_SCORE;
+use crate::retrieval::Match;
+use crate::store::{MatchedModel, ModelId, StoredVerdict};
+
+/// The models judged so far, best first.
+pub async fn answer(state: &AppState, question: &Question, name: &str) -> Result<QueryAnswer, Problem> {
+    let terms = &question.terms;
+    // behind a filter, or on a later page, the wanted models may stand anywhere in the ranking
+    let is_first = terms.filter.is_empty() && question.after.is_none();
+    let rows = if is_first { terms.limit + 1 } else { i64::MAX as usize };
+    let ranking = standards::ranking(state, name, rows).await?.ok_or_else(|| unknown_standard(name))?;
+    let mut wanted = wanted(state, question, &ranking);
+    let more = wanted.len() > terms.limit;
+    wanted.truncate(terms.limit);
+    let next_cursor =
+        wanted.last().filter(|_| more).map(|last| cursor::after(&question.fingerprint, &as_match(&ranking, last)));
+    let ids: Vec<ModelId> = wanted.iter().map(|verdict| verdict.model_id).collect();
+    let models = state.shop.store.matched_models(&ids).await?;
+    let mut models: HashMap<ModelId, MatchedModel> = models.into_iter().map(|model| (model.id, model)).collect();
+    let view = |verdict: &&StoredVerdict| {
+        let model = models.remove(&verdict.model_id)?;
+        let verdict = VerdictView::of_class(&ranking.standard, &ranking.learned, verdict, terms.threshold);
+        Some(match_view(verdict, model))
+    };
+    Ok(QueryAnswer {
+        matches: wanted.iter().filter_map(view).collect(),
+        searched: usize::try_from(ranking.judged).unwrap_or(usize::MAX),
+        pending: ranking.pending,
+        next_cursor,
+        verdict: None,
+        explain: None,
+    })
+}
+
+/// The verdicts that are asked for, and one more if there is one.
+fn wanted<'a>(state: &AppState, question: &Question, ranking: &'a Ranking) -> Vec<&'a StoredVerdict> {
+    let catalogue = state.shop.gallery.catalogue();
+    let accepts = |id| catalogue.takes(&question.terms.filter, id);
+    let wanted = question.wanted(&accepts);
+    let threshold = question.terms.threshold.unwrap_or(MATCH_SCORE);
+    let takes = |verdict: &&StoredVerdict| {
+        wanted.takes(ranking.learned.score(verdict.residual_mm), verdict.model_id.number(), threshold)
+    };
+    ranking.verdicts.iter().filter(takes).take(wanted.limit).collect()
+}
+
+/// What a cursor remembers of a verdict.
+fn as_match(ranking: &Ranking, verdict: &StoredVerdict) -> Match {
+    Match {
+        model_id: verdict.model_id.number(),
+        score: ranking.learned.score(verdict.residual_mm),
+        matching_error_mm: f64::INFINITY,
+        sum_of_distances_mm: f64::INFINITY,
+        is_match: false,
+        triangle: None,
+    }
+}
+
+fn match_view(verdict: VerdictView, model: MatchedModel) -> MatchView {
+    MatchView {
+        model_id: model.id.to_string(),
+        name: model.name,
+        label: model.facets.label.map(String::from),
+        unit: model.facets.unit.into(),
+        score: verdict.score,
+        is_match: verdict.is_match,
+        matching_error_mm: verdict.matching_error_mm,
+        sum_of_distances_mm: verdict.sum_of_distances_mm,
+        dense_residual_mm: verdict.dense_residual_mm,
+        coverage: verdict.coverage,
+        triangle: verdict.triangle,
+        landmarks: verdict.landmarks,
+        reason: verdict.reason,
+        explain: None,
+        href: model_views::address(model.id),
+    }
+}

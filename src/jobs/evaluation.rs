@@ -1,0 +1,192 @@
+//! Brings what is known of the stored models up to date: signatures of another version, and verdicts against standards.
+//!
+//! Everything that is done is written at once, so a job that is stopped or crashes goes on where it stood. Writes need
+//! no guard by the lease: whoever makes them makes the same.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+use tokio::runtime::Handle;
+
+use super::engine::Engine;
+use super::work::WorkError;
+use crate::blobs::Blobs;
+use crate::classes::{Class, ClassError, limit};
+use crate::config::Limits;
+use crate::faces::{DescribeError, Signature};
+use crate::formats;
+use crate::geometry::Surface;
+use crate::progress::{Progress, Stage};
+use crate::store::live_gallery::LiveGallery;
+use crate::store::{ModelId, ModelRecord, Outdated, StandardId, StandardRecord, Store, StoreError, StoredVerdict};
+
+/// Models that are asked for at a time.
+const BATCH: usize = 32;
+/// The files that hold a model's surface, the best first.
+const SURFACES: [&str; 6] = ["mesh.ply", "mesh.obj", "cloud.ply", "cloud.obj", "mesh.pcd", "cloud.pcd"];
+
+/// Everything an evaluation needs.
+pub(super) struct Evaluation {
+    pub store: Store,
+    pub blobs: Arc<Blobs>,
+    pub gallery: LiveGallery,
+    pub engine: Arc<dyn Engine>,
+    pub limits: Limits,
+    pub progress: Progress,
+    /// The runtime that the store runs on; this work runs on a thread of its own.
+    pub runtime: Handle,
+}
+
+impl From<StoreError> for WorkError {
+    fn from(error: StoreError) -> Self {
+        super::work::failed("storage_failed", error.to_string(), None, "look into the server's log, then retry the job")
+    }
+}
+
+impl Evaluation {
+    /// Does all that is to be done, and what comes up meanwhile. Runs inside a rayon pool.
+    pub(super) fn run(&self) -> Result<(), WorkError> {
+        self.progress.report(Stage::Describing, 0.0);
+        let backlog = self.runtime.block_on(self.store.backlog())?;
+        let all = (backlog.stale_signatures + backlog.missing_verdicts).max(1) as f64;
+        let (mut done, mut failed) = (0usize, BTreeSet::new());
+        let mut after = None;
+        loop {
+            let standards = self.standards()?;
+            let batch = self.runtime.block_on(self.store.outdated(after, BATCH))?;
+            let due: Vec<Outdated> = batch.iter().filter(|model| !failed.contains(&model.model_id)).cloned().collect();
+            // the end of a pass: another one begins, and ends the job if it finds nothing
+            after = batch.last().filter(|_| batch.len() == BATCH).map(|model| model.model_id);
+            if due.is_empty() && after.is_none() {
+                return Ok(());
+            }
+            for model in &due {
+                self.progress.check()?;
+                // it may be long, and what is done is kept: people wait for registrations
+                if self.runtime.block_on(self.store.registration_waits())? {
+                    return Err(WorkError::GivesWay);
+                }
+                if !self.renew(model, &standards)? {
+                    failed.insert(model.model_id);
+                }
+                done += usize::from(model.signature) + model.standards.len();
+                self.progress.report(Stage::Describing, done as f64 / all);
+            }
+        }
+    }
+
+    /// The classes of all standards; those of another version are made anew.
+    fn standards(&self) -> Result<BTreeMap<StandardId, Class>, WorkError> {
+        let mut classes = BTreeMap::new();
+        for standard in self.runtime.block_on(self.store.standards())? {
+            let id = standard.id;
+            if standard.class.version == Class::VERSION {
+                classes.insert(id, standard.class);
+            } else if let Some(class) = self.remade(&standard)? {
+                self.runtime.block_on(self.store.renew_standard(id, &class))?;
+                classes.insert(id, class);
+            }
+        }
+        Ok(classes)
+    }
+
+    fn remade(&self, standard: &StandardRecord) -> Result<Option<Class>, WorkError> {
+        let bytes = self.blobs.read_standard(standard.id, &standard.asset.name)?;
+        let surface = match formats::read_surface(&standard.asset.name, &bytes, &self.limits.read_limits()) {
+            Ok(surface) => surface,
+            Err(error) => {
+                tracing::warn!(standard = standard.name, "a standard can't be made anew: {error}");
+                return Ok(None);
+            }
+        };
+        match self.engine.annotate(&surface, standard.unit, &standard.annotation, &self.progress.muted()) {
+            Ok(class) => Ok(Some(class)),
+            Err(ClassError::Canceled(canceled)) => Err(canceled.into()),
+            Err(error) => {
+                tracing::warn!(standard = standard.name, "a standard can't be made anew: {error}");
+                Ok(None)
+            }
+        }
+    }
+
+    /// Makes what a model lacks; false if something could not be made, so that it isn't tried again by this job.
+    fn renew(&self, outdated: &Outdated, standards: &BTreeMap<StandardId, Class>) -> Result<bool, WorkError> {
+        let id = outdated.model_id;
+        let model = match self.runtime.block_on(self.store.model(id)) {
+            Ok(model) => model,
+            // deleted meanwhile
+            Err(StoreError::NotFound { .. }) => return Ok(true),
+            Err(error) => return Err(error.into()),
+        };
+        let surface = self.surface(&model)?;
+        let is_signed = !outdated.signature || self.sign(&model, surface.as_ref().ok())?;
+        let known: Vec<(StandardId, &Class)> =
+            outdated.standards.iter().filter_map(|id| Some((*id, standards.get(id)?))).collect();
+        let verdicts = self.judge(&model, &surface, &known)?;
+        self.runtime.block_on(self.store.keep_verdicts(&verdicts))?;
+        // a standard that came since this pass was begun has a job of its own waiting
+        Ok(is_signed && known.len() == outdated.standards.len())
+    }
+
+    /// The surface of a model, or why there is none.
+    fn surface(&self, model: &ModelRecord) -> Result<Result<Surface, String>, WorkError> {
+        for asset in SURFACES {
+            if let Some(bytes) = self.blobs.read_asset(model.id, asset)? {
+                let surface = formats::read_surface(asset, &bytes, &self.limits.read_limits());
+                return Ok(surface.map_err(|error| error.to_string()));
+            }
+        }
+        Ok(Err("the model has neither mesh nor cloud".to_owned()))
+    }
+
+    /// Makes a model's signature anew; false if that is not possible.
+    fn sign(&self, model: &ModelRecord, surface: Option<&Surface>) -> Result<bool, WorkError> {
+        let Some(surface) = surface else { return Ok(false) };
+        match self.engine.describe(surface, model.unit, &self.progress.muted()) {
+            Ok(signature) => self.publish(model.id, signature),
+            Err(DescribeError::Canceled(canceled)) => Err(canceled.into()),
+            Err(error) => {
+                tracing::warn!(model.id = %model.id, "a signature can't be made anew: {error}");
+                Ok(false)
+            }
+        }
+    }
+
+    fn publish(&self, id: ModelId, signature: Signature) -> Result<bool, WorkError> {
+        if self.runtime.block_on(self.store.renew_signature(id, &(&signature).into()))? {
+            self.runtime.block_on(self.gallery.publish(&self.store, id, signature))?;
+        }
+        Ok(true)
+    }
+
+    fn judge(
+        &self,
+        model: &ModelRecord,
+        surface: &Result<Surface, String>,
+        standards: &[(StandardId, &Class)],
+    ) -> Result<Vec<StoredVerdict>, WorkError> {
+        if standards.is_empty() {
+            return Ok(Vec::new());
+        }
+        let classes: Vec<&Class> = standards.iter().map(|(_, class)| *class).collect();
+        let found = match surface {
+            Err(reason) => Err(reason.clone()),
+            Ok(surface) => match self.engine.find(&classes, surface, model.unit, &self.progress.muted()) {
+                Ok(found) => Ok(found),
+                Err(DescribeError::Canceled(canceled)) => return Err(canceled.into()),
+                Err(error) => Err(error.to_string()),
+            },
+        };
+        let verdict = |(place, (standard_id, _)): (usize, &(StandardId, &Class))| {
+            let place = found.as_ref().map(|found| found.get(place).copied().flatten());
+            StoredVerdict {
+                standard_id: *standard_id,
+                model_id: model.id,
+                residual_mm: place.as_ref().ok().copied().flatten().map_or(limit::NOTHING_FOUND_MM, |f| f.residual_mm),
+                found: place.as_ref().ok().copied().flatten(),
+                reason: place.err().cloned(),
+            }
+        };
+        Ok(standards.iter().enumerate().map(verdict).collect())
+    }
+}
