@@ -179,7 +179,7 @@ pub enum AnyStandard {
     Uploaded(Box<StandardView>),
     /// Part of the program.
     #[schema(title = "built in")]
-    BuiltIn(BuiltInView),
+    BuiltIn(Box<BuiltInView>),
 }
 
 /// A standard that is part of the program.

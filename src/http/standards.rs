@@ -175,9 +175,8 @@ async fn list(State(state): State<AppState>) -> Result<Json<StandardList>, Probl
 }
 
 fn built_in() -> Result<Vec<AnyStandard>, Problem> {
-    let view =
-        |value| serde_json::from_value::<BuiltInView>(value).map(AnyStandard::BuiltIn).map_err(Problem::internal);
-    retrieval::standards().into_iter().map(view).collect()
+    let view = |value| serde_json::from_value::<Box<BuiltInView>>(value).map(AnyStandard::BuiltIn);
+    retrieval::standards().into_iter().map(|value| view(value).map_err(Problem::internal)).collect()
 }
 
 async fn view(state: &AppState, standard: &StandardRecord) -> Result<StandardView, Problem> {
