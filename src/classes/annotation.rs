@@ -239,7 +239,9 @@ fn seen(
             continue;
         }
         let corners = corners_at(&surface.sampled(spacing), &choices, expected, sign);
-        if best.as_ref().is_none_or(|best| corners.len() > best.corners.len()) {
+        // at a scale too coarse for them two landmarks may share one place
+        let worth = |corners: &[Corner]| (!triangles(corners).is_empty(), corners.len());
+        if best.as_ref().is_none_or(|best| worth(&corners) > worth(&best.corners)) {
             best = Some(Sight { corners, expected, sign });
         }
     }
