@@ -9,12 +9,14 @@
 use crate::faces::dense::{DenseSignature, KEPT_SHARE, LEAST_COMMON, STEP_MM, UNSEEN};
 use crate::faces::template::TEMPLATE_POINTS;
 
-/// Heights, made positive, padded to whole vector registers with the height 0.
+/// Heights, made positive, padded to whole vector registers; the height 0 where there is none.
 type Row = [u8; WIDTH];
-const WIDTH: usize = TEMPLATE_POINTS.next_multiple_of(16);
-/// The byte of a height of 0 and that of an unseen point.
+const WIDTH: usize = TEMPLATE_POINTS.next_multiple_of(LANES);
+const LANES: usize = 16;
+/// The byte of a height of 0.
 const LEVEL: u8 = 128;
-const NOTHING: u8 = (UNSEEN as u8).wrapping_add(LEVEL);
+/// A bit for each point.
+type Points = [u64; TEMPLATE_POINTS.div_ceil(64)];
 /// The ceiling over the reach: with normally distributed differences the least one left out is this much
 /// greater than the root mean square of those left in.
 const CEILING: f64 = 2.08;
@@ -28,45 +30,57 @@ struct Seen {
     there: bool,
 }
 
+impl Seen {
+    fn whole(&self) -> bool {
+        usize::from(self.points) == TEMPLATE_POINTS
+    }
+}
+
 /// The dense signatures of a list of models, some of which have none.
 #[derive(Debug, Default)]
 pub(super) struct DenseRows {
     rows: Vec<Row>,
     seen: Vec<Seen>,
-}
-
-fn row(signature: Option<&DenseSignature>) -> (Row, Seen) {
-    let mut row = [LEVEL; WIDTH];
-    let Some(signature) = signature else { return (row, Seen::default()) };
-    let mut seen = Seen { there: true, ..Seen::default() };
-    for (slot, byte) in row.iter_mut().zip(signature.to_bytes()) {
-        *slot = byte.wrapping_add(LEVEL);
-        if *slot != NOTHING {
-            seen.sum += i32::from(*slot) - i32::from(LEVEL);
-            seen.points += 1;
-        }
-    }
-    (row, seen)
+    unseen: Vec<Points>,
 }
 
 impl DenseRows {
     /// Adds a model's.
     pub fn push(&mut self, signature: Option<&DenseSignature>) {
-        let (row, seen) = row(signature);
+        let (mut row, mut seen, mut unseen) = ([LEVEL; WIDTH], Seen::default(), Points::default());
+        seen.there = signature.is_some();
+        let heights = signature.map(|signature| signature.to_bytes().map(|byte| byte as i8));
+        for (point, height) in heights.iter().flatten().enumerate() {
+            if *height == UNSEEN {
+                unseen[point / 64] |= 1 << (point % 64);
+                continue;
+            }
+            row[point] = (*height as u8).wrapping_add(LEVEL);
+            seen.sum += i32::from(*height);
+            seen.points += 1;
+        }
         self.rows.push(row);
         self.seen.push(seen);
+        self.unseen.push(unseen);
     }
 
     /// Adds one from another list.
     pub fn push_from(&mut self, others: &DenseRows, place: u32) {
-        self.rows.push(others.rows[place as usize]);
-        self.seen.push(others.seen[place as usize]);
+        let place = place as usize;
+        self.rows.push(others.rows[place]);
+        self.seen.push(others.seen[place]);
+        self.unseen.push(others.unseen[place]);
     }
 
     /// The dense signature at a place.
     pub fn signature(&self, place: u32) -> Option<DenseSignature> {
-        let (row, seen) = (&self.rows[place as usize], self.seen[place as usize]);
-        seen.there.then(|| DenseSignature::from_bytes(std::array::from_fn(|k| row[k].wrapping_sub(LEVEL))))
+        let place = place as usize;
+        let (row, unseen) = (&self.rows[place], &self.unseen[place]);
+        let byte = |point: usize| match unseen[point / 64] >> (point % 64) & 1 {
+            1 => UNSEEN as u8,
+            _ => row[point].wrapping_sub(LEVEL),
+        };
+        self.seen[place].there.then(|| DenseSignature::from_bytes(std::array::from_fn(byte)))
     }
 
     /// Whether the model at a place has none.
@@ -78,6 +92,7 @@ impl DenseRows {
     pub fn shrink(&mut self) {
         self.rows.shrink_to_fit();
         self.seen.shrink_to_fit();
+        self.unseen.shrink_to_fit();
     }
 }
 
@@ -85,14 +100,15 @@ impl DenseRows {
 #[derive(Debug)]
 pub(super) struct DenseProbe {
     signature: DenseSignature,
-    row: Row,
-    seen: Seen,
+    /// The probe's own and only row.
+    own: DenseRows,
 }
 
 impl DenseProbe {
     pub fn new(signature: &DenseSignature) -> DenseProbe {
-        let (row, seen) = row(Some(signature));
-        DenseProbe { signature: signature.clone(), row, seen }
+        let mut own = DenseRows::default();
+        own.push(Some(signature));
+        DenseProbe { signature: signature.clone(), own }
     }
 
     /// The distance to the model at a place, mm on the standard; `None` if too few points are seen on both.
@@ -102,21 +118,38 @@ impl DenseProbe {
 
     /// Whether the distance to the model at a place is surely greater than `reach`. A no says nothing.
     pub fn is_beyond(&self, rows: &DenseRows, place: u32, reach: &Reach) -> bool {
-        let (row, seen) = (&rows.rows[place as usize], &rows.seen[place as usize]);
-        let whole = TEMPLATE_POINTS as u16;
-        if seen.points == whole && self.seen.points == whole {
-            let shift = Shift::new(seen.sum - self.seen.sum, TEMPLATE_POINTS);
-            let squares = capped_squares(row, &self.row, shift.whole, reach.ceiling);
-            return reach.is_exceeded(squares, TEMPLATE_POINTS, shift.rest);
-        }
-        let (sum, points) = sum_of_common(row, &self.row);
-        if (points as f64) < LEAST_COMMON * TEMPLATE_POINTS as f64 {
-            return false;
+        let place = place as usize;
+        let ([probe], [probe_seen]) = (&self.own.rows[..], &self.own.seen[..]) else { return false };
+        let (row, seen) = (&rows.rows[place], &rows.seen[place]);
+        let (mut sum, mut points) = (seen.sum - probe_seen.sum, TEMPLATE_POINTS);
+        let mut gaps = Points::default();
+        if !(seen.whole() && probe_seen.whole()) {
+            gaps = std::array::from_fn(|k| rows.unseen[place][k] | self.own.unseen[0][k]);
+            for gap in each(&gaps) {
+                sum -= i32::from(row[gap]) - i32::from(probe[gap]);
+                points -= 1;
+            }
+            if (points as f64) < LEAST_COMMON * TEMPLATE_POINTS as f64 {
+                return false;
+            }
         }
         let shift = Shift::new(sum, points);
-        let squares = capped_squares_of_common(row, &self.row, shift.whole, reach.ceiling);
-        reach.is_exceeded(squares, points, shift.rest)
+        let squares = capped_squares(row, probe, shift.whole, reach.ceiling);
+        let of_gaps: u32 = each(&gaps).map(|gap| capped_square(row[gap], probe[gap], shift.whole, reach.ceiling)).sum();
+        reach.is_exceeded(squares - of_gaps, points, shift.rest)
     }
+}
+
+/// The points whose bits are set.
+fn each(points: &Points) -> impl Iterator<Item = usize> {
+    points.iter().enumerate().flat_map(|(word, bits)| {
+        let mut bits = *bits;
+        std::iter::from_fn(move || {
+            let bit = bits.trailing_zeros() as usize;
+            bits &= bits.checked_sub(1)?;
+            Some(64 * word + bit)
+        })
+    })
 }
 
 /// A distance to be ruled out.
@@ -159,42 +192,26 @@ impl Shift {
     }
 }
 
-/// The sum of `min(|a - b - shift|, ceiling)^2`. Padding counts as a difference of `-shift`, which only whole rows of
-/// means near 0 make small; it is taken off again.
+/// `min(|a - b - shift|, ceiling)^2`
+fn capped_square(a: u8, b: u8, shift: i16, ceiling: u8) -> u32 {
+    u32::from((i16::from(a) - i16::from(b) - shift).unsigned_abs().min(u16::from(ceiling))).pow(2)
+}
+
+/// The sum of the capped squares over all points, seen or not.
 fn capped_squares(a: &Row, b: &Row, shift: i16, ceiling: u8) -> u32 {
-    let padding = u32::from(shift.unsigned_abs().min(u16::from(ceiling))).pow(2) * (WIDTH - TEMPLATE_POINTS) as u32;
+    let padding = capped_square(LEVEL, LEVEL, shift, ceiling) * (WIDTH - TEMPLATE_POINTS) as u32;
+    // register by register, which the compiler turns into vector instructions
+    let registers = a.chunks_exact(LANES).zip(b.chunks_exact(LANES));
     let sum: u32 = if shift == 0 {
-        let capped = a.iter().zip(b).map(|(a, b)| i32::from(a.abs_diff(*b).min(ceiling)));
-        capped.map(|x| x * x).sum::<i32>() as u32
+        let square = |a: u8, b: u8| {
+            let capped = i32::from(a.abs_diff(b).min(ceiling));
+            capped * capped
+        };
+        registers.map(|(a, b)| (0..LANES).map(|k| square(a[k], b[k])).sum::<i32>() as u32).sum()
     } else {
-        let capped =
-            a.iter().zip(b).map(|(a, b)| (i16::from(*a) - i16::from(*b) - shift).abs().min(i16::from(ceiling)));
-        capped.map(|x| i32::from(x) * i32::from(x)).sum::<i32>() as u32
+        a.iter().zip(b).map(|(a, b)| capped_square(*a, *b, shift, ceiling)).sum()
     };
     sum - padding
-}
-
-/// The sum of `a - b` over the points seen on both, and their number. Padding counts nothing to the sum.
-fn sum_of_common(a: &Row, b: &Row) -> (i32, usize) {
-    let mut sum = 0i32;
-    let mut points = 0i16;
-    for (a, b) in a.iter().zip(b) {
-        let both = -i16::from(*a != NOTHING && *b != NOTHING);
-        sum += i32::from((i16::from(*a) - i16::from(*b)) & both);
-        points -= both;
-    }
-    (sum, points as usize - (WIDTH - TEMPLATE_POINTS))
-}
-
-/// [`capped_squares`] over the points seen on both.
-fn capped_squares_of_common(a: &Row, b: &Row, shift: i16, ceiling: u8) -> u32 {
-    let mut sum = 0i32;
-    for (a, b) in a[..TEMPLATE_POINTS].iter().zip(&b[..TEMPLATE_POINTS]) {
-        let both = -i16::from(*a != NOTHING && *b != NOTHING);
-        let x = (i16::from(*a) - i16::from(*b) - shift).abs().min(i16::from(ceiling)) & both;
-        sum += i32::from(x) * i32::from(x);
-    }
-    sum as u32
 }
 
 #[cfg(test)]
