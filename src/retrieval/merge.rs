@@ -106,7 +106,7 @@ fn within_full(mut parts: Vec<Part>) -> Vec<Part> {
 }
 
 impl Merge {
-    /// Builds the segment. Takes about 20 microseconds a model and thread; runs inside the caller's rayon pool.
+    /// Builds the segment. Takes seconds for full ones; runs inside the caller's rayon pool.
     pub fn run(self) -> Merged {
         let kept: Vec<Kept> = self.sources.iter().map(Part::kept).collect();
         let segment = Segment::build(&kept, &[]);
