@@ -24,6 +24,7 @@ pub mod template;
 pub mod triangle;
 pub mod verification;
 
+pub use crate::saliency::ShapeProfile;
 pub use alignment::sum_of_distances;
 pub use candidates::{Candidate, Cost};
 pub use dense::DenseSignature;
@@ -69,10 +70,13 @@ pub fn describe(surface: &Surface, unit: Unit, progress: &Progress) -> Result<Si
     let regions = saliency::salient_regions(&curved, &map, xi, &RegionOptions::default());
     progress.check()?;
     progress.report(Stage::Describing, 0.4);
-    let mut detection = detection::detect(&prepared.oriented(bounds), unit, &standard::face(), progress)?;
+    let oriented = prepared.oriented(bounds);
+    let mut detection = detection::detect(&oriented, unit, &standard::face(), progress)?;
     detection.candidates.truncate(MOST_FACIAL_TRIANGLES);
+    let radius = rms_radius(&curved);
+    let profile = ShapeProfile::of(&curved, radius, oriented.side != Side::Unknown);
     progress.report(Stage::Describing, 1.0);
-    Ok(Signature::new(bounds, rms_radius(&curved), unit, &regions, &detection))
+    Ok(Signature::new(bounds, radius, unit, &regions, &detection).with_profile(profile))
 }
 
 /// A surface with consistent unit normals, and what is known of their side.

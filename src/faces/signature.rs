@@ -8,9 +8,9 @@ use super::modes::{LANDMARKS, MODES, Weights};
 use super::similarity::Similarity;
 use super::verification::Fit;
 use crate::geometry::{Bounds, Motion, Point3, Unit, Vector3};
-use crate::saliency::Region;
+use crate::saliency::{Region, ShapeProfile};
 
-/// What is stored of a model for retrieval: its salient regions and its facial triangles.
+/// What is stored of a model for retrieval: its salient regions, its facial triangles, its shape as a whole.
 ///
 /// Positions are kept as f32 relative to the middle of the bounding box, which is kept in f64: a model far from
 /// its origin loses no digits.
@@ -24,6 +24,7 @@ pub struct Signature {
     triangles: Vec<StoredTriangle>,
     /// One, or none.
     faces: Vec<StoredFace>,
+    profile: ShapeProfile,
 }
 
 /// A fit with its landmarks and dense signature.
@@ -109,7 +110,18 @@ impl Signature {
             regions,
             triangles,
             faces: detection.face.iter().map(|face| StoredFace::new(face, &origin)).collect(),
+            profile: ShapeProfile::default(),
         }
+    }
+
+    /// The same with the profile of its shape.
+    pub(crate) fn with_profile(self, profile: ShapeProfile) -> Signature {
+        Signature { profile, ..self }
+    }
+
+    /// The shape as a whole.
+    pub fn profile(&self) -> &ShapeProfile {
+        &self.profile
     }
 
     fn position(&self, stored: &[f32]) -> Point3 {
@@ -176,7 +188,7 @@ impl Signature {
     }
 
     /// One BLOB, little-endian: magic, version, origin (f64 x 3), diagonal, radius, unit in mm or 0, then counted regions,
-    /// triangles (f32), and the number of faces (0 or 1) with fit, landmarks (f32) and heights (i8).
+    /// triangles (f32), the number of faces (0 or 1) with fit, landmarks (f32) and heights (i8), and the profile (u8).
     pub fn to_bytes(&self) -> Vec<u8> {
         let mut bytes = Vec::with_capacity(48 + self.regions.len() * 32 + self.triangles.len() * 88);
         bytes.extend(MAGIC);
@@ -192,6 +204,7 @@ impl Signature {
             bytes.extend(face.fit.iter().chain(&face.landmarks).flat_map(|x| x.to_le_bytes()));
             bytes.extend(face.dense.to_bytes());
         }
+        bytes.extend(self.profile.to_bytes());
         bytes
     }
 
@@ -219,13 +232,14 @@ impl Signature {
             1 => vec![reader.face()?],
             count => return Err(SignatureError::Damaged(format!("{count} faces"))),
         };
+        let profile = ShapeProfile::from_bytes(&reader.take("profile")?);
         if !reader.bytes.is_empty() {
             return Err(SignatureError::Damaged(format!("{} bytes too many", reader.bytes.len())));
         }
         if origin.iter().any(|x| !x.is_finite()) {
             return Err(SignatureError::Damaged("the origin is not finite".into()));
         }
-        Ok(Signature { origin, diagonal, radius, unit_mm, regions, triangles, faces })
+        Ok(Signature { origin, diagonal, radius, unit_mm, regions, triangles, faces, profile })
     }
 }
 
@@ -313,7 +327,7 @@ pub(crate) mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// A signature with `count` regions on a curve through `seed` and one facial triangle.
+    /// A signature with `count` regions on a curve through `seed`, one facial triangle and a shape that `seed` changes.
     pub(crate) fn example(seed: f64, count: usize) -> Signature {
         let at = |k: usize, phase: f64| (seed + 1.7 * k as f64 + phase).sin() * 10.0;
         let regions: Vec<Region> = (0..count)
@@ -343,7 +357,9 @@ pub(crate) mod tests {
             landmarks: std::array::from_fn(|k| Point3::new(k as f64, 2.0, 3.0)),
             dense: DenseSignature::from_bytes(heights),
         };
+        let roots = std::array::from_fn(|k| (128.0 + 40.0 * (seed + 0.7 * k as f64).sin()) as u8);
         Signature::new(bounds, 8.0, Unit::Cm, &regions, &Detection { candidates: vec![candidate], face: Some(face) })
+            .with_profile(ShapeProfile::from_bytes(&roots))
     }
 
     #[test]
@@ -351,7 +367,7 @@ pub(crate) mod tests {
         let signature = example(0.3, 10);
         let bytes = signature.to_bytes();
         assert_eq!(Signature::from_bytes(&bytes), Ok(signature));
-        assert_eq!(bytes.len(), 44 + 4 + 10 * 32 + 4 + 88 + 4 + 4 * (13 + MODES + 30) + 300);
+        assert_eq!(bytes.len(), 44 + 4 + 10 * 32 + 4 + 88 + 4 + 4 * (13 + MODES + 30) + 300 + ShapeProfile::BYTES);
     }
 
     #[test]

@@ -1,8 +1,8 @@
 //! The HTTP edge: router, resources, problem+json, uploads, and the server itself.
 //!
 //! - `router`: the table of contents, layers, the contract
-//! - `scan_sets`, `jobs` (with `events`), `models` (with `assets`), `queries`, `standards`, `meta`: one file or folder
-//!   a resource; what goes over the wire is in the `*_views` beside them
+//! - `scan_sets`, `jobs` (with `events`), `models` (with `assets`), `queries`, `evaluation`, `standards`, `meta`: one
+//!   file or folder a resource; what goes over the wire is in the `*_views` beside them
 //! - `problem`, `responses`: every error that leaves the service, and how the contract names them
 //! - `upload`, `digest`, `names`, `describe`: what comes in is hostile until it has passed here
 //! - `verdicts`: how models were judged, as queries and models show it
@@ -11,6 +11,7 @@
 mod assets;
 mod describe;
 mod digest;
+mod evaluation;
 mod events;
 mod extract;
 mod idempotency;

@@ -84,6 +84,8 @@ codes! {
     DegenerateTriangle = "degenerate_triangle", UNPROCESSABLE_ENTITY, "the landmarks span no triangle";
     TooSmallRegion = "too_small_region", UNPROCESSABLE_ENTITY, "there is too little surface around the landmarks";
     NoSignature = "no_signature", UNPROCESSABLE_ENTITY, "the model has no signature of this version";
+    TooFewLabels = "too_few_labels", UNPROCESSABLE_ENTITY, "too few models have labels";
+    TooManyLabels = "too_many_labels", UNPROCESSABLE_ENTITY, "too many models have labels";
     Undescribable = "undescribable_model", UNPROCESSABLE_ENTITY, "the model can't be described";
     QueueFull = "queue_full", TOO_MANY_REQUESTS, "too many jobs are waiting";
     Internal = "internal", INTERNAL_SERVER_ERROR, "the server failed";

@@ -18,7 +18,7 @@ use utoipa_axum::router::OpenApiRouter;
 
 use super::problem::{Code, Problem, ProblemBody};
 use super::state::AppState;
-use super::{jobs, meta, models, queries, scan_sets, standards};
+use super::{evaluation, jobs, meta, models, queries, scan_sets, standards};
 use crate::telemetry::panic_message;
 
 const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
@@ -51,6 +51,7 @@ fn resources() -> OpenApiRouter<AppState> {
         .merge(jobs::router())
         .merge(models::router())
         .merge(queries::router())
+        .merge(evaluation::router())
         .merge(standards::router())
         .merge(meta::router())
 }

@@ -89,6 +89,15 @@ impl Catalogue {
         self.facets.get(&id)
     }
 
+    /// The models that have a label, by id; `None` if there are more than `most`.
+    pub fn labeled(&self, prefix: &str, most: usize) -> Option<Vec<(ModelId, Box<str>)>> {
+        let label = |facets: &Facets| facets.label.clone().filter(|label| label.starts_with(prefix));
+        let labeled = self.facets.iter().filter_map(|(id, facets)| Some((*id, label(facets)?)));
+        let mut labeled: Vec<_> = labeled.take(most.saturating_add(1)).collect();
+        labeled.sort();
+        (labeled.len() <= most).then_some(labeled)
+    }
+
     /// Whether the model may be answered with; one that is not known only by a filter that asks nothing.
     pub fn takes(&self, filter: &Filter, id: ModelId) -> bool {
         filter.is_empty() || self.facets.get(&id).is_some_and(|facets| filter.takes(id, facets))
@@ -133,6 +142,17 @@ mod tests {
         let filter = Filter { units: vec![Unit::Mm], source: Some(Source::Registered), ..Filter::default() };
         assert_eq!(taken(filter.clone()), [3]);
         assert!(taken(Filter { label_prefix: Some("face".into()), ..filter }).is_empty());
+    }
+
+    #[test]
+    fn labeled_models_are_listed_up_to_a_bound() {
+        let labels = |prefix, most| {
+            let labeled = catalogue().labeled(prefix, most)?;
+            Some(labeled.into_iter().map(|(_, label)| label.into_string()).collect::<Vec<_>>())
+        };
+        assert_eq!(labels("", 3), Some(["face/ann", "face/bob", "owl"].map(str::to_owned).into()));
+        assert_eq!(labels("o", 1), Some(vec!["owl".to_owned()]));
+        assert_eq!(labels("", 2), None);
     }
 
     #[test]

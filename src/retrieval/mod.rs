@@ -8,7 +8,8 @@
 //! - [`triangles`]: a model's triangles as points of Kendall's sphere
 //! - [`triangle_index`]: those points of many models in one static tree; `triangle_query`: a bare triangle in every way
 //!   it may be met
-//! - `probe`: how much a stored model looks like a probe, by `dense_rows` and `region_likeness`
+//! - `probe`: the search for the models that look like a probe; `likeness`: what that means, put together of profiles,
+//!   `dense_rows` and `region_likeness`
 //! - `best`: the best few so far
 //! - [`measures`]: how well a ranking tells two classes apart
 
@@ -18,6 +19,7 @@ mod dense_rows;
 mod entry;
 pub mod evidence;
 pub mod gallery;
+mod likeness;
 pub mod measures;
 pub mod merge;
 mod outline;
@@ -36,7 +38,8 @@ pub use catalogue::{Catalogue, Facets, Filter, Source};
 pub use entry::Entry;
 pub use evidence::{Evidence, Reason};
 pub use gallery::Gallery;
-pub use probe::{Comparison, PROBE_MATCH_SCORE, SAME_PERSON_MM, compare};
+pub use likeness::SAME_PERSON_MM;
+pub use probe::{Comparison, PROBE_MATCH_SCORE, compare};
 pub use wanted::{Rank, Wanted};
 
 use crate::faces::{self, Signature, Standard, Verdict, judgement, standard};

@@ -1,29 +1,21 @@
-//! How much a stored model looks like a probe, and the search for those that look like it most.
+//! The search for the stored models that look like a probe most; what that means is told in [`super::likeness`].
 //!
-//! Two faces are compared by their dense signatures alone: the places where a face is salient are the same on
-//! everyone. Other things are compared by their triangles of salient regions ([`super::region_likeness`]). Between the
-//! two it is weighed by how surely both are faces, and a face and a thing that is none are less alike for that.
-//!
-//! The search goes over everything by what is cheap, a bound on the dense distance, and measures only what that leaves;
-//! what may hang on triangles is put aside with the most its score can be and looked at from the top. So the answer is
-//! that of measuring all.
+//! It goes over everything by what is cheap and measures only what that leaves. Sure faces have a bound on their dense
+//! distance. Of the others the most that their score can be is told by their profiles; they are looked at from the top,
+//! and only there triangles are compared. So the answer is that of measuring all.
 
 use rayon::prelude::*;
 
 use super::best::Best;
 use super::dense_rows::{DenseProbe, Reach};
+use super::likeness::{Weights, as_things};
 use super::outline::Outlines;
 use super::part::Part;
 use super::region_likeness::{ProbeRegions, RegionLikeness};
 use super::{Match, MatchMethod, ModelId, Wanted};
 use crate::faces::standard::Standard;
-use crate::faces::{self, Signature, standard};
+use crate::faces::{self, ShapeProfile, Signature, standard};
 
-/// The likeness of two sure faces that have nothing else in common, and the most of a sure face and a sure other thing.
-const FACE_KINSHIP: f64 = 0.5;
-/// The dense distance at which two faces are half-way between one person's and two people's, mm on the standard: one
-/// head twice, with noise and holes, 0.2 to 0.5 (30 heads of the public set); two heads 0.7 and more in 99 of 100 pairs.
-pub const SAME_PERSON_MM: f64 = 0.6;
 /// Scores from this on count as a match.
 pub const PROBE_MATCH_SCORE: f64 = 0.4;
 /// Models whose triangles are looked at together, by all threads.
@@ -32,6 +24,7 @@ const BATCH: usize = 256;
 /// A probe made ready.
 pub(super) struct Probe {
     regions: ProbeRegions,
+    profile: ShapeProfile,
     dense: Option<DenseProbe>,
     /// How surely it is a face, in [0, 1].
     face_score: f64,
@@ -68,57 +61,23 @@ impl Found<'_> {
     }
 }
 
-/// How a likeness is weighed.
-#[derive(Debug, Clone, Copy)]
-struct Weights {
-    /// Of the dense signatures.
-    dense: f64,
-    /// What likeness by regions counts at most.
-    regions: f64,
-}
-
-impl Weights {
-    fn new(probe_score: f64, score: f64, both_have_dense: bool) -> Weights {
-        let dense = if both_have_dense { (2.0 * probe_score * score).min(1.0) } else { 0.0 };
-        let kinship = 1.0 - FACE_KINSHIP * (probe_score - score).abs();
-        Weights { dense, regions: (1.0 - dense) * kinship }
-    }
-
-    /// The likeness; without a distance the faces have nothing to be told apart by.
-    fn likeness(&self, distance_mm: Option<f64>, regions: f64) -> f64 {
-        let as_faces = FACE_KINSHIP + (1.0 - FACE_KINSHIP) * distance_mm.map_or(0.0, same_person);
-        self.dense * as_faces + self.regions * regions
-    }
-
-    /// The dense distance beyond which the likeness is less than `least`, whatever the regions; a hair more.
-    fn reach_mm(&self, least: f64) -> f64 {
-        let same_person = ((least - self.regions) / self.dense - FACE_KINSHIP) / (1.0 - FACE_KINSHIP);
-        if same_person <= 0.0 || same_person.is_nan() {
-            return f64::INFINITY;
-        }
-        SAME_PERSON_MM * (1.0 / same_person - 1.0).max(0.0).sqrt() * (1.0 + 1e-9) + 1e-6
-    }
-}
-
-/// In (0, 1]: 1 at no distance, a half at [`SAME_PERSON_MM`].
-fn same_person(distance_mm: f64) -> f64 {
-    1.0 / (1.0 + (distance_mm / SAME_PERSON_MM).powi(2))
-}
-
 impl Probe {
     pub fn new(signature: &Signature) -> Probe {
         let face_score = faces::judge(signature, &standard::face(), MatchMethod::Verified).score;
-        Probe { regions: ProbeRegions::new(signature), dense: signature.dense().map(DenseProbe::new), face_score }
+        Probe {
+            regions: ProbeRegions::new(signature),
+            profile: *signature.profile(),
+            dense: signature.dense().map(DenseProbe::new),
+            face_score,
+        }
     }
 
     /// The most similar models, best first, ties by id; those with nothing in common are left out.
     pub fn search(&self, parts: &[Part], wanted: &Wanted) -> Vec<Match> {
         let threshold = wanted.threshold.unwrap_or(PROBE_MATCH_SCORE);
         let mut found = Found { best: Best::new(wanted.limit), wanted, threshold };
-        let mut unsure = self.scan(parts, &mut found);
-        unsure.retain(|model| model.most >= found.least());
-        unsure.sort_by(|a, b| b.most.total_cmp(&a.most).then(a.id.cmp(&b.id)));
-        for batch in unsure.chunks(BATCH) {
+        let others = self.scan(parts, &mut found);
+        for batch in self.unsure(parts, others, found.least()).chunks(BATCH) {
             let least = found.least();
             let scores: Vec<f64> = batch.par_iter().map(|model| self.score_from(parts, model, least)).collect();
             for (model, score) in batch.iter().zip(scores) {
@@ -132,18 +91,17 @@ impl Probe {
         ranked.into_par_iter().map(|(cost, id, address)| self.answer(parts, -cost, id, address, threshold)).collect()
     }
 
-    /// Offers all that are told by their dense signatures; gives back the others that still have a chance.
-    fn scan(&self, parts: &[Part], found: &mut Found) -> Vec<Unsure> {
-        let mut unsure = Vec::new();
+    /// Offers all that are told by their dense signatures; gives back where the others are that have a chance.
+    fn scan(&self, parts: &[Part], found: &mut Found) -> Vec<Address> {
+        let mut others = Vec::new();
         let mut known: Option<(u64, Reach)> = None;
         for (which, part) in parts.iter().enumerate() {
             let segment = &part.segment;
             for place in part.places() {
                 let (weights, least) = (self.weights(part, place), found.least());
                 let Some(dense) = self.dense.as_ref().filter(|_| weights.dense == 1.0) else {
-                    let most = weights.likeness(Some(0.0), 1.0);
-                    if most >= least {
-                        unsure.push(Unsure { most, id: segment.ids[place as usize], address: (which, place) });
+                    if weights.likeness(Some(0.0), 1.0) >= least {
+                        others.push((which, place));
                     }
                     continue;
                 };
@@ -159,6 +117,18 @@ impl Probe {
                 }
             }
         }
+        others
+    }
+
+    /// Those of the models whose score may be `least`, the greatest that may be first.
+    fn unsure(&self, parts: &[Part], models: Vec<Address>, least: f64) -> Vec<Unsure> {
+        let bounded = models.into_par_iter().map(|(which, place)| {
+            let most =
+                self.weights(&parts[which], place).likeness(Some(0.0), self.as_things(parts, (which, place), 1.0));
+            Unsure { most, id: parts[which].segment.ids[place as usize], address: (which, place) }
+        });
+        let mut unsure: Vec<Unsure> = bounded.filter(|model| model.most >= least).collect();
+        unsure.par_sort_unstable_by(|a, b| b.most.total_cmp(&a.most).then(a.id.cmp(&b.id)));
         unsure
     }
 
@@ -174,10 +144,16 @@ impl Probe {
         let weights = self.weights(&parts[which], place);
         let dense = self.dense.as_ref().filter(|_| weights.dense > 0.0);
         let distance_mm = dense.and_then(|dense| dense.distance_mm(&parts[which].segment.dense, place));
-        if weights.likeness(distance_mm, 1.0) < least {
+        if weights.likeness(distance_mm, self.as_things(parts, model.address, 1.0)) < least {
             return 0.0;
         }
-        weights.likeness(distance_mm, self.regions_of(parts, model.address).mean)
+        let regions = self.regions_of(parts, model.address).mean;
+        weights.likeness(distance_mm, self.as_things(parts, model.address, regions))
+    }
+
+    /// Likeness as things, given that of the triangles.
+    fn as_things(&self, parts: &[Part], (which, place): Address, regions: f64) -> f64 {
+        as_things(self.profile.likeness(&parts[which].segment.profiles[place as usize]), regions)
     }
 
     fn regions_of(&self, parts: &[Part], (which, place): Address) -> RegionLikeness {
@@ -218,7 +194,7 @@ pub fn compare(probe: &Signature, model: &Signature) -> Comparison {
     outlines.push(model);
     Comparison {
         region_triangles: ready.regions.likeness(&outlines.outline(0)).mean,
-        shape: 0.0,
+        shape: probe.profile().likeness(model.profile()).unwrap_or(0.0),
         both_faces: ready.face_score * other.face_score,
         dense_distance_mm: probe.dense().zip(model.dense()).and_then(|(a, b)| a.distance_mm(b)),
     }
@@ -229,33 +205,6 @@ mod tests {
     use super::super::Gallery;
     use super::*;
     use crate::faces::signature::tests::example;
-
-    #[test]
-    fn of_faces_the_one_with_the_nearest_dense_signature_comes_first() {
-        assert_eq!((same_person(0.0), same_person(SAME_PERSON_MM)), (1.0, 0.5));
-        let sure = Weights::new(0.9, 0.95, true);
-        assert_eq!((sure.dense, sure.regions), (1.0, 0.0));
-        assert!(sure.likeness(Some(0.3), 0.0) > sure.likeness(Some(0.7), 1.0));
-        assert_eq!(sure.likeness(None, 1.0), FACE_KINSHIP);
-    }
-
-    #[test]
-    fn a_face_and_another_thing_are_no_more_alike_than_any_two_faces() {
-        let mixed = Weights::new(0.999, 0.001, true);
-        assert!(mixed.likeness(Some(0.0), 1.0) < FACE_KINSHIP + 0.01);
-        assert_eq!(Weights::new(0.0, 0.0, false).likeness(None, 0.7), 0.7);
-    }
-
-    #[test]
-    fn beyond_the_reach_no_likeness_is_enough() {
-        for weights in [Weights::new(1.0, 1.0, true), Weights::new(0.6, 0.7, true), Weights::new(0.3, 0.9, true)] {
-            for least in [0.2, 0.55, 0.7, 0.9, 0.999] {
-                let reach_mm = weights.reach_mm(least);
-                assert!(reach_mm.is_infinite() || weights.likeness(Some(reach_mm), 1.0) < least);
-                assert!(reach_mm == 1e-6 || weights.likeness(Some((reach_mm - 1e-5).max(0.0)), 1.0) >= least - 1e-3);
-            }
-        }
-    }
 
     /// The score of every model, from the definition.
     fn brute_force(probe: &Signature, models: &[(ModelId, Signature)]) -> Vec<(f64, ModelId)> {
@@ -269,7 +218,8 @@ mod tests {
                 let mut outlines = Outlines::default();
                 outlines.push(signature);
                 let regions = ready.regions.likeness(&outlines.outline(0)).mean;
-                (weights.likeness(both.and_then(|(a, b)| a.distance_mm(b)), regions), *id)
+                let things = as_things(probe.profile().likeness(signature.profile()), regions);
+                (weights.likeness(both.and_then(|(a, b)| a.distance_mm(b)), things), *id)
             })
             .filter(|(score, _)| *score > 0.0)
             .collect();
@@ -280,9 +230,11 @@ mod tests {
     #[test]
     fn a_search_finds_what_measuring_all_finds() {
         // residuals are 1.5 + sin(seed) mm: sure faces, unsure ones and others; ids fall as seeds rise, and some are twice there
-        let models: Vec<(ModelId, Signature)> = (0..300u32)
-            .map(|k| (1000 - ModelId::from(k), example(0.13 * f64::from(k % 200), 4 + (k % 5) as usize)))
-            .collect();
+        let model = |k: u32| match example(0.13 * f64::from(k % 200), 4 + (k % 5) as usize) {
+            of_no_shape if k % 7 == 3 => of_no_shape.with_profile(ShapeProfile::default()),
+            signature => signature,
+        };
+        let models: Vec<(ModelId, Signature)> = (0..300u32).map(|k| (1000 - ModelId::from(k), model(k))).collect();
         let mut gallery = Gallery::build(models[..250].to_vec());
         for (id, signature) in &models[250..] {
             gallery.insert(*id, signature.clone());

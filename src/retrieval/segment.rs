@@ -7,6 +7,7 @@ use super::entry::{self, Entry, METHODS, Standing};
 use super::outline::Outlines;
 use super::triangle_index::TriangleIndex;
 use super::{MatchMethod, ModelId};
+use crate::faces::ShapeProfile;
 
 /// A list of models, ascending by id. A model is known here by its place in it.
 #[derive(Debug, Default)]
@@ -19,6 +20,7 @@ pub(super) struct Segment {
     pub face_scores: Vec<f64>,
     /// For each method all places, best score first, ties by id.
     pub rankings: [Vec<u32>; 3],
+    pub profiles: Vec<ShapeProfile>,
     pub dense: DenseRows,
 }
 
@@ -55,11 +57,13 @@ impl Segment {
             Source::Kept(other, place) => {
                 self.outlines.push_from(&other.outlines, place);
                 self.standings.push(other.standings[place as usize]);
+                self.profiles.push(other.profiles[place as usize]);
                 self.dense.push_from(&other.dense, place);
             }
             Source::Fresh(entry) => {
                 self.outlines.push(&entry.signature);
                 self.standings.push(entry.standings);
+                self.profiles.push(*entry.signature.profile());
                 self.dense.push(entry.signature.dense());
             }
         }
@@ -70,6 +74,7 @@ impl Segment {
         self.ids.shrink_to_fit();
         self.outlines.shrink();
         self.standings.shrink_to_fit();
+        self.profiles.shrink_to_fit();
         self.dense.shrink();
         let verified = entry::slot(MatchMethod::Verified);
         self.face_scores = self.standings.iter().map(|standings| standings[verified].score).collect();
@@ -114,6 +119,7 @@ mod tests {
         assert_eq!(moved.ids, ids);
         let anew = built(&ids.iter().map(|&id| entry(id)).collect::<Vec<_>>());
         assert_eq!(moved.rankings, anew.rankings);
+        assert_eq!(moved.profiles, anew.profiles);
         assert_eq!(moved.triangles.len(), anew.triangles.len());
         for place in 0..ids.len() as u32 {
             assert_eq!(moved.place(ids[place as usize]), Some(place));

@@ -340,6 +340,7 @@ impl Store {
         // model, assets and signature go by foreign keys
         sqlx::query("DELETE FROM job WHERE id = ?").bind(&text).execute(&mut *tx).await?;
         tx.commit().await?;
+        self.fold_log().await;
         Ok(model)
     }
 }

@@ -169,6 +169,14 @@ impl Store {
         self.writer.close().await;
     }
 
+    /// Empties the write-ahead log into the file, after a deletion: what was deleted must not stay readable in the log
+    /// either. A reader that is in the way for long leaves it to the next deletion, or to the server's end.
+    async fn fold_log(&self) {
+        if let Err(error) = sqlx::query("PRAGMA wal_checkpoint(TRUNCATE)").execute(&self.writer).await {
+            tracing::warn!("the write-ahead log is not emptied yet: {error}");
+        }
+    }
+
     /// A transaction that holds the write lock from its start.
     async fn begin(&self) -> Result<sqlx::Transaction<'static, sqlx::Sqlite>, StoreError> {
         Ok(self.writer.begin_with("BEGIN IMMEDIATE").await?)

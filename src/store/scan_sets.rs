@@ -215,6 +215,7 @@ impl Store {
         // jobs, models, assets and signatures go by foreign keys
         sqlx::query("DELETE FROM scan_set WHERE id = ?").bind(&text).execute(&mut *tx).await?;
         tx.commit().await?;
+        self.fold_log().await;
         Ok(models)
     }
 }

@@ -75,3 +75,10 @@ fn ball(pole: f64, radius: impl Fn(f64, f64) -> f64) -> Vec<u8> {
     }
     text.into_bytes()
 }
+
+/// A mesh as an OBJ file.
+pub fn obj(mesh: &visage::geometry::Mesh) -> Vec<u8> {
+    let vertices = mesh.vertices.iter().map(|p| format!("v {} {} {}\n", p.x, p.y, p.z));
+    let faces = mesh.faces.iter().map(|[a, b, c]| format!("f {} {} {}\n", a + 1, b + 1, c + 1));
+    vertices.chain(faces).collect::<String>().into_bytes()
+}

@@ -18,7 +18,7 @@ pub fn compare(
     count: usize,
     limit: usize,
 ) -> anyhow::Result<usize> {
-    let kinds = [Kind::Triangle, Kind::TriangleEitherSide, Kind::DenseProbe];
+    let kinds = [Kind::Triangle, Kind::TriangleEitherSide, Kind::DenseProbe, Kind::ThingProbe];
     let mut questions: Vec<Question> =
         kinds.iter().flat_map(|kind| (0..count as u64).map(|k| Question::new(*kind, population, models, k))).collect();
     questions.push(Question::Standard(MatchMethod::Verified));

@@ -25,6 +25,8 @@ pub enum Kind {
     Standard,
     /// A face: who is it like?
     DenseProbe,
+    /// Something that is surely no face.
+    ThingProbe,
 }
 
 /// One question.
@@ -41,13 +43,15 @@ impl Kind {
             Kind::TriangleEitherSide => "by triangle, either side",
             Kind::Standard => "by standard",
             Kind::DenseProbe => "by dense probe",
+            Kind::ThingProbe => "by a thing as probe",
         }
     }
 }
 
 impl Question {
     /// All kinds.
-    pub const KINDS: [Kind; 4] = [Kind::Triangle, Kind::TriangleEitherSide, Kind::Standard, Kind::DenseProbe];
+    pub const KINDS: [Kind; 5] =
+        [Kind::Triangle, Kind::TriangleEitherSide, Kind::Standard, Kind::DenseProbe, Kind::ThingProbe];
 
     /// The question with this number. Half of the triangles and probes are of models that are not in the gallery,
     /// half of models that are.
@@ -68,6 +72,11 @@ impl Question {
                 let outward = [0, 1, 2].map(|k| regions[first + k].1).into_iter().sum();
                 Question::Triangle { corners, outward: (kind == Kind::Triangle).then_some(outward) }
             }
+            Kind::ThingProbe => {
+                let no_face = |s: &Signature| s.fit().is_none_or(|fit| fit.residual_mm > 5.0);
+                let probe = std::iter::repeat_with(&mut model).take(1000).find(no_face);
+                Question::Probe(Box::new(probe.unwrap_or_else(model)))
+            }
             Kind::DenseProbe => {
                 let sure = |s: &Signature| s.dense().is_some() && s.fit().is_some_and(|fit| fit.residual_mm < 1.6);
                 let probe = std::iter::repeat_with(&mut model).take(1000).find(sure);
@@ -85,15 +94,6 @@ impl Question {
             Question::Probe(probe) => gallery.by_probe(probe, None, &wanted),
         }
     }
-
-    fn kind(&self) -> Kind {
-        match self {
-            Question::Triangle { outward: Some(_), .. } => Kind::Triangle,
-            Question::Triangle { outward: None, .. } => Kind::TriangleEitherSide,
-            Question::Standard(_) => Kind::Standard,
-            Question::Probe(_) => Kind::DenseProbe,
-        }
-    }
 }
 
 fn at_least_three(signature: &Signature) -> Option<Vec<(Point3, Vector3)>> {
@@ -101,9 +101,9 @@ fn at_least_three(signature: &Signature) -> Option<Vec<(Point3, Vector3)>> {
     (regions.len() >= 3).then_some(regions)
 }
 
-/// Asks everything at `rate` a second on as many threads as the machine has, and gives a row of the table. Times count
+/// Asks everything, all of one kind, at `rate` a second on as many threads as the machine has, and gives a row of the table. Times count
 /// from when a question came in.
-pub fn answered(gallery: &Gallery, questions: &[Question], limit: usize, rate: f64) -> String {
+pub fn answered(gallery: &Gallery, kind: Kind, questions: &[Question], limit: usize, rate: f64) -> String {
     let next = AtomicUsize::new(0);
     let waits = Mutex::new(Vec::with_capacity(questions.len()));
     let (cpu, start) = (cpu_seconds(), Instant::now());
@@ -127,8 +127,7 @@ pub fn answered(gallery: &Gallery, questions: &[Question], limit: usize, rate: f
     waits.sort_by(f64::total_cmp);
     let at = |share: f64| waits.get(((waits.len() as f64 * share) as usize).min(waits.len().saturating_sub(1)));
     let ms = |share: f64| at(share).map_or(f64::NAN, |wait| 1000.0 * wait);
-    let name = questions.first().map_or("none", |question| question.kind().name());
-    let count = questions.len();
+    let (name, count) = (kind.name(), questions.len());
     format!(
         "| {name} | {count} | {:.2} | {:.2} | {:.2} | {:.2} |",
         ms(0.5),

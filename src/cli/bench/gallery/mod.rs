@@ -55,7 +55,7 @@ pub fn run(args: GalleryArgs) -> anyhow::Result<()> {
             .into_par_iter()
             .map(|k| Question::new(kind, &population, args.models, k as u64))
             .collect();
-        println!("{}", load::answered(&gallery, &questions, args.limit, args.rate));
+        println!("{}", load::answered(&gallery, kind, &questions, args.limit, args.rate));
     }
     if args.checked > 0 {
         let compared = check::compare(&gallery, &population, args.models, args.checked, args.limit)?;

@@ -3,7 +3,7 @@
 //! Some code-made heads and other shapes are described as any model is. A new model is one of them, stretched and
 //! sheared a little, with some salient regions taken from another; its dense signature is drawn from the normal
 //! distribution that has the mean and the covariances of the heads' ones (and 0.1 mm of noise a point), with the unseen
-//! points of one of them.
+//! points of one of them. Its profile goes a part of the way to another's.
 
 use anyhow::Context;
 use rand::{RngExt, SeedableRng};
@@ -14,7 +14,7 @@ use rayon::prelude::*;
 use crate::faces::dense::{DenseSignature, UNSEEN};
 use crate::faces::detection::{Detection, FoundFace};
 use crate::faces::template::TEMPLATE_POINTS;
-use crate::faces::{self, Candidate, Signature};
+use crate::faces::{self, Candidate, ShapeProfile, Signature};
 use crate::geometry::{Bounds, Cloud, Mesh, Point3, Surface, Unit, Vector3};
 use crate::progress::Progress;
 use crate::synthetic::head::{Proportions, head};
@@ -28,6 +28,8 @@ const SHARE_OF_HEADS: f64 = 0.9;
 const STRETCH: f64 = 0.04;
 /// The share of salient regions that come from another model.
 const SWAPPED: f64 = 0.15;
+/// How far a profile goes to that of another model at most.
+const MOST_OF_OTHER: f64 = 0.5;
 /// Dense signatures mixed into one.
 const MIXED: usize = 8;
 
@@ -96,7 +98,9 @@ impl Population {
         });
         let half = Vector3::repeat(base.diagonal() / 12f64.sqrt());
         let bounds = Bounds { min: Point3::from(-half), max: Point3::from(half) };
+        let profile = between(base.profile(), other.profile(), rng.random_range(0.0..MOST_OF_OTHER), &mut rng);
         Signature::new(bounds, base.radius(), Unit::Unknown, &regions, &Detection { candidates, face })
+            .with_profile(profile)
     }
 
     fn dense(&self, rng: &mut ChaCha8Rng) -> DenseSignature {
@@ -115,6 +119,18 @@ impl Population {
             (if unseen[point] { UNSEEN } else { height }) as u8
         }))
     }
+}
+
+/// A profile that has gone a share of the way from one to another, with 1 step of noise.
+fn between(one: &ShapeProfile, other: &ShapeProfile, share: f64, rng: &mut ChaCha8Rng) -> ShapeProfile {
+    let (mut bytes, other) = (one.to_bytes(), other.to_bytes());
+    // the last byte is no root
+    for (byte, other) in bytes.iter_mut().zip(&other[..ShapeProfile::BYTES - 1]) {
+        let noise: f64 = StandardNormal.sample(rng);
+        *byte =
+            (f64::from(*byte) + share * (f64::from(*other) - f64::from(*byte)) + noise).round().clamp(0.0, 255.0) as u8;
+    }
+    ShapeProfile::from_bytes(&bytes)
 }
 
 fn described(mesh: &Mesh) -> anyhow::Result<Signature> {

@@ -1,0 +1,136 @@
+//! `/v1/gallery/evaluation`: how well the gallery's answers agree with its labels.
+//!
+//! - `verdicts`: a standard's scores against the label that its class has
+//! - `rankings`: each labelled model as a probe for its own class
+//! - `views`: the figures as they go over the wire; `plot`: the same as a picture
+
+mod plot;
+mod rankings;
+mod verdicts;
+mod views;
+
+use std::collections::BTreeMap;
+
+use axum::Json;
+use axum::extract::State;
+use axum::http::header;
+use axum::response::IntoResponse;
+use serde::Deserialize;
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
+
+use super::extract::Query;
+use super::problem::{Code, Problem};
+use super::queries::MethodView;
+use super::responses;
+use super::state::{AppState, blocking};
+use crate::faces::standard;
+use crate::retrieval::ModelId;
+use views::Evaluation;
+
+const TAG: &str = "queries";
+/// With more labelled models than this the gallery is evaluated label by label.
+const MOST_MODELS: usize = 20_000;
+
+/// The routes of this resource.
+pub fn router() -> OpenApiRouter<AppState> {
+    OpenApiRouter::new().routes(routes!(evaluation)).routes(routes!(evaluation_plot))
+}
+
+/// What to evaluate.
+#[derive(Debug, Clone, Deserialize, utoipa::IntoParams)]
+#[into_params(parameter_in = Query)]
+struct EvaluationQuery {
+    /// The class whose verdicts are evaluated (`face` if not given).
+    #[param(example = "face")]
+    standard: Option<String>,
+    /// The label of the models that are of that class (the class's name if not given); all other labels are not.
+    label: Option<String>,
+    /// How models are judged against the standard (`verified` if not given).
+    #[param(inline)]
+    method: Option<MethodView>,
+    /// Only models whose label begins so.
+    label_prefix: Option<String>,
+}
+
+/// Evaluate the gallery by its labels.
+///
+/// Verdicts: ROC, its area with a 95 % bootstrap interval, equal error rate. Rankings by probe: nearest neighbour,
+/// first and second tier, discounted cumulative gain, mean average precision. Computed anew while the client waits,
+/// one evaluation at a time, and given up when it goes away.
+#[utoipa::path(
+    get, path = "/v1/gallery/evaluation", tag = TAG, operation_id = "evaluateGallery", params(EvaluationQuery),
+    responses((status = 200, description = "The figures.", body = Evaluation), responses::BadRequest,
+              responses::Unprocessable, responses::NotReady, responses::Other)
+)]
+async fn evaluation(
+    State(state): State<AppState>,
+    Query(query): Query<EvaluationQuery>,
+) -> Result<Json<Evaluation>, Problem> {
+    Ok(Json(evaluated(&state, query).await?))
+}
+
+/// The evaluation as a picture: the ROC curve, and the figures of the rankings as bars.
+#[utoipa::path(
+    get, path = "/v1/gallery/evaluation.svg", tag = TAG, operation_id = "plotEvaluation", params(EvaluationQuery),
+    responses((status = 200, description = "An SVG.", body = String, content_type = "image/svg+xml"),
+              responses::BadRequest, responses::Unprocessable, responses::NotReady, responses::Other)
+)]
+async fn evaluation_plot(
+    State(state): State<AppState>,
+    Query(query): Query<EvaluationQuery>,
+) -> Result<impl IntoResponse, Problem> {
+    let evaluation = evaluated(&state, query).await?;
+    Ok(([(header::CONTENT_TYPE, "image/svg+xml")], plot::svg(&evaluation)))
+}
+
+async fn evaluated(state: &AppState, query: EvaluationQuery) -> Result<Evaluation, Problem> {
+    tokio::select! {
+        evaluation = evaluate(state, query) => evaluation,
+        () = state.stop.cancelled() => Err(Problem::shutting_down()),
+    }
+}
+
+/// The labelled models of the gallery, ascending by id.
+type Labels = BTreeMap<ModelId, Box<str>>;
+
+async fn evaluate(state: &AppState, query: EvaluationQuery) -> Result<Evaluation, Problem> {
+    let name = query.standard.as_deref().unwrap_or("face");
+    let Some(standard) = standard::by_name(name) else {
+        let detail = format!("there is no standard {name:?}");
+        let hint = "GET /v1/standards lists those that can be asked for";
+        return Err(Problem::new(Code::UnknownStandard, detail, hint));
+    };
+    let _turn = state.describing.clone().acquire_owned().await.map_err(Problem::internal)?;
+    let method = query.method.unwrap_or_default();
+    let positive = query.label.unwrap_or_else(|| standard.name.to_owned());
+    let labels = labels(state, query.label_prefix.as_deref().unwrap_or_default())?;
+    let gallery = state.shop.gallery.clone();
+    let work = move || {
+        let scores = verdicts::scores(&gallery, standard.name, method.into(), &labels)?;
+        // of those only that are in the index: others have signatures of another version
+        let labels: Labels = labels.into_iter().filter(|(id, _)| scores.contains_key(id)).collect();
+        let verdicts = verdicts::evaluate(standard.name, method, &positive, &scores, &labels);
+        Ok::<_, Problem>((labels, verdicts))
+    };
+    let (labels, verdicts) = blocking(work).await??;
+    let rankings = rankings::evaluate(state, &labels).await?;
+    if verdicts.is_none() && rankings.is_none() {
+        let detail = format!(
+            "of {} labelled model(s) neither can two be told from two others by the label, nor do two share one",
+            labels.len()
+        );
+        let hint = "give models labels: at least two of a class, and two of another";
+        return Err(Problem::new(Code::TooFewLabels, detail, hint));
+    }
+    let classes: std::collections::BTreeSet<&str> = labels.values().map(AsRef::as_ref).collect();
+    Ok(Evaluation { models: labels.len(), labels: classes.len(), verdicts, rankings })
+}
+
+fn labels(state: &AppState, prefix: &str) -> Result<Labels, Problem> {
+    let labeled = state.shop.gallery.catalogue().labeled(prefix, MOST_MODELS);
+    labeled.map(|labeled| labeled.into_iter().collect()).ok_or_else(|| {
+        let detail = format!("more than {MOST_MODELS} models have such a label");
+        Problem::new(Code::TooManyLabels, detail, "ask for a part of the labels with label_prefix")
+    })
+}
