@@ -105,7 +105,7 @@ async fn a_triangle_finds_the_models_it_was_taken_from() {
     let triangle = like["matches"][0]["triangle"].clone();
     let owner = text(&like, "/matches/0/model_id");
     let answer = ask(&server, &json!({"triangle": triangle})).await;
-    assert_eq!(found(&answer).len(), 5);
+    assert_eq!(found(&answer).len(), 5, "{answer}");
     assert_eq!((&answer["matches"][0]["model_id"], &answer["matches"][0]["is_match"]), (&json!(owner), &json!(true)));
     assert!(answer["matches"][0]["matching_error_mm"].as_f64().is_some_and(|error| error < 1e-3), "{answer}");
     let errors: Vec<f64> = answer["matches"]

@@ -328,23 +328,4 @@ mod tests {
         assert!(store.signatures_after(None, 5).await.expect("read").is_empty());
         assert!(matches!(store.delete_model(model.id).await, Err(StoreError::NotFound { kind: "model", .. })));
     }
-
-    #[tokio::test]
-    async fn what_was_deleted_is_not_left_in_the_files_either() {
-        let (store, folder) = testing::store().await;
-        let summary = SignatureSummary { version: 1, regions: 0, triangles: 0 };
-        let signature = StoredSignature { version: 1, summary, content: b"the look of a face ".repeat(600) };
-        let model = NewModel { signature: Some(signature), name: "somebody".to_owned(), ..NewModel::test(None) };
-        store.create_model(&model, None).await.expect("stored");
-        let holds = |what: &[u8]| {
-            let files =
-                std::fs::read_dir(folder.path()).expect("a folder").map(|entry| entry.expect("an entry").path());
-            files
-                .map(|file| std::fs::read(file).expect("a file"))
-                .any(|bytes| bytes.windows(what.len()).any(|w| w == what))
-        };
-        assert!(holds(b"look of a face") && holds(b"somebody"));
-        store.delete_model(model.id).await.expect("deleted");
-        assert!(!holds(b"look of a face") && !holds(b"somebody"));
-    }
 }
