@@ -89,7 +89,7 @@ impl LeftOut {
         let rest = |surfel: &usize| !is_supporting(&survey.position(*surfel));
         let rest: Vec<usize> = (0..survey.count()).filter(rest).collect();
         let kept = match strays::main_body(survey, &rest) {
-            Some(body) => standing.iter().zip(view.points()).map(|(stands, p)| *stands && body.reaches(p)).collect(),
+            Some(body) => standing.iter().zip(body.reaches_each(view.points())).map(|(a, b)| *a && b).collect(),
             None => standing.clone(),
         };
         let count = |mask: &[bool]| mask.iter().filter(|is| **is).count();

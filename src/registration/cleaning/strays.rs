@@ -1,7 +1,7 @@
 //! Points far from the rest: specks in the air, bits of other things.
 
 use super::survey::Survey;
-use crate::geometry::neighbours::{IndexedPoints, LocalPoint};
+use crate::geometry::neighbours::{IndexedPoints, LocalPoint, distance2};
 
 /// Surfels within this many edges of each other hang together.
 const LINK: f64 = 3.0;
@@ -27,6 +27,22 @@ impl Body {
     /// Whether a point belongs to it.
     pub fn reaches(&self, point: &LocalPoint) -> bool {
         self.indexed.tree.nearest(point, self.within2).is_some()
+    }
+
+    /// [`Body::reaches`] of each point. Points that follow each other mostly lie near the same surfel, so hardly any
+    /// needs a search.
+    pub fn reaches_each(&self, points: &[LocalPoint]) -> Vec<bool> {
+        let mut last = None;
+        let is_reached = |point: &LocalPoint| {
+            let is_near = |index: usize| distance2(&self.indexed.points[index], point) < self.within2;
+            if last.is_some_and(is_near) {
+                return true;
+            }
+            let found = self.indexed.tree.nearest(point, self.within2);
+            last = found.map(|neighbour| neighbour.index as usize);
+            found.is_some()
+        };
+        points.iter().map(is_reached).collect()
     }
 }
 

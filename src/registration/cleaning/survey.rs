@@ -41,9 +41,10 @@ impl Survey {
         let thinned = thin(points, edge as f32);
         // every so many points are enough for normals
         let step = (points.len() / (NEIGHBOURS * thinned.centroids.len()).max(1)).max(1);
-        let sampled = IndexedPoints::new(points.iter().step_by(step).copied().collect());
+        let sampled = (step > 1).then(|| IndexedPoints::new(points.iter().step_by(step).copied().collect()));
+        let sampled = sampled.as_ref().unwrap_or(&view.indexed);
         let reach = (REACH * edge) as f32;
-        let normals = thinned.centroids.iter().map(|center| normal(&sampled, center, reach)).collect();
+        let normals = thinned.centroids.iter().map(|center| normal(sampled, center, reach)).collect();
         let indexed = IndexedPoints::new(thinned.centroids);
         let (spacing, range_accuracy) = (view.spacing, view.range_accuracy);
         Survey { indexed, normals, counts: thinned.counts, edge, spacing, range_accuracy }
