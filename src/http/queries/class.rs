@@ -11,7 +11,7 @@ use super::cursor;
 use super::question::{Question, unknown_standard};
 use super::views::{MatchView, QueryAnswer};
 use crate::faces::judgement::MATCH_SCORE;
-use crate::retrieval::Match;
+use crate::retrieval::Rank;
 use crate::store::{MatchedModel, ModelId, StoredVerdict};
 
 /// The models judged so far, best first.
@@ -25,7 +25,7 @@ pub async fn answer(state: &AppState, question: &Question, name: &str) -> Result
     let more = wanted.len() > terms.limit;
     wanted.truncate(terms.limit);
     let next_cursor =
-        wanted.last().filter(|_| more).map(|last| cursor::after(&question.fingerprint, &as_match(&ranking, last)));
+        wanted.last().filter(|_| more).map(|last| cursor::after(&question.fingerprint, rank(&ranking, last)));
     let ids: Vec<ModelId> = wanted.iter().map(|verdict| verdict.model_id).collect();
     let models = state.shop.store.matched_models(&ids).await?;
     let mut models: HashMap<ModelId, MatchedModel> = models.into_iter().map(|model| (model.id, model)).collect();
@@ -51,21 +51,14 @@ fn wanted<'a>(state: &AppState, question: &Question, ranking: &'a Ranking) -> Ve
     let wanted = question.wanted(&accepts);
     let threshold = question.terms.threshold.unwrap_or(MATCH_SCORE);
     let takes = |verdict: &&StoredVerdict| {
-        wanted.takes(ranking.learned.score(verdict.residual_mm), verdict.model_id.number(), threshold)
+        let Rank { score, model_id } = rank(ranking, verdict);
+        wanted.takes(score, model_id, threshold)
     };
     ranking.verdicts.iter().filter(takes).take(wanted.limit).collect()
 }
 
-/// What a cursor remembers of a verdict.
-fn as_match(ranking: &Ranking, verdict: &StoredVerdict) -> Match {
-    Match {
-        model_id: verdict.model_id.number(),
-        score: ranking.learned.score(verdict.residual_mm),
-        matching_error_mm: f64::INFINITY,
-        sum_of_distances_mm: f64::INFINITY,
-        is_match: false,
-        triangle: None,
-    }
+fn rank(ranking: &Ranking, verdict: &StoredVerdict) -> Rank {
+    Rank { score: ranking.learned.score(verdict.residual_mm), model_id: verdict.model_id.number() }
 }
 
 fn match_view(verdict: VerdictView, model: MatchedModel) -> MatchView {

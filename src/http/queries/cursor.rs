@@ -4,7 +4,7 @@ use base64::Engine;
 use base64::engine::general_purpose::URL_SAFE_NO_PAD;
 
 use super::super::problem::{Code, Problem};
-use crate::retrieval::{Match, Rank};
+use crate::retrieval::Rank;
 
 /// Tells one question from another.
 pub type Fingerprint = [u8; 8];
@@ -21,8 +21,8 @@ pub fn fingerprint(parts: &[&[u8]]) -> Fingerprint {
     first
 }
 
-/// The cursor of the page after the one that ends with `last`: fingerprint, score and id.
-pub fn after(question: &Fingerprint, last: &Match) -> String {
+/// The cursor of the page after the one that ends at `last`: fingerprint, score and id.
+pub fn after(question: &Fingerprint, last: Rank) -> String {
     let mut bytes = Vec::with_capacity(32);
     bytes.extend(question);
     bytes.extend(last.score.to_be_bytes());
@@ -60,19 +60,11 @@ mod tests {
 
     #[test]
     fn a_cursor_leads_back_to_its_question_alone() {
-        let last = Match {
-            model_id: u128::MAX - 5,
-            score: 0.123_456_789,
-            matching_error_mm: 1.0,
-            sum_of_distances_mm: 2.0,
-            is_match: false,
-            triangle: None,
-        };
+        let last = Rank { score: 0.123_456_789, model_id: u128::MAX - 5 };
         let (this, other) = (fingerprint(&[b"ab", b"c"]), fingerprint(&[b"a", b"bc"]));
         assert_ne!(this, other);
-        let cursor = after(&this, &last);
-        let rank = read(&cursor, &this).expect("its own");
-        assert_eq!(rank, Rank { score: last.score, model_id: last.model_id });
+        let cursor = after(&this, last);
+        assert_eq!(read(&cursor, &this).expect("its own"), last);
         assert!(read(&cursor, &other).is_err());
         for damaged in ["", "x", &cursor[1..], "____________________________________________"] {
             assert!(read(damaged, &this).is_err(), "{damaged}");

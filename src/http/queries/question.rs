@@ -108,7 +108,8 @@ impl Question {
         };
         let more = matches.len() > terms.limit;
         matches.truncate(terms.limit);
-        let next = matches.last().filter(|_| more).map(|last| cursor::after(&self.fingerprint, last));
+        let rank = |last: &Match| Rank { score: last.score, model_id: last.model_id };
+        let next = matches.last().filter(|_| more).map(|last| cursor::after(&self.fingerprint, rank(last)));
         (matches, next)
     }
 }
