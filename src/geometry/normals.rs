@@ -49,6 +49,32 @@ fn fit_plane(points: &[LocalPoint], neighbours: &[Neighbour]) -> LocalPlane {
     LocalPlane { normal: normal.cast::<f32>().into(), rms: spread.max(0.0).sqrt() as f32 }
 }
 
+/// The surface about a place, as its points tell.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Patch {
+    /// How many points there are.
+    pub count: usize,
+    /// Their mean, from the place; zero without points.
+    pub mean: nalgebra::Vector3<f32>,
+    /// Unit normal, its sign arbitrary; `None` with fewer than three points.
+    pub normal: Option<nalgebra::Vector3<f64>>,
+}
+
+/// The patch of the points of `indexed` within `reach` of `center`, all in one unit.
+pub fn patch_within(indexed: &IndexedPoints, center: &LocalPoint, reach: f32) -> Patch {
+    let center = nalgebra::Vector3::from(*center);
+    let (mut count, mut sum, mut squares) = (0usize, nalgebra::Vector3::zeros(), nalgebra::Matrix3::zeros());
+    indexed.tree.for_each_within(&center.into(), reach * reach, |neighbour| {
+        let d = nalgebra::Vector3::from(indexed.points[neighbour.index as usize]) - center;
+        count += 1;
+        sum += d;
+        squares += d * d.transpose();
+    });
+    let mean: nalgebra::Vector3<f32> = sum / count.max(1) as f32;
+    let spread = || least_spread(&(squares / count as f32 - mean * mean.transpose()).cast::<f64>()).0;
+    Patch { count, mean, normal: (count >= 3).then(spread) }
+}
+
 /// The unit direction of least spread of a symmetric 3x3 scatter matrix, and the spread along it.
 pub fn least_spread(scatter: &nalgebra::Matrix3<f64>) -> (nalgebra::Vector3<f64>, f64) {
     let eigen = scatter.symmetric_eigen();

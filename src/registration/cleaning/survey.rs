@@ -2,7 +2,7 @@
 
 use crate::geometry::Vector3;
 use crate::geometry::neighbours::{IndexedPoints, LocalPoint};
-use crate::geometry::normals::least_spread;
+use crate::geometry::normals::patch_within;
 use crate::geometry::thinning::thin;
 use crate::registration::view::View;
 
@@ -63,17 +63,5 @@ impl Survey {
 
 /// The normal at `center`; zero where there are too few points.
 fn normal(indexed: &IndexedPoints, center: &LocalPoint, reach: f32) -> Vector3 {
-    let center = nalgebra::Vector3::from(*center);
-    let (mut count, mut sum, mut squares) = (0, nalgebra::Vector3::zeros(), nalgebra::Matrix3::zeros());
-    indexed.tree.for_each_within(&center.into(), reach * reach, |neighbour| {
-        let d = nalgebra::Vector3::from(indexed.points[neighbour.index as usize]) - center;
-        count += 1;
-        sum += d;
-        squares += d * d.transpose();
-    });
-    if count < 3 {
-        return Vector3::zeros();
-    }
-    let mean: nalgebra::Vector3<f32> = sum / count as f32;
-    least_spread(&(squares / count as f32 - mean * mean.transpose()).cast::<f64>()).0
+    patch_within(indexed, center, reach).normal.unwrap_or_else(Vector3::zeros)
 }

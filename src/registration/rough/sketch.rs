@@ -6,7 +6,7 @@ use super::descriptor::{Descriptors, describe};
 use super::sight::SightMap;
 use crate::geometry::Vector3;
 use crate::geometry::neighbours::{IndexedPoints, LocalPoint};
-use crate::geometry::normals::least_spread;
+use crate::geometry::normals::{Patch, patch_within};
 use crate::geometry::thinning::thin;
 use crate::registration::sensor::{Sensor, outer_side, sheet_axis};
 use crate::registration::view::View;
@@ -134,18 +134,9 @@ fn typical_count(counts: &[u32]) -> f64 {
 
 /// Fits the surface at `center`.
 fn fit(indexed: &IndexedPoints, center: &LocalPoint, reach: f32) -> Fitted {
-    let center = nalgebra::Vector3::from(*center);
-    let (mut count, mut sum, mut squares) = (0, nalgebra::Vector3::zeros(), nalgebra::Matrix3::zeros());
-    indexed.tree.for_each_within(&center.into(), reach * reach, |neighbour| {
-        let d = nalgebra::Vector3::from(indexed.points[neighbour.index as usize]) - center;
-        count += 1;
-        sum += d;
-        squares += d * d.transpose();
-    });
-    if count < 3 {
-        return Fitted { normal: nalgebra::Vector3::z(), is_inner: false, count };
+    let Patch { count, mean, normal } = patch_within(indexed, center, reach);
+    match normal {
+        Some(normal) => Fitted { normal: normal.cast::<f32>(), is_inner: mean.norm() < RIM_OFFSET * reach, count },
+        None => Fitted { normal: nalgebra::Vector3::z(), is_inner: false, count },
     }
-    let mean: nalgebra::Vector3<f32> = sum / count as f32;
-    let (normal, _) = least_spread(&(squares / count as f32 - mean * mean.transpose()).cast::<f64>());
-    Fitted { normal: normal.cast::<f32>(), is_inner: mean.norm() < RIM_OFFSET * reach, count }
 }
