@@ -1,5 +1,6 @@
 //! `visage bench`: experiments that show what visage is worth, to be repeated by anyone.
 
+pub mod alone;
 mod child;
 pub mod cost;
 pub mod faces;
@@ -22,6 +23,8 @@ pub struct BenchArgs {
 enum Bench {
     /// Tables 1 and 2 of the paper: its method, its two baselines and `joint` on Stanford's scans, from disturbed poses.
     Paper(paper::PaperArgs),
+    /// Stanford's sets from their scans alone: in many orders; and pairs of scans that were made worse.
+    Alone(alone::AloneArgs),
     /// Faces against other things, step by step; landmarks; what disturbances do.
     Faces(faces::FacesArgs),
     /// The index over a million code-made models: memory, time to build, times of queries, answers against brute force.
@@ -40,6 +43,7 @@ enum Bench {
 pub fn run(args: BenchArgs) -> anyhow::Result<()> {
     match args.bench {
         Bench::Paper(args) => paper::run(args),
+        Bench::Alone(args) => alone::run(args),
         Bench::Faces(args) => faces::run(args),
         Bench::Gallery(args) => gallery::run(args),
         Bench::Start(args) => start::run(args),

@@ -59,7 +59,8 @@ impl Dataset {
     }
 }
 
-fn conf_of(folder: &Path) -> anyhow::Result<PathBuf> {
+/// The folder's one .conf.
+pub fn conf_of(folder: &Path) -> anyhow::Result<PathBuf> {
     let entries = std::fs::read_dir(folder).with_context(|| {
         format!(
             "reading {}: put a set's scans and .conf of the Stanford 3D Scanning Repository there",

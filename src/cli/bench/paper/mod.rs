@@ -21,6 +21,7 @@ use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use self::dataset::Dataset;
+pub use self::dataset::conf_of;
 use self::journal::{Journal, Settings};
 use self::trial::{TrialKey, TrialRecord};
 
