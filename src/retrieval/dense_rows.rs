@@ -15,6 +15,8 @@ const WIDTH: usize = TEMPLATE_POINTS.next_multiple_of(LANES);
 const LANES: usize = 16;
 /// The byte of a height of 0.
 const LEVEL: u8 = 128;
+/// Of two heights.
+const MOST_DIFFERENCE: usize = 255;
 /// A bit for each point.
 type Points = [u64; TEMPLATE_POINTS.div_ceil(64)];
 /// The ceiling over the reach: with normally distributed differences the least one left out is this much
@@ -83,6 +85,16 @@ impl DenseRows {
         self.seen[place].there.then(|| DenseSignature::from_bytes(std::array::from_fn(byte)))
     }
 
+    /// How many there are, missing ones with them.
+    pub fn len(&self) -> usize {
+        self.rows.len()
+    }
+
+    /// How many points of the one at a place are seen.
+    pub fn seen_points(&self, place: u32) -> usize {
+        usize::from(self.seen[place as usize].points)
+    }
+
     /// Whether the model at a place has none.
     pub fn is_missing(&self, place: u32) -> bool {
         !self.seen[place as usize].there
@@ -111,9 +123,34 @@ impl DenseProbe {
         DenseProbe { signature: signature.clone(), own }
     }
 
+    /// The probe's own.
+    pub fn signature(&self) -> &DenseSignature {
+        &self.signature
+    }
+
     /// The distance to the model at a place, mm on the standard; `None` if too few points are seen on both.
+    ///
+    /// That of [`DenseSignature::distance_mm`], bit by bit: differences are whole steps, so they are counted, not sorted.
     pub fn distance_mm(&self, rows: &DenseRows, place: u32) -> Option<f64> {
-        self.signature.distance_mm(&rows.signature(place)?)
+        let (own, other) = (&self.own, place as usize);
+        if rows.is_missing(place) {
+            return None;
+        }
+        let gaps: Points = std::array::from_fn(|k| rows.unseen[other][k] | own.unseen[0][k]);
+        let mut counts = [0u16; 2 * MOST_DIFFERENCE + 1];
+        let (mut sum, mut points) = (0, 0);
+        for point in (0..TEMPLATE_POINTS).filter(|point| gaps[point / 64] >> (point % 64) & 1 == 0) {
+            let difference = i32::from(own.rows[0][point]) - i32::from(rows.rows[other][point]);
+            counts[(difference + MOST_DIFFERENCE as i32) as usize] += 1;
+            sum += difference;
+            points += 1;
+        }
+        if f64::from(points) < LEAST_COMMON * TEMPLATE_POINTS as f64 {
+            return None;
+        }
+        let mean = f64::from(sum) / f64::from(points);
+        let kept = (KEPT_SHARE * f64::from(points)).ceil();
+        Some(STEP_MM * (least_squares(&counts, mean, kept as usize) / kept).sqrt())
     }
 
     /// Whether the distance to the model at a place is surely greater than `reach`. A no says nothing.
@@ -138,6 +175,31 @@ impl DenseProbe {
         let of_gaps: u32 = each(&gaps).map(|gap| capped_square(row[gap], probe[gap], shift.whole, reach.ceiling)).sum();
         reach.is_exceeded(squares - of_gaps, points, shift.rest)
     }
+}
+
+/// The sum of the `kept` least squared differences from a mean, the least first; there are `counts[d + MOST_DIFFERENCE]`
+/// differences of `d`.
+fn least_squares(counts: &[u16], mean: f64, kept: usize) -> f64 {
+    let off = |index: usize| index as f64 - MOST_DIFFERENCE as f64 - mean;
+    // outwards from the mean
+    let mut above = ((mean + MOST_DIFFERENCE as f64).ceil() as usize).min(counts.len());
+    let mut below = above;
+    let (mut left, mut sum) = (kept, 0.0);
+    while left > 0 && (below > 0 || above < counts.len()) {
+        let takes_below = below > 0 && (above == counts.len() || off(below - 1).abs() <= off(above).abs());
+        let index = if takes_below { below - 1 } else { above };
+        let taken = left.min(usize::from(counts[index]));
+        for _ in 0..taken {
+            sum += off(index).powi(2);
+        }
+        left -= taken;
+        if takes_below {
+            below -= 1;
+        } else {
+            above += 1;
+        }
+    }
+    sum
 }
 
 /// The points whose bits are set.

@@ -9,7 +9,7 @@
 /// What the shape as a whole counts between things, against the triangles.
 const SHAPE_SHARE: f64 = 0.9;
 /// The likeness of two sure faces that have nothing else in common, and the most of a sure face and a sure other thing.
-const FACE_KINSHIP: f64 = 0.5;
+pub(super) const FACE_KINSHIP: f64 = 0.5;
 /// The dense distance at which two faces are half-way between one person's and two people's, mm on the standard: one
 /// head twice, with noise and holes, 0.2 to 0.5 (30 heads of the public set); two heads 0.7 and more in 99 of 100 pairs.
 pub const SAME_PERSON_MM: f64 = 0.6;

@@ -9,7 +9,7 @@
 //! - [`triangle_index`]: those points of many models in one static tree; `triangle_query`: a bare triangle in every way
 //!   it may be met
 //! - `probe`: the search for the models that look like a probe; `likeness`: what that means, put together of profiles,
-//!   `dense_rows` and `region_likeness`
+//!   `dense_rows` and `region_likeness`; `gist`: what rules out most models before that
 //! - `best`: the best few so far
 //! - [`measures`]: how well a ranking tells two classes apart
 
@@ -19,6 +19,7 @@ mod dense_rows;
 mod entry;
 pub mod evidence;
 pub mod gallery;
+mod gist;
 mod likeness;
 pub mod measures;
 pub mod merge;

@@ -1,14 +1,15 @@
 //! The search for the stored models that look like a probe most; what that means is told in [`super::likeness`].
 //!
-//! It goes over everything by what is cheap and measures only what that leaves. Sure faces have a bound on their dense
-//! distance. Of the others the most that their score can be is told by their profiles; they are looked at from the top,
+//! It goes over everything by what is cheap and measures only what that leaves. Sure faces have bounds on their dense
+//! distance: a loose one by their gists, a close one by their heights ([`super::gist`], [`super::dense_rows`]). Of the others the most that their score can be is told by their profiles; they are looked at from the top,
 //! and only there triangles are compared. So the answer is that of measuring all.
 
 use rayon::prelude::*;
 
 use super::best::Best;
 use super::dense_rows::{DenseProbe, Reach};
-use super::likeness::{Weights, as_things};
+use super::gist::GistProbe;
+use super::likeness::{FACE_KINSHIP, Weights, as_things};
 use super::outline::Outlines;
 use super::part::Part;
 use super::region_likeness::{ProbeRegions, RegionLikeness};
@@ -20,6 +21,8 @@ use crate::faces::{self, ShapeProfile, Signature, standard};
 pub const PROBE_MATCH_SCORE: f64 = 0.4;
 /// Models whose triangles are looked at together, by all threads.
 const BATCH: usize = 256;
+/// Models that are put in order together: few have to be looked at.
+const LOOKED_AT: usize = 16 * BATCH;
 
 /// A probe made ready.
 pub(super) struct Probe {
@@ -61,6 +64,34 @@ impl Found<'_> {
     }
 }
 
+/// What a model that is surely a face must be near to, to have a likeness of `least`.
+struct Bound {
+    least: f64,
+    reach: Reach,
+    /// The same for gists.
+    limits: Vec<u32>,
+}
+
+impl Bound {
+    fn of(least: f64, gists: Option<&GistProbe>) -> Bound {
+        // two sure faces are weighed so
+        let reach_mm = Weights::new(1.0, 1.0, true).reach_mm(least);
+        Bound { least, reach: Reach::new(reach_mm), limits: gists.map_or(Vec::new(), |gists| gists.limits(reach_mm)) }
+    }
+}
+
+/// The [`LOOKED_AT`] that may score most, the greatest first, and all others.
+fn best_first(models: &mut [Unsure]) -> (&mut [Unsure], &mut [Unsure]) {
+    let order = |a: &Unsure, b: &Unsure| b.most.total_cmp(&a.most).then(a.id.cmp(&b.id));
+    let count = LOOKED_AT.min(models.len());
+    if count < models.len() {
+        models.select_nth_unstable_by(count, order);
+    }
+    let (first, others) = models.split_at_mut(count);
+    first.sort_unstable_by(order);
+    (first, others)
+}
+
 impl Probe {
     pub fn new(signature: &Signature) -> Probe {
         let face_score = faces::judge(signature, &standard::face(), MatchMethod::Verified).score;
@@ -76,60 +107,85 @@ impl Probe {
     pub fn search(&self, parts: &[Part], wanted: &Wanted) -> Vec<Match> {
         let threshold = wanted.threshold.unwrap_or(PROBE_MATCH_SCORE);
         let mut found = Found { best: Best::new(wanted.limit), wanted, threshold };
-        let others = self.scan(parts, &mut found);
-        for batch in self.unsure(parts, others, found.least()).chunks(BATCH) {
-            let least = found.least();
-            let scores: Vec<f64> = batch.par_iter().map(|model| self.score_from(parts, model, least)).collect();
-            for (model, score) in batch.iter().zip(scores) {
-                found.offer(model.id, model.address, score);
-            }
-            if batch.last().is_some_and(|model| model.most < found.least()) {
-                break;
-            }
+        let mut others = Vec::new();
+        for which in 0..parts.len() {
+            self.scan(parts, which, &mut found, &mut others);
         }
+        let mut unsure = self.unsure(parts, others, found.least());
+        let mut rest = unsure.as_mut_slice();
+        while !rest.is_empty() {
+            let (batch, later) = best_first(rest);
+            for models in batch.chunks(BATCH) {
+                let least = found.least();
+                let scores: Vec<f64> = models.par_iter().map(|model| self.score_from(parts, model, least)).collect();
+                for (model, score) in models.iter().zip(scores) {
+                    found.offer(model.id, model.address, score);
+                }
+                if models.last().is_some_and(|model| model.most < found.least()) {
+                    return self.answers(parts, found);
+                }
+            }
+            rest = later;
+        }
+        self.answers(parts, found)
+    }
+
+    fn answers(&self, parts: &[Part], found: Found) -> Vec<Match> {
+        let threshold = found.threshold;
         let ranked: Vec<(f64, ModelId, Address)> = found.best.into_ranked().collect();
         ranked.into_par_iter().map(|(cost, id, address)| self.answer(parts, -cost, id, address, threshold)).collect()
     }
 
-    /// Offers all that are told by their dense signatures; gives back where the others are that have a chance.
-    fn scan(&self, parts: &[Part], found: &mut Found) -> Vec<Address> {
-        let mut others = Vec::new();
-        let mut known: Option<(u64, Reach)> = None;
-        for (which, part) in parts.iter().enumerate() {
-            let segment = &part.segment;
-            for place in part.places() {
-                let (weights, least) = (self.weights(part, place), found.least());
-                let Some(dense) = self.dense.as_ref().filter(|_| weights.dense == 1.0) else {
-                    if weights.likeness(Some(0.0), 1.0) >= least {
-                        others.push((which, place));
-                    }
-                    continue;
-                };
-                // what is least changes seldom
-                let reach = match known {
-                    Some((bits, reach)) if bits == least.to_bits() => reach,
-                    _ => Reach::new(weights.reach_mm(least)),
-                };
-                known = Some((least.to_bits(), reach));
-                if !dense.is_beyond(&segment.dense, place, &reach) {
-                    let score = weights.likeness(dense.distance_mm(&segment.dense, place), 0.0);
-                    found.offer(segment.ids[place as usize], (which, place), score);
+    /// Offers all of a part that are told by their dense signatures; adds where the others are that have a chance.
+    fn scan(&self, parts: &[Part], which: usize, found: &mut Found, others: &mut Vec<Address>) {
+        let part = &parts[which];
+        let rows = &part.segment.dense;
+        let gists = self.dense.as_ref().and_then(|dense| part.segment.gists.against(dense.signature()));
+        if let Some(gists) = gists.as_ref().filter(|_| found.least() < FACE_KINSHIP) {
+            // whatever seems near first: all others are held against what that finds
+            for place in gists.nearest(found.wanted.limit) {
+                if part.is_alive(place) && self.weights(part, place).dense == 1.0 {
+                    self.offer_face(parts, (which, place), found);
                 }
             }
         }
-        others
+        let mut known = Bound::of(found.least(), gists.as_ref());
+        for place in part.places() {
+            let weights = self.weights(part, place);
+            let least = found.least();
+            let Some(dense) = self.dense.as_ref().filter(|_| weights.dense == 1.0) else {
+                if weights.likeness(Some(0.0), 1.0) >= least {
+                    others.push((which, place));
+                }
+                continue;
+            };
+            if known.least.to_bits() != least.to_bits() {
+                // changes seldom
+                known = Bound::of(least, gists.as_ref());
+            }
+            let by_gist = gists.as_ref().is_some_and(|gists| gists.is_beyond(place, &known.limits));
+            if !by_gist && !dense.is_beyond(rows, place, &known.reach) {
+                self.offer_face(parts, (which, place), found);
+            }
+        }
     }
 
-    /// Those of the models whose score may be `least`, the greatest that may be first.
+    /// Offers a model that is told by its dense signature alone.
+    fn offer_face(&self, parts: &[Part], (which, place): Address, found: &mut Found) {
+        let segment = &parts[which].segment;
+        let weights = self.weights(&parts[which], place);
+        let distance_mm = self.dense.as_ref().and_then(|dense| dense.distance_mm(&segment.dense, place));
+        found.offer(segment.ids[place as usize], (which, place), weights.likeness(distance_mm, 0.0));
+    }
+
+    /// Those of the models whose score may be `least`, in no order.
     fn unsure(&self, parts: &[Part], models: Vec<Address>, least: f64) -> Vec<Unsure> {
         let bounded = models.into_par_iter().map(|(which, place)| {
             let most =
                 self.weights(&parts[which], place).likeness(Some(0.0), self.as_things(parts, (which, place), 1.0));
             Unsure { most, id: parts[which].segment.ids[place as usize], address: (which, place) }
         });
-        let mut unsure: Vec<Unsure> = bounded.filter(|model| model.most >= least).collect();
-        unsure.par_sort_unstable_by(|a, b| b.most.total_cmp(&a.most).then(a.id.cmp(&b.id)));
-        unsure
+        bounded.filter(|model| model.most >= least).collect()
     }
 
     fn weights(&self, part: &Part, place: u32) -> Weights {

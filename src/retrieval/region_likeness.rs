@@ -7,7 +7,7 @@
 
 use super::outline::{Outline, Outlines};
 use super::triangle_query::scaled;
-use super::triangles::{IndexedTriangle, Origin};
+use super::triangles::IndexedTriangle;
 use crate::faces::{Shape, Signature, Triangle, sum_of_distances};
 
 /// Triangles farther apart than this on the sphere (of radius 1/2) have nothing in common.
@@ -16,13 +16,30 @@ const MOST_CHORD: f64 = 0.08;
 const MOST_LOG_SIZE: f64 = 0.2;
 /// Cells along an axis of the sphere; their edge is [`MOST_CHORD`] and a little more.
 const CELLS: usize = 12;
+/// Ways in which three corners can be caps and pits.
+const PATTERNS: usize = 8;
 
 /// The probe's triangles, each found from every cell of the sphere from which it is near enough to count.
 #[derive(Debug)]
 pub(super) struct ProbeRegions {
     triangles: Vec<IndexedTriangle>,
-    /// For each cell: the triangle's place and one of its labelings.
-    near: Vec<Vec<(u32, IndexedTriangle)>>,
+    /// What is near to each cell, of each pattern of caps and pits, one after the other; and where each begins.
+    near: Vec<Labelled>,
+    starts: Vec<usize>,
+}
+
+/// One of the probe's triangles in one labelling: what it is compared by.
+#[derive(Debug, Clone, Copy)]
+struct Labelled {
+    place: u32,
+    shape: Shape,
+    log_size: f64,
+}
+
+impl Labelled {
+    fn new(place: u32, triangle: &IndexedTriangle) -> Labelled {
+        Labelled { place, shape: triangle.shape, log_size: triangle.log_size }
+    }
 }
 
 /// How alike a model is.
@@ -50,30 +67,42 @@ impl ProbeRegions {
         let mut outlines = Outlines::default();
         outlines.push(probe);
         let triangles: Vec<IndexedTriangle> = outlines.outline(0).of_regions().map(|(_, triangle)| triangle).collect();
-        let mut near = vec![Vec::new(); CELLS * CELLS * CELLS];
-        for (place, triangle) in triangles.iter().enumerate() {
+        let mut found: Vec<(usize, Labelled)> = Vec::new();
+        let mut starts = vec![0; CELLS * CELLS * CELLS * PATTERNS + 1];
+        for (place, triangle) in (0u32..).zip(&triangles) {
             for labelled in triangle.labelings() {
                 for cell in around(&labelled.shape) {
-                    near[cell].push((place as u32, labelled));
+                    let cell = with_pattern(cell, labelled.convex);
+                    starts[cell + 1] += 1;
+                    found.push((cell, Labelled::new(place, &labelled)));
                 }
             }
         }
-        ProbeRegions { triangles, near }
+        found.sort_by_key(|(cell, _)| *cell);
+        for cell in 1..starts.len() {
+            starts[cell] += starts[cell - 1];
+        }
+        ProbeRegions { triangles, near: found.into_iter().map(|(_, labelled)| labelled).collect(), starts }
+    }
+
+    fn near(&self, found: &IndexedTriangle) -> &[Labelled] {
+        let cell = with_pattern(cell(&found.shape), found.convex);
+        &self.near[self.starts[cell]..self.starts[cell + 1]]
     }
 
     /// How alike a model is.
     pub fn likeness(&self, model: &Outline) -> RegionLikeness {
         let mut counterparts: Vec<Option<(f64, Pair)>> = vec![None; self.triangles.len()];
         for (number, found) in model.of_regions() {
-            for (place, labelled) in &self.near[cell(&found.shape)] {
+            for labelled in self.near(&found) {
                 if let Some((kernel, chord)) = alike(labelled, &found) {
-                    let slot = &mut counterparts[*place as usize];
+                    let slot = &mut counterparts[labelled.place as usize];
                     // the greatest kernel; of equals the least chord, then the first triangle
                     let is_better = |(k, pair): &(f64, Pair)| {
                         kernel > *k || kernel == *k && (chord, number) < (pair.chord, pair.number)
                     };
                     if slot.as_ref().is_none_or(is_better) {
-                        *slot = Some((kernel, Pair { chord, place: *place as usize, number, found }));
+                        *slot = Some((kernel, Pair { chord, place: labelled.place as usize, number, found }));
                     }
                 }
             }
@@ -104,6 +133,11 @@ fn index([x, y, z]: [usize; 3]) -> usize {
     (x * CELLS + y) * CELLS + z
 }
 
+/// A cell's part that holds what has this pattern.
+fn with_pattern(cell: usize, [a, b, c]: [bool; 3]) -> usize {
+    cell * PATTERNS + 4 * usize::from(a) + 2 * usize::from(b) + usize::from(c)
+}
+
 fn cell(shape: &Shape) -> usize {
     index(shape.coordinates().map(step))
 }
@@ -117,11 +151,8 @@ fn around(shape: &Shape) -> impl Iterator<Item = usize> {
     })
 }
 
-/// The kernel of two triangles in one labelling and their chord, if they are near enough to count.
-fn alike(probe: &IndexedTriangle, other: &IndexedTriangle) -> Option<(f64, f64)> {
-    if other.origin != Origin::Regions || probe.convex != other.convex {
-        return None;
-    }
+/// The kernel of two triangles of one pattern in one labelling and their chord, if they are near enough to count.
+fn alike(probe: &Labelled, other: &IndexedTriangle) -> Option<(f64, f64)> {
     let chord = probe.shape.chord(&other.shape);
     let distance2 = (chord / MOST_CHORD).powi(2) + ((probe.log_size - other.log_size) / MOST_LOG_SIZE).powi(2);
     (distance2 < 1.0).then(|| ((1.0 - distance2).powi(2), chord))
@@ -130,6 +161,7 @@ fn alike(probe: &IndexedTriangle, other: &IndexedTriangle) -> Option<(f64, f64)>
 #[cfg(test)]
 mod tests {
     use super::super::outline::triangles_of;
+    use super::super::triangles::Origin;
     use super::*;
     use crate::faces::signature::tests::example;
 
@@ -142,13 +174,19 @@ mod tests {
     #[test]
     fn triangles_are_alike_only_with_the_same_pattern_and_size() {
         let triangle = triangles_of(&example(0.2, 5))[0];
-        assert_eq!(alike(&triangle, &triangle), Some((1.0, 0.0)));
-        let [a, b, c] = triangle.convex;
-        assert_eq!(alike(&triangle, &IndexedTriangle { convex: [!a, b, c], ..triangle }), None);
-        assert_eq!(alike(&triangle, &IndexedTriangle { log_size: triangle.log_size + 0.21, ..triangle }), None);
-        let (kernel, _) = alike(&triangle, &IndexedTriangle { log_size: triangle.log_size + 0.1, ..triangle })
+        let labelled = Labelled::new(0, &triangle);
+        assert_eq!(alike(&labelled, &triangle), Some((1.0, 0.0)));
+        assert_eq!(alike(&labelled, &IndexedTriangle { log_size: triangle.log_size + 0.21, ..triangle }), None);
+        let (kernel, _) = alike(&labelled, &IndexedTriangle { log_size: triangle.log_size + 0.1, ..triangle })
             .expect("half of the most is near enough");
         assert!((kernel - 0.5625).abs() < 1e-12);
+
+        let regions = ProbeRegions::new(&example(0.2, 5));
+        let [a, b, c] = triangle.convex;
+        let is_itself = |near: &Labelled| near.shape == triangle.shape;
+        assert!(regions.near(&triangle).iter().any(is_itself));
+        let other = IndexedTriangle { convex: [!a, b, c], ..triangle };
+        assert!(!regions.near(&other).iter().any(is_itself));
     }
 
     #[test]
@@ -159,8 +197,10 @@ mod tests {
                 [&probe, &model].map(|s| triangles_of(s).into_iter().filter(|t| t.origin == Origin::Regions));
             let of_model: Vec<IndexedTriangle> = of_model.collect();
             let kernels = of_probe.map(|triangle| {
-                let pairs =
-                    triangle.labelings().into_iter().flat_map(|l| of_model.iter().filter_map(move |m| alike(&l, m)));
+                let pairs = triangle.labelings().into_iter().flat_map(|l| {
+                    let same_pattern = of_model.iter().filter(move |m| m.convex == l.convex);
+                    same_pattern.filter_map(move |m| alike(&Labelled::new(0, &l), m))
+                });
                 pairs.map(|(kernel, _)| kernel).fold(0.0, f64::max)
             });
             let kernels: Vec<f64> = kernels.collect();

@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use super::dense_rows::DenseRows;
 use super::entry::{self, Entry, METHODS, Standing};
+use super::gist::Gists;
 use super::outline::Outlines;
 use super::triangle_index::TriangleIndex;
 use super::{MatchMethod, ModelId};
@@ -22,6 +23,7 @@ pub(super) struct Segment {
     pub rankings: [Vec<u32>; 3],
     pub profiles: Vec<ShapeProfile>,
     pub dense: DenseRows,
+    pub gists: Gists,
 }
 
 /// Some models of another segment, by their places.
@@ -76,6 +78,7 @@ impl Segment {
         self.standings.shrink_to_fit();
         self.profiles.shrink_to_fit();
         self.dense.shrink();
+        self.gists = Gists::of(&self.dense);
         let verified = entry::slot(MatchMethod::Verified);
         self.face_scores = self.standings.iter().map(|standings| standings[verified].score).collect();
         self.rankings = [0, 1, 2].map(|slot| self.ranked(slot));

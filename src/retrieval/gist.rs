@@ -1,0 +1,326 @@
+//! The gist of dense signatures: 32 small numbers each, from which most distances are known to be great without
+//! reading the signatures.
+//!
+//! The distance leaves out the `t` greatest of `n` squared differences, which may be any: a projection of the heights
+//! alone bounds nothing. So each height is laid round a circle first, `f(h) = r (cos(h/r), sin(h/r))`. The square of
+//! `f(a) - f(b)` is `2 r^2 (1 - cos((a - b)/r))`: at most `(a - b)^2` and at most `4 r^2`. So the squares left in sum up
+//! to at least `|f(a) - f(b)|^2 - 4 r^2 t`, and a projection of `f` only makes that less. The axes are those along which
+//! the segment's own signatures vary most.
+//!
+//! Heights are taken from the segment's mean face and their own mean, an unseen point lies on the mean face. What that
+//! adds is taken off again: at the most that as many points of the probe can make.
+
+use nalgebra::DMatrix;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+use rayon::prelude::*;
+
+use super::dense_rows::DenseRows;
+use crate::faces::dense::{DenseSignature, KEPT_SHARE, LEAST_COMMON, STEP_MM, UNSEEN};
+use crate::faces::template::TEMPLATE_POINTS;
+
+/// Numbers of a gist.
+const SIZE: usize = 32;
+/// Fewer signatures are gone through without.
+const LEAST_ROWS: usize = if cfg!(test) { 100 } else { 4096 };
+/// Signatures that the axes are found from.
+const SAMPLE: usize = 2048;
+/// Iterations towards the axes. Any axes bound; better ones bound closer.
+const ROUNDS: usize = 5;
+/// The circle's radius over the root mean square of the heights: of normally distributed ones it leaves most.
+const RADIUS: f32 = 1.2;
+/// What rounding in single precision may make of a length, at most.
+const SLACK: f64 = 1e-3;
+
+type Code = [i8; SIZE];
+/// Heights over the mean face, their own mean removed, in steps; 0 where there is no surface.
+type Heights = [f32; TEMPLATE_POINTS];
+
+/// The gists of a segment's dense signatures; none if they are few.
+#[derive(Debug, Default)]
+pub(super) struct Gists {
+    frame: Option<Frame>,
+    codes: Vec<Code>,
+    /// Unseen points of each signature.
+    gaps: Vec<u16>,
+    /// The most that rounding moved a code, in units of codes.
+    rounding: f32,
+}
+
+/// How gists of a segment are made.
+#[derive(Debug)]
+struct Frame {
+    mean: Vec<f32>,
+    radius: f32,
+    /// For each coordinate of the circles what it adds to the numbers: cosines first, then sines.
+    axes: Vec<[f32; SIZE]>,
+    middle: [f32; SIZE],
+    /// The length that 1 stands for.
+    unit: f32,
+}
+
+impl Gists {
+    /// Those of all rows. Runs inside the caller's rayon pool.
+    pub fn of(rows: &DenseRows) -> Gists {
+        let signatures: Vec<u32> = (0..rows.len() as u32).filter(|place| !rows.is_missing(*place)).collect();
+        if signatures.len() < LEAST_ROWS {
+            return Gists::default();
+        }
+        let every = signatures.len().div_ceil(SAMPLE);
+        let sample: Vec<_> = signatures.iter().step_by(every).filter_map(|place| rows.signature(*place)).collect();
+        let frame = Frame::of(&sample);
+        let coded = |place| match rows.signature(place) {
+            Some(signature) => frame.code(&frame.heights(&signature)),
+            None => ([0; SIZE], 0.0),
+        };
+        let coded: Vec<(Code, f32)> = (0..rows.len() as u32).into_par_iter().map(coded).collect();
+        Gists {
+            frame: Some(frame),
+            rounding: coded.iter().map(|(_, rounding)| *rounding).fold(0.0, f32::max),
+            gaps: (0..rows.len() as u32).map(|place| (TEMPLATE_POINTS - rows.seen_points(place)) as u16).collect(),
+            codes: coded.into_iter().map(|(code, _)| code).collect(),
+        }
+    }
+
+    /// A probe held against all of them; `None` if there are none, or if the probe has gaps: what the rows have there
+    /// is not known.
+    pub fn against(&self, probe: &DenseSignature) -> Option<GistProbe<'_>> {
+        let frame = self.frame.as_ref()?;
+        if probe.to_bytes().iter().any(|byte| *byte == UNSEEN as u8) {
+            return None;
+        }
+        let heights = frame.heights(probe);
+        let (code, rounding) = frame.code(&heights);
+        let squares = self.codes.iter().map(|other| square(&code, other)).collect();
+        let mut greatest: Vec<f64> = heights.iter().map(|height| f64::from(height.abs())).collect();
+        greatest.sort_by(|a, b| b.total_cmp(a));
+        let most_gaps = self.gaps.iter().max().map_or(0, |most| usize::from(*most));
+        let (mut sum, mut of_circle) = (0.0, 0.0);
+        let mut allowances = vec![(0.0, 0.0)];
+        for height in &greatest[..most_gaps] {
+            sum += height;
+            of_circle += most_circle_square(*height, f64::from(frame.radius));
+            allowances.push((sum, of_circle));
+        }
+        Some(GistProbe {
+            gists: self,
+            squares,
+            allowances,
+            most_square: 4.0 * f64::from(frame.radius).powi(2),
+            rounding: f64::from(rounding + self.rounding),
+            unit: f64::from(frame.unit),
+        })
+    }
+}
+
+/// A probe held against the gists of a segment.
+#[derive(Debug)]
+pub(super) struct GistProbe<'a> {
+    gists: &'a Gists,
+    /// Squared distances of the codes.
+    pub squares: Vec<u32>,
+    /// For so many unseen points: the most that the probe's heights there sum up to, and that their circles add.
+    allowances: Vec<(f64, f64)>,
+    most_square: f64,
+    rounding: f64,
+    unit: f64,
+}
+
+impl GistProbe<'_> {
+    /// Whether the distance to the signature at a place is surely greater than that of the limits.
+    pub fn is_beyond(&self, place: u32, limits: &[u32]) -> bool {
+        let place = place as usize;
+        self.squares[place] > limits[usize::from(self.gists.gaps[place])]
+    }
+
+    /// Where the `count` nearest are, in no order.
+    pub fn nearest(&self, count: usize) -> Vec<u32> {
+        let squares = self.squares.iter().zip(0u32..).zip(&self.gists.gaps);
+        let there = squares.filter(|(_, gaps)| usize::from(**gaps) < TEMPLATE_POINTS);
+        let mut nearest: Vec<(u32, u32)> = there.map(|((square, place), _)| (*square, place)).collect();
+        if count < nearest.len() {
+            nearest.select_nth_unstable(count);
+            nearest.truncate(count);
+        }
+        nearest.into_iter().map(|(_, place)| place).collect()
+    }
+
+    /// For each number of unseen points the square beyond which a distance is surely greater than `reach_mm`.
+    pub fn limits(&self, reach_mm: f64) -> Vec<u32> {
+        let limit = |(gaps, (sum, of_circle)): (usize, &(f64, f64))| {
+            let points = (TEMPLATE_POINTS - gaps) as f64;
+            if points < LEAST_COMMON * TEMPLATE_POINTS as f64 {
+                return u32::MAX;
+            }
+            let kept = (KEPT_SHARE * points).ceil();
+            // the mean difference of the points that both have is off by that of the others
+            let reach = reach_mm.max(0.0) / STEP_MM + sum / points;
+            let square = kept * reach * reach + self.most_square * (points - kept) + of_circle;
+            let length = square.sqrt() * (1.0 + SLACK) / self.unit + self.rounding;
+            (length * length).ceil() as u32
+        };
+        self.allowances.iter().enumerate().map(limit).collect()
+    }
+}
+
+impl Frame {
+    fn of(sample: &[DenseSignature]) -> Frame {
+        let (mut sums, mut counts) = (vec![0f32; TEMPLATE_POINTS], vec![0f32; TEMPLATE_POINTS]);
+        for signature in sample {
+            for (point, height) in seen(signature) {
+                sums[point] += height;
+                counts[point] += 1.0;
+            }
+        }
+        let mean = sums.iter().zip(&counts).map(|(sum, count)| sum / count.max(1.0)).collect();
+        let mut frame = Frame { mean, radius: 1.0, axes: Vec::new(), middle: [0.0; SIZE], unit: 1.0 };
+        let heights: Vec<Heights> = sample.iter().map(|signature| frame.heights(signature)).collect();
+        let squares: f64 = heights.iter().flatten().map(|height| f64::from(height * height)).sum();
+        let points: f64 = counts.iter().map(|count| f64::from(*count)).sum();
+        frame.radius = (RADIUS * (squares / points.max(1.0)).sqrt() as f32).max(1.0);
+        frame.axes = axes(&heights, frame.radius);
+        let numbers: Vec<[f32; SIZE]> = heights.iter().map(|heights| frame.numbers(heights)).collect();
+        frame.middle = std::array::from_fn(|k| numbers.iter().map(|n| n[k]).sum::<f32>() / numbers.len().max(1) as f32);
+        let most = numbers.iter().flat_map(|n| n.iter().zip(&frame.middle)).map(|(n, m)| (n - m).abs());
+        frame.unit = most.fold(f32::MIN_POSITIVE, f32::max) / 127.0;
+        frame
+    }
+
+    fn heights(&self, signature: &DenseSignature) -> Heights {
+        let (mut heights, mut sum, mut count) = ([0.0; TEMPLATE_POINTS], 0.0, 0.0);
+        for (point, height) in seen(signature) {
+            heights[point] = height - self.mean[point];
+            sum += heights[point];
+            count += 1.0;
+        }
+        for (point, _) in seen(signature) {
+            heights[point] -= sum / f32::max(count, 1.0);
+        }
+        heights
+    }
+
+    fn numbers(&self, heights: &Heights) -> [f32; SIZE] {
+        let mut numbers = [0f32; SIZE];
+        let (cosines, sines) = self.axes.split_at(TEMPLATE_POINTS);
+        for ((height, of_cosine), of_sine) in heights.iter().zip(cosines).zip(sines) {
+            let (sine, cosine) = (height / self.radius).sin_cos();
+            for k in 0..SIZE {
+                numbers[k] += self.radius * (cosine * of_cosine[k] + sine * of_sine[k]);
+            }
+        }
+        numbers
+    }
+
+    /// The code, and how far rounding moved it. Cutting off what is too great only brings codes nearer.
+    fn code(&self, heights: &Heights) -> (Code, f32) {
+        let numbers = self.numbers(heights);
+        let cut: [f32; SIZE] =
+            std::array::from_fn(|k| ((numbers[k] - self.middle[k]) / self.unit).clamp(-127.0, 127.0));
+        let rounding: f32 = cut.iter().map(|x| (x - x.round()).powi(2)).sum();
+        (cut.map(|x| x.round() as i8), rounding.sqrt())
+    }
+}
+
+/// Orthonormal axes along which points on the circles vary most, by subspace iteration.
+fn axes(heights: &[Heights], radius: f32) -> Vec<[f32; SIZE]> {
+    let mut lifted = DMatrix::from_fn(heights.len(), 2 * TEMPLATE_POINTS, |row, column| {
+        let (sine, cosine) = (heights[row][column % TEMPLATE_POINTS] / radius).sin_cos();
+        radius * if column < TEMPLATE_POINTS { cosine } else { sine }
+    });
+    for mut column in lifted.column_iter_mut() {
+        column.add_scalar_mut(-column.mean());
+    }
+    let mut rng = ChaCha8Rng::seed_from_u64(0);
+    let mut axes = DMatrix::from_fn(2 * TEMPLATE_POINTS, SIZE, |_, _| StandardNormal.sample(&mut rng));
+    for _ in 0..ROUNDS {
+        let next: DMatrix<f32> = lifted.tr_mul(&(&lifted * axes.map(|x: f64| x as f32)));
+        axes = next.map(f64::from).qr().q();
+    }
+    axes.row_iter().map(|row| std::array::from_fn(|k| row[k] as f32)).collect()
+}
+
+fn seen(signature: &DenseSignature) -> impl Iterator<Item = (usize, f32)> {
+    let heights = signature.to_bytes().map(|byte| byte as i8);
+    heights.into_iter().enumerate().filter(|(_, h)| *h != UNSEEN).map(|(point, h)| (point, f32::from(h)))
+}
+
+/// The most that the square of a chord on the circle can be for heights that differ by so much or less.
+fn most_circle_square(difference: f64, radius: f64) -> f64 {
+    let angle = (difference / radius).min(std::f64::consts::PI);
+    2.0 * radius * radius * (1.0 - angle.cos())
+}
+
+fn square(a: &Code, b: &Code) -> u32 {
+    let differences = a.iter().zip(b).map(|(a, b)| i16::from(*a) - i16::from(*b));
+    differences.map(|d| i32::from(d) * i32::from(d)).sum::<i32>() as u32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::dense_rows::DenseProbe;
+    use super::*;
+    use rand::RngExt;
+
+    /// Faces that differ along 9 directions and by a little noise; every third has up to 40 unseen points.
+    fn faces(count: usize) -> Vec<DenseSignature> {
+        let mut rng = ChaCha8Rng::seed_from_u64(7);
+        let mut face = |number: usize| {
+            let weights: [f64; 9] = std::array::from_fn(|_| StandardNormal.sample(&mut rng));
+            let mut heights: [u8; TEMPLATE_POINTS] = std::array::from_fn(|point| {
+                let along = |k: usize| ((k + 1) as f64 * point as f64 / 50.0 + k as f64).sin();
+                let varied: f64 = (0..9).map(|k| 6.0 * weights[k] * along(k)).sum();
+                let noise: f64 = StandardNormal.sample(&mut rng);
+                (20.0 * along(11) + varied + noise).round().clamp(-127.0, 127.0) as i8 as u8
+            });
+            if number % 3 == 2 {
+                let (first, count) = (rng.random_range(0..260), rng.random_range(1..40));
+                heights[first..first + count].fill(UNSEEN as u8);
+            }
+            DenseSignature::from_bytes(heights)
+        };
+        (0..count).map(&mut face).collect()
+    }
+
+    #[test]
+    fn what_a_gist_rules_out_is_farther_and_most_of_what_is_far_is_ruled_out() {
+        let faces = faces(400);
+        let mut rows = DenseRows::default();
+        rows.push(None);
+        faces.iter().for_each(|face| rows.push(Some(face)));
+        let gists = Gists::of(&rows);
+        let (mut far, mut ruled_out) = (0, 0);
+        for probe in faces.iter().step_by(9) {
+            let against = gists.against(probe).expect("whole, and there are enough");
+            let dense = DenseProbe::new(probe);
+            let mut distances: Vec<f64> = (1..=400).filter_map(|place| dense.distance_mm(&rows, place)).collect();
+            distances.sort_by(f64::total_cmp);
+            for reach_mm in [0.0, distances[1], distances[40]] {
+                let limits = against.limits(reach_mm);
+                for place in 1..=400 {
+                    let distance_mm = dense.distance_mm(&rows, place).expect("most is seen");
+                    let beyond = against.is_beyond(place, &limits);
+                    assert!(!beyond || distance_mm > reach_mm, "{distance_mm} {reach_mm}");
+                    if reach_mm == distances[1] && distance_mm > 3.0 * reach_mm {
+                        far += 1;
+                        ruled_out += usize::from(beyond);
+                    }
+                }
+            }
+        }
+        assert!(far > 1000 && 2 * ruled_out > far, "{ruled_out} of {far}");
+    }
+
+    #[test]
+    fn the_nearest_gists_are_those_of_near_faces() {
+        let faces = faces(300);
+        let mut rows = DenseRows::default();
+        faces.iter().for_each(|face| rows.push(Some(face)));
+        let gists = Gists::of(&rows);
+        let against = gists.against(&faces[60]).expect("whole, and there are enough");
+        assert!(against.nearest(3).contains(&60) && against.nearest(3).len() == 3);
+        assert_eq!(against.nearest(1000).len(), 300);
+        assert!(gists.against(&faces[2]).is_none(), "the probe has gaps");
+        assert!(Gists::of(&DenseRows::default()).against(&faces[0]).is_none());
+    }
+}
