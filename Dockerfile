@@ -19,7 +19,7 @@ FROM gcr.io/distroless/cc-debian12:nonroot
 COPY --from=build /src/target/dist/visage /usr/local/bin/visage
 COPY --from=build --chown=nonroot:nonroot /data /data
 ENV VISAGE_ADDR=0.0.0.0:8080 \
-    VISAGE_DATA=/data \
+    VISAGE_DATA_DIR=/data \
     VISAGE_LOG_FORMAT=json
 VOLUME /data
 EXPOSE 8080

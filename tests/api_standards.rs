@@ -24,7 +24,12 @@ fn model_form(content: Vec<u8>) -> Form {
 }
 
 async fn upload(server: &TestServer, content: Vec<u8>) -> String {
-    text(&expect_json(server.post_form("/v1/models", model_form(content)).await, StatusCode::CREATED).await, "/id")
+    upload_as(server, content, "").await
+}
+
+async fn upload_as(server: &TestServer, content: Vec<u8>, label: &'static str) -> String {
+    let form = if label.is_empty() { model_form(content) } else { model_form(content).text("label", label) };
+    text(&expect_json(server.post_form("/v1/models", form).await, StatusCode::CREATED).await, "/id")
 }
 
 fn landmarks() -> Value {
@@ -68,11 +73,10 @@ fn found(answer: &Value) -> Vec<String> {
 #[tokio::test]
 async fn a_class_is_made_asked_for_and_learned() {
     let server = TestServer::start().await;
-    let of_class = [upload(&server, knobbed(1.05)).await, upload(&server, knobbed(0.96)).await];
-    let others = [
-        upload(&server, files::bumpy_sphere(0.0)).await,
-        upload(&server, files::knobbed_ball([[75.0, 0.0, 0.0], [-75.0, 0.0, 0.0], [0.0, 0.0, 76.0]])).await,
-    ];
+    let of_class = [upload_as(&server, knobbed(1.05), "knobs").await, upload_as(&server, knobbed(0.96), "knobs").await];
+    let straight = files::knobbed_ball([[75.0, 0.0, 0.0], [-75.0, 0.0, 0.0], [0.0, 0.0, 76.0]]);
+    let others =
+        [upload_as(&server, files::bumpy_sphere(0.0), "other").await, upload_as(&server, straight, "other").await];
     let standard = make(&server, "knobs").await;
     assert_eq!((&standard["built_in"], &standard["threshold"]["rests_on"]), (&json!(false), &json!("default")));
     assert_eq!(standard["triangles"][0]["kinds"], json!(["cap", "cap", "cap"]));
@@ -105,6 +109,30 @@ async fn a_class_is_made_asked_for_and_learned() {
     let tip = verdicts[1]["landmarks"]["b"].as_array().expect("a position");
     let beside: f64 = tip.iter().zip(TIPS[1]).map(|(x, t)| (x.as_f64().expect("a number") - 1.05 * t).powi(2)).sum();
     assert!(beside.sqrt() < 4.0, "{tip:?}");
+
+    // the same file as a probe gets the verdict of the stored model, and another thing a no with its reason
+    let of_probe = judged(&server, knobbed(1.05), "knobs").await;
+    assert_eq!(of_probe["verdict"], verdicts[1]);
+    assert_eq!((&of_probe["matches"], &of_probe["searched"]), (&json!([]), &json!(0)));
+    let of_other = judged(&server, files::bumpy_sphere(0.0), "knobs").await["verdict"].clone();
+    assert_eq!((&of_other["is_match"], &of_other["landmarks"]), (&json!(false), &Value::Null));
+    assert!(of_other["reason"]["code"].is_string(), "{of_other}");
+    assert_eq!(ask(&server, "knobs").await["searched"], 4, "probes are not stored");
+
+    let path = "/v1/gallery/evaluation?standard=knobs";
+    let evaluation = expect_json(server.get(path).await, StatusCode::OK).await["verdicts"].clone();
+    assert_eq!((&evaluation["positives"], &evaluation["negatives"]), (&json!(2), &json!(2)));
+    assert_eq!((&evaluation["label"], &evaluation["auc"]), (&json!("knobs"), &json!(1.0)));
+    expect_problem(server.get(&format!("{path}&method=literal")).await, 422, "invalid_field").await;
+}
+
+fn probe_form(content: Vec<u8>, standard: &str) -> Form {
+    let probe = Part::bytes(content).file_name("probe.obj");
+    Form::new().part("probe", probe).text("unit", "mm").text("standard", standard.to_owned())
+}
+
+async fn judged(server: &TestServer, content: Vec<u8>, standard: &str) -> Value {
+    expect_json(server.post_form("/v1/queries", probe_form(content, standard)).await, StatusCode::OK).await
 }
 
 #[tokio::test]
@@ -162,6 +190,10 @@ async fn what_is_wrong_with_a_standard_is_told() {
     expect_problem(post("x", landmarks()).await, 409, "duplicate_standard").await;
     let literal = json!({"standard": "x", "method": "literal"});
     expect_problem(server.post("/v1/queries", &literal).await, 422, "invalid_field").await;
+    let literal = probe_form(knobbed(1.0), "x").text("method", "literal");
+    expect_problem(server.post_form("/v1/queries", literal).await, 422, "invalid_field").await;
+    let of_nothing = server.post_form("/v1/queries", probe_form(knobbed(1.0), "y")).await;
+    expect_problem(of_nothing, 422, "unknown_standard").await;
     let built_in = server.client.delete(server.url("/v1/standards/face")).send().await.expect("an answer");
     expect_problem(built_in, 409, "built_in").await;
     let face = expect_json(server.get("/v1/standards/face").await, StatusCode::OK).await;

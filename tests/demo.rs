@@ -15,5 +15,8 @@ fn the_demo_comes_out_right_and_leaves_its_results() {
             let file = out.path().join(format!("{name}_{asset}"));
             assert!(std::fs::metadata(&file).is_ok_and(|file| file.len() > 100), "{}", file.display());
         }
+        // what was uploaded: eight scans and their poses
+        assert_eq!(std::fs::read_dir(out.path().join(name)).expect("a folder of scans").count(), 9);
+        assert!(out.path().join(name).join("rough.json").is_file());
     }
 }

@@ -18,7 +18,7 @@ pub struct ServeArgs {
     #[arg(long, env = "VISAGE_ADDR", default_value = "127.0.0.1:8080")]
     addr: SocketAddr,
     /// The folder of the database and of all files
-    #[arg(long, env = "VISAGE_DATA", value_name = "DIR")]
+    #[arg(long, env = "VISAGE_DATA_DIR", value_name = "DIR")]
     data: PathBuf,
     /// The most worker threads one job may use [default: all of the machine]
     #[arg(long, env = "VISAGE_THREADS", value_parser = at_least_one)]

@@ -14,7 +14,7 @@ use super::idempotency::{Attempt, Created};
 use super::job_views::{JobList, JobView, NewJobBody, NewJobForm};
 use super::problem::{Code, Problem};
 use super::scan_sets::{form_rules, from_form, keep_files, parse_id as parse_scan_set_id, undo_unless_stored};
-use super::state::{AppState, blocking, uninterrupted};
+use super::state::{AppState, deleted, forget, uninterrupted};
 use super::upload::{self, UploadedFile};
 use super::{events, extract, job_views, models, names, responses};
 use crate::jobs::{admission, options};
@@ -223,7 +223,7 @@ async fn list(State(state): State<AppState>, Query(query): Query<ListQuery>) -> 
     for job in &mut page.items {
         state.shop.board.refresh(job);
     }
-    let next_cursor = page.items.last().filter(|_| page.more).map(|job| job.id.to_string());
+    let next_cursor = page.next_cursor(|job| job.id.to_string());
     Ok(Json(JobList { items: page.items.iter().map(JobView::of).collect(), next_cursor }))
 }
 
@@ -313,15 +313,10 @@ async fn retry(State(state): State<AppState>, Path(id): Path<String>) -> Result<
 )]
 async fn delete(State(state): State<AppState>, Path(id): Path<String>) -> Result<StatusCode, Problem> {
     let id = parse_id(&id)?;
-    uninterrupted(async move {
-        if let Some(model) = state.shop.store.delete_job(id).await? {
-            state.shop.gallery.remove(model);
-            let blobs = state.shop.blobs.clone();
-            blocking(move || blobs.remove_model(model)).await??;
-        }
+    deleted(async move {
+        let model = state.shop.store.delete_job(id).await?;
         state.shop.board.announce_change();
-        Ok(())
+        forget(&state, model.into_iter().collect()).await
     })
-    .await?;
-    Ok(StatusCode::NO_CONTENT)
+    .await
 }

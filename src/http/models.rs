@@ -12,7 +12,7 @@ use super::idempotency::{Attempt, Created};
 use super::model_views::{ModelList, ModelSummary, ModelView, NewModelForm, address};
 use super::problem::{Code, Problem};
 use super::scan_sets::parse_id as parse_scan_set_id;
-use super::state::{AppState, blocking, uninterrupted};
+use super::state::{AppState, blocking, deleted, forget, uninterrupted};
 use super::upload::{self, Form, FormRules, UploadedFile};
 use super::verdicts::{self, VerdictView};
 use super::{assets, describe, names, responses};
@@ -189,7 +189,7 @@ async fn list(State(state): State<AppState>, Query(query): Query<ListQuery>) -> 
     let scan_set_id = query.scan_set_id.as_deref().map(parse_scan_set_id).transpose()?;
     let page = PageQuery { limit: query.limit, cursor: query.cursor }.request()?;
     let page = state.shop.store.models(&ModelFilter { label: query.label, scan_set_id }, &page).await?;
-    let next_cursor = page.items.last().filter(|_| page.more).map(|model| model.id.to_string());
+    let next_cursor = page.next_cursor(|model| model.id.to_string());
     Ok(Json(ModelList { items: page.items.iter().map(ModelSummary::of).collect(), next_cursor }))
 }
 
@@ -237,12 +237,9 @@ pub(super) async fn read_asset(state: &AppState, id: ModelId, name: &str) -> Res
 )]
 async fn delete(State(state): State<AppState>, Path(id): Path<String>) -> Result<StatusCode, Problem> {
     let id = parse_id(&id)?;
-    uninterrupted(async move {
+    deleted(async move {
         state.shop.store.delete_model(id).await?;
-        state.shop.gallery.remove(id);
-        let blobs = state.shop.blobs.clone();
-        Ok(blocking(move || blobs.remove_model(id)).await??)
+        forget(&state, vec![id]).await
     })
-    .await?;
-    Ok(StatusCode::NO_CONTENT)
+    .await
 }

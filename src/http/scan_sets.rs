@@ -12,7 +12,7 @@ use super::extract::{
 use super::idempotency::{Attempt, Created};
 use super::problem::{Code, Problem};
 use super::scan_set_views::{NewScanSetBody, PosesView, ScanSetForm, ScanSetList, ScanSetView, ScanView};
-use super::state::{AppState, blocking, uninterrupted};
+use super::state::{AppState, blocking, deleted, forget, uninterrupted};
 use super::upload::{self, Form, FormRules, UploadedFile};
 use super::{digest, names, responses};
 use crate::jobs::admission;
@@ -166,7 +166,7 @@ pub(super) async fn undo_unless_stored(
 )]
 async fn list(State(state): State<AppState>, Query(page): Query<PageQuery>) -> Result<Json<ScanSetList>, Problem> {
     let page = state.shop.store.scan_sets(&page.request()?).await?;
-    let next_cursor = page.items.last().filter(|_| page.more).map(|set| set.id.to_string());
+    let next_cursor = page.next_cursor(|set| set.id.to_string());
     Ok(Json(ScanSetList { items: page.items.iter().map(ScanSetView::of).collect(), next_cursor }))
 }
 
@@ -188,21 +188,16 @@ async fn get_one(State(state): State<AppState>, Path(id): Path<String>) -> Resul
 )]
 async fn delete(State(state): State<AppState>, Path(id): Path<String>) -> Result<StatusCode, Problem> {
     let id = parse_id(&id)?;
-    uninterrupted(async move {
+    deleted(async move {
         let models = state.shop.store.delete_scan_set(id).await?;
-        for model in &models {
-            state.shop.gallery.remove(*model);
-        }
         state.shop.board.announce_change();
+        // whichever fails, the other is done
+        let of_models = forget(&state, models).await;
         let blobs = state.shop.blobs.clone();
-        blocking(move || -> Result<(), Problem> {
-            blobs.remove_scan_set(id)?;
-            models.into_iter().try_for_each(|model| Ok(blobs.remove_model(model)?))
-        })
-        .await?
+        blocking(move || blobs.remove_scan_set(id)).await??;
+        of_models
     })
-    .await?;
-    Ok(StatusCode::NO_CONTENT)
+    .await
 }
 
 /// Add one scan, or replace the one of the same name.
@@ -265,13 +260,12 @@ async fn delete_scan(
     Path((id, name)): Path<(String, String)>,
 ) -> Result<StatusCode, Problem> {
     let id = parse_id(&id)?;
-    uninterrupted(async move {
+    deleted(async move {
         let file = state.shop.store.delete_scan(id, &name).await?;
         let blobs = state.shop.blobs.clone();
         Ok(blocking(move || blobs.remove_scan(id, file)).await??)
     })
-    .await?;
-    Ok(StatusCode::NO_CONTENT)
+    .await
 }
 
 /// Set the initial poses of a scan set.

@@ -13,7 +13,7 @@ use super::standard_views::{
     AnyStandard, BuiltInView, CornerPart, ExamplesView, LandmarksPart, NewStandardForm, StandardList, StandardView,
     Standing, address, annotation,
 };
-use super::state::{AppState, blocking, uninterrupted};
+use super::state::{AppState, blocking, deleted, uninterrupted};
 use super::upload::{self, Form, FormRules, UploadedFile};
 use super::{describe, names, responses};
 use crate::classes::limit::{self, Learned};
@@ -218,13 +218,12 @@ async fn get_one(State(state): State<AppState>, Path(name): Path<String>) -> Res
 )]
 async fn delete(State(state): State<AppState>, Path(name): Path<String>) -> Result<StatusCode, Problem> {
     let standard = uploaded(&state, &name).await?;
-    uninterrupted(async move {
+    deleted(async move {
         state.shop.store.delete_standard(standard.id).await?;
         let blobs = state.shop.blobs.clone();
         Ok(blocking(move || blobs.remove_standard(standard.id)).await??)
     })
-    .await?;
-    Ok(StatusCode::NO_CONTENT)
+    .await
 }
 
 /// A standard that users may change.

@@ -3,13 +3,14 @@
 use std::collections::HashSet;
 use std::sync::{Arc, Mutex, PoisonError};
 
+use axum::http::StatusCode;
 use tokio::sync::Semaphore;
 use tokio_util::sync::CancellationToken;
 
 use super::problem::{Code, Problem};
 use crate::config::Limits;
 use crate::jobs::runner::Workshop;
-use crate::store::ReplayKey;
+use crate::store::{ModelId, ReplayKey};
 
 /// The state of the service. Cheap to clone.
 #[derive(Clone)]
@@ -80,4 +81,22 @@ pub async fn uninterrupted<T: Send + 'static>(
 ) -> Result<T, Problem> {
     use tracing::Instrument;
     tokio::spawn(work.in_current_span()).await.map_err(Problem::internal)?
+}
+
+/// Runs a deletion to its end even when the client goes away, and answers that it is done.
+pub async fn deleted(
+    deleting: impl Future<Output = Result<(), Problem>> + Send + 'static,
+) -> Result<StatusCode, Problem> {
+    uninterrupted(deleting).await?;
+    Ok(StatusCode::NO_CONTENT)
+}
+
+/// Takes models that the store has forgotten out of the gallery, and removes their files.
+pub async fn forget(state: &AppState, models: Vec<ModelId>) -> Result<(), Problem> {
+    for model in &models {
+        state.shop.gallery.remove(*model);
+    }
+    let blobs = state.shop.blobs.clone();
+    blocking(move || models.into_iter().try_for_each(|model| blobs.remove_model(model))).await??;
+    Ok(())
 }

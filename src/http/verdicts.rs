@@ -10,7 +10,7 @@ use super::queries::MethodView;
 use super::standards;
 use super::state::AppState;
 use crate::classes::Found;
-use crate::classes::limit::Learned;
+use crate::classes::limit::{self, Learned};
 use crate::faces::{MatchMethod, Signature, Standard, judge, judgement, standard, verification};
 use crate::geometry::Point3;
 use crate::retrieval::{Comparison, Evidence, Reason, SAME_PERSON_MM};
@@ -100,16 +100,28 @@ impl VerdictView {
         VerdictView::of(&face, &Evidence::new(signature, &face, MatchMethod::default(), None))
     }
 
-    /// By a standard that a user has made; its own threshold applies if none is given.
+    /// As stored of a model, by a standard that a user has made; its own threshold applies if none is given.
     pub fn of_class(
         standard: &StandardRecord,
         learned: &Learned,
         verdict: &StoredVerdict,
         threshold: Option<f64>,
     ) -> Self {
+        let looked_at = verdict.reason.as_deref().map_or(Ok(verdict.found.as_ref()), Err);
+        VerdictView::of_found(standard, learned, looked_at, threshold)
+    }
+
+    /// By a standard that a user has made: where it was found, or why the model could not be looked at.
+    pub fn of_found(
+        standard: &StandardRecord,
+        learned: &Learned,
+        looked_at: Result<Option<&Found>, &str>,
+        threshold: Option<f64>,
+    ) -> Self {
         let threshold = threshold.unwrap_or(judgement::MATCH_SCORE);
-        let score = if verdict.reason.is_none() { learned.score(verdict.residual_mm) } else { 0.0 };
-        let found = verdict.found.as_ref();
+        let residual_mm = |found: Option<&Found>| found.map_or(limit::NOTHING_FOUND_MM, |found| found.residual_mm);
+        let score = looked_at.map_or(0.0, |found| learned.score(residual_mm(found)));
+        let found = looked_at.ok().flatten();
         let is_there = score >= judgement::MATCH_SCORE.min(threshold);
         let in_model = |corner: &Point3, found: &Found| found.pose.point(corner).coords.as_slice().to_vec();
         let triangle = standard.class.triangles.first().zip(found).map(|(triangle, found)| {
@@ -132,25 +144,24 @@ impl VerdictView {
             coverage: found.map(|found| found.observed),
             triangle,
             landmarks,
-            reason: (score < threshold).then(|| ReasonView::of_class(learned, verdict, score, threshold)),
+            reason: (score < threshold).then(|| ReasonView::of_class(learned, looked_at, score, threshold)),
         }
     }
 }
 
 impl ReasonView {
-    fn of_class(learned: &Learned, verdict: &StoredVerdict, score: f64, threshold: f64) -> Self {
-        let text = match (&verdict.reason, &verdict.found) {
-            (Some(text), _) => return ReasonView { code: "undescribable".to_owned(), text: text.clone() },
-            (None, None) => return Reason::NoSurface.into(),
-            (None, Some(_)) if score >= judgement::MATCH_SCORE => {
+    fn of_class(learned: &Learned, looked_at: Result<Option<&Found>, &str>, score: f64, threshold: f64) -> Self {
+        let residual_mm = match looked_at {
+            Err(text) => return ReasonView { code: "undescribable".to_owned(), text: text.to_owned() },
+            Ok(None) => return Reason::NoSurface.into(),
+            Ok(Some(_)) if score >= judgement::MATCH_SCORE => {
                 return Reason::BelowThreshold { score, threshold }.into();
             }
-            (None, Some(found)) => format!(
-                "its surface differs from the standard's by {:.2} mm; {:.2} mm is the most",
-                found.residual_mm, learned.limit_mm
-            ),
+            Ok(Some(found)) => found.residual_mm,
         };
-        ReasonView { code: Reason::SurfaceDiffers { residual_mm: verdict.residual_mm }.code().to_owned(), text }
+        let most = learned.limit_mm;
+        let text = format!("its surface differs from the standard's by {residual_mm:.2} mm; {most:.2} mm is the most");
+        ReasonView { code: Reason::SurfaceDiffers { residual_mm }.code().to_owned(), text }
     }
 }
 

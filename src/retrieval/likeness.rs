@@ -43,6 +43,11 @@ impl Weights {
         Weights { dense, things: (1.0 - dense) * kinship }
     }
 
+    /// Whether two models with dense signatures are weighed by these alone.
+    pub fn are_sure(probe_score: f64, score: f64) -> bool {
+        2.0 * probe_score * score >= 1.0
+    }
+
     /// The likeness; without a distance the faces have nothing to be told apart by.
     pub fn likeness(&self, distance_mm: Option<f64>, things: f64) -> f64 {
         let as_faces = FACE_KINSHIP + (1.0 - FACE_KINSHIP) * distance_mm.map_or(0.0, same_person);
@@ -68,6 +73,9 @@ mod tests {
         assert_eq!((same_person(0.0), same_person(SAME_PERSON_MM)), (1.0, 0.5));
         let sure = Weights::new(0.9, 0.95, true);
         assert_eq!((sure.dense, sure.things), (1.0, 0.0));
+        for score in [0.0, 0.4, 0.5, 0.55, 0.6, 1.0] {
+            assert_eq!(Weights::are_sure(0.9, score), Weights::new(0.9, score, true).dense == 1.0);
+        }
         assert!(sure.likeness(Some(0.3), 0.0) > sure.likeness(Some(0.7), 1.0));
         assert_eq!(sure.likeness(None, 1.0), FACE_KINSHIP);
     }

@@ -40,7 +40,7 @@ pub use entry::Entry;
 pub use evidence::{Evidence, Reason};
 pub use gallery::Gallery;
 pub use likeness::SAME_PERSON_MM;
-pub use probe::{Comparison, PROBE_MATCH_SCORE, compare};
+pub use probe::{Comparison, PROBE_MATCH_SCORE, compare, likenesses};
 pub use wanted::{Rank, Wanted};
 
 use crate::faces::{self, Signature, Standard, Verdict, judgement, standard};

@@ -144,30 +144,35 @@ impl Probe {
         if let Some(gists) = gists.as_ref().filter(|_| found.least() < FACE_KINSHIP) {
             // whatever seems near first: all others are held against what that finds
             for place in gists.nearest(found.wanted.limit) {
-                if part.is_alive(place) && self.weights(part, place).dense == 1.0 {
+                if part.is_alive(place) && self.is_told(part, place) {
                     self.offer_face(parts, (which, place), found);
                 }
             }
         }
         let mut known = Bound::of(found.least(), gists.as_ref());
         for place in part.places() {
-            let weights = self.weights(part, place);
-            let least = found.least();
-            let Some(dense) = self.dense.as_ref().filter(|_| weights.dense == 1.0) else {
-                if weights.likeness(Some(0.0), 1.0) >= least {
-                    others.push((which, place));
-                }
+            // most go by this
+            if gists.as_ref().is_some_and(|gists| gists.is_beyond(place, &known.limits)) && self.is_told(part, place) {
                 continue;
-            };
+            }
+            let least = found.least();
             if known.least.to_bits() != least.to_bits() {
                 // changes seldom
                 known = Bound::of(least, gists.as_ref());
             }
-            let by_gist = gists.as_ref().is_some_and(|gists| gists.is_beyond(place, &known.limits));
-            if !by_gist && !dense.is_beyond(rows, place, &known.reach) {
-                self.offer_face(parts, (which, place), found);
+            match self.dense.as_ref().filter(|_| self.is_told(part, place)) {
+                Some(dense) if dense.is_beyond(rows, place, &known.reach) => {}
+                Some(_) => self.offer_face(parts, (which, place), found),
+                None if self.weights(part, place).likeness(Some(0.0), 1.0) < least => {}
+                None => others.push((which, place)),
             }
         }
+    }
+
+    /// Whether a model is told by its dense signature alone: it and the probe are faces for sure.
+    fn is_told(&self, part: &Part, place: u32) -> bool {
+        let score = part.segment.face_scores[place as usize];
+        Weights::are_sure(self.face_score, score) && self.dense.is_some() && !part.segment.dense.is_missing(place)
     }
 
     /// Offers a model that is told by its dense signature alone.
@@ -243,6 +248,22 @@ pub struct Comparison {
     pub dense_distance_mm: Option<f64>,
 }
 
+/// The score of each model by a query with this probe, from its definition: nothing is left out by a bound.
+pub fn likenesses(probe: &Signature, models: &[Signature]) -> Vec<f64> {
+    let ready = Probe::new(probe);
+    let likeness = |model: &Signature| {
+        let score = faces::judge(model, &standard::face(), MatchMethod::Verified).score;
+        let both = probe.dense().zip(model.dense());
+        let weights = Weights::new(ready.face_score, score, both.is_some());
+        let mut outlines = Outlines::default();
+        outlines.push(model);
+        let regions = ready.regions.likeness(&outlines.outline(0)).mean;
+        let things = as_things(probe.profile().likeness(model.profile()), regions);
+        weights.likeness(both.and_then(|(a, b)| a.distance_mm(b)), things)
+    };
+    models.par_iter().map(likeness).collect()
+}
+
 /// Compares two models: what the score of a query by probe is made of.
 pub fn compare(probe: &Signature, model: &Signature) -> Comparison {
     let (ready, other) = (Probe::new(probe), Probe::new(model));
@@ -262,23 +283,11 @@ mod tests {
     use super::*;
     use crate::faces::signature::tests::example;
 
-    /// The score of every model, from the definition.
+    /// The score of every model, from the definition, best first.
     fn brute_force(probe: &Signature, models: &[(ModelId, Signature)]) -> Vec<(f64, ModelId)> {
-        let ready = Probe::new(probe);
-        let mut scores: Vec<(f64, ModelId)> = models
-            .iter()
-            .map(|(id, signature)| {
-                let score = faces::judge(signature, &standard::face(), MatchMethod::Verified).score;
-                let both = probe.dense().zip(signature.dense());
-                let weights = Weights::new(ready.face_score, score, both.is_some());
-                let mut outlines = Outlines::default();
-                outlines.push(signature);
-                let regions = ready.regions.likeness(&outlines.outline(0)).mean;
-                let things = as_things(probe.profile().likeness(signature.profile()), regions);
-                (weights.likeness(both.and_then(|(a, b)| a.distance_mm(b)), things), *id)
-            })
-            .filter(|(score, _)| *score > 0.0)
-            .collect();
+        let signatures: Vec<Signature> = models.iter().map(|(_, signature)| signature.clone()).collect();
+        let scores = likenesses(probe, &signatures).into_iter().zip(models.iter().map(|(id, _)| *id));
+        let mut scores: Vec<(f64, ModelId)> = scores.filter(|(score, _)| *score > 0.0).collect();
         scores.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
         scores
     }

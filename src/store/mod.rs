@@ -241,6 +241,11 @@ impl<T> Page<T> {
         items.truncate(limit);
         Page { items, more }
     }
+
+    /// Where the next page begins, if there is one.
+    pub fn next_cursor(&self, id: impl Fn(&T) -> String) -> Option<String> {
+        self.items.last().filter(|_| self.more).map(id)
+    }
 }
 
 /// Which part of a list is wanted.

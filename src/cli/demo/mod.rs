@@ -5,7 +5,7 @@ mod exhibits;
 mod verdict;
 
 use std::net::SocketAddr;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use anyhow::{Context, ensure};
@@ -19,6 +19,9 @@ use crate::config::ServerConfig;
 use crate::http::Server;
 use crate::telemetry::{self, LogFormat};
 
+/// The file with an object's disturbed poses.
+const ROUGH_POSES: &str = "rough.json";
+
 /// How the demo runs.
 #[derive(Debug, Args)]
 pub struct DemoArgs {
@@ -28,7 +31,7 @@ pub struct DemoArgs {
     /// Where the demo's server listens; port 0 takes a free one
     #[arg(long, default_value = "127.0.0.1:0")]
     addr: SocketAddr,
-    /// Also write the clouds, poses and reports to this folder
+    /// Also write scans, disturbed poses, and what came of them to this folder
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
 }
@@ -90,6 +93,7 @@ async fn tell(client: &Client, exhibits: &[Exhibit], args: &DemoArgs) -> anyhow:
     let all_right = findings.iter().all(|finding| finding.complaints().is_empty());
     println!("\n{}", if all_right { "All poses and all answers are right." } else { "NOT everything is right." });
     if let Some(out) = &args.out {
+        save_scans(exhibits, out)?;
         save(client, &findings, out).await?;
     }
     say_how_to_look(client, &findings, args);
@@ -113,8 +117,22 @@ async fn follow(client: &Client, name: &str, job: &Job) -> anyhow::Result<Job> {
     }
 }
 
+/// Writes what was uploaded: for each object a folder of its scans with the disturbed poses.
+fn save_scans(exhibits: &[Exhibit], out: &Path) -> anyhow::Result<()> {
+    for exhibit in exhibits {
+        let folder = out.join(exhibit.name);
+        std::fs::create_dir_all(&folder).with_context(|| format!("making {}", folder.display()))?;
+        let poses = (ROUGH_POSES.to_owned(), exhibit.initial_poses().into_bytes());
+        for (name, content) in exhibit.files().into_iter().chain([poses]) {
+            let path = folder.join(name);
+            std::fs::write(&path, content).with_context(|| format!("writing {}", path.display()))?;
+        }
+    }
+    Ok(())
+}
+
 /// Fetches the files of the models into `out`.
-async fn save(client: &Client, findings: &[Finding], out: &std::path::Path) -> anyhow::Result<()> {
+async fn save(client: &Client, findings: &[Finding], out: &Path) -> anyhow::Result<()> {
     std::fs::create_dir_all(out).with_context(|| format!("making {}", out.display()))?;
     for finding in findings {
         for asset in ["cloud.ply", "poses.json", "report.json"] {
@@ -128,7 +146,11 @@ async fn save(client: &Client, findings: &[Finding], out: &std::path::Path) -> a
 
 fn say_how_to_look(client: &Client, findings: &[Finding], args: &DemoArgs) {
     if let Some(out) = &args.out {
-        println!("\nThe clouds are in {}: open them with MeshLab, CloudCompare or Blender.", out.display());
+        let out = out.display();
+        println!(
+            "\nThe clouds are in {out}: open them with MeshLab, CloudCompare or Blender. To register scans yourself:"
+        );
+        println!("  visage register {out}/head --poses {out}/head/{ROUGH_POSES} --unit mm --out {out}/registered");
     }
     if args.keep {
         println!("\nLook at the results (clouds open in MeshLab, CloudCompare or Blender):");

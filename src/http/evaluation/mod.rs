@@ -41,12 +41,12 @@ pub fn router() -> OpenApiRouter<AppState> {
 #[derive(Debug, Clone, Deserialize, utoipa::IntoParams)]
 #[into_params(parameter_in = Query)]
 struct EvaluationQuery {
-    /// The class whose verdicts are evaluated (`face` if not given).
+    /// The class whose verdicts are evaluated, `face` or one of your own (`face` if not given).
     #[param(example = "face")]
     standard: Option<String>,
     /// The label of the models that are of that class (the class's name if not given); all other labels are not.
     label: Option<String>,
-    /// How models are judged against the standard (`verified` if not given).
+    /// How models are judged against the standard (`verified` if not given; there are others for the face alone).
     #[param(inline)]
     method: Option<MethodView>,
     /// Only models whose label begins so.
@@ -95,22 +95,23 @@ async fn evaluated(state: &AppState, query: EvaluationQuery) -> Result<Evaluatio
 type Labels = BTreeMap<ModelId, Box<str>>;
 
 async fn evaluate(state: &AppState, query: EvaluationQuery) -> Result<Evaluation, Problem> {
-    let name = query.standard.as_deref().unwrap_or("face");
-    let Some(standard) = standard::by_name(name) else {
-        let detail = format!("there is no standard {name:?}");
-        let hint = "GET /v1/standards lists those that can be asked for";
-        return Err(Problem::new(Code::UnknownStandard, detail, hint));
+    let name = query.standard.unwrap_or_else(|| "face".to_owned());
+    let judged = match standard::by_name(&name) {
+        Some(_) => None,
+        // one that a user has made: as far as models are judged
+        None => Some(verdicts::of_class(state, &name, query.method).await?),
     };
     let _turn = state.describing.clone().acquire_owned().await.map_err(Problem::internal)?;
     let method = query.method.unwrap_or_default();
-    let positive = query.label.unwrap_or_else(|| standard.name.to_owned());
+    let positive = query.label.unwrap_or_else(|| name.clone());
     let labels = labels(state, query.label_prefix.as_deref().unwrap_or_default())?;
     let gallery = state.shop.gallery.clone();
     let work = move || {
-        let scores = verdicts::scores(&gallery, standard.name, method.into(), &labels)?;
+        let of_face = verdicts::scores(&gallery, "face", method.into(), &labels)?;
         // of those only that are in the index: others have signatures of another version
-        let labels: Labels = labels.into_iter().filter(|(id, _)| scores.contains_key(id)).collect();
-        let verdicts = verdicts::evaluate(standard.name, method, &positive, &scores, &labels);
+        let labels: Labels = labels.into_iter().filter(|(id, _)| of_face.contains_key(id)).collect();
+        let scores = judged.unwrap_or(of_face);
+        let verdicts = verdicts::evaluate(&name, method, &positive, &scores, &labels);
         Ok::<_, Problem>((labels, verdicts))
     };
     let (labels, verdicts) = blocking(work).await??;

@@ -2,11 +2,15 @@
 
 use std::collections::BTreeMap;
 
-use super::super::queries::MethodView;
+use super::super::problem::Problem;
+use super::super::queries::{MethodView, unknown_standard, verified_alone};
+use super::super::standards::ranking;
+use super::super::state::AppState;
 use super::Labels;
 use super::views::{RocPointView, VerdictEvaluation};
 use crate::retrieval::measures::{self, RocPoint};
 use crate::retrieval::{MatchMethod, ModelId, Wanted};
+use crate::store::StoredVerdict;
 use crate::store::live_gallery::{LiveGallery, NotReady};
 
 /// Of each class at least so many, or there is nothing to tell apart.
@@ -26,6 +30,18 @@ pub fn scores(
     let wanted = Wanted { accepts: &is_labeled, ..Wanted::best(labels.len()) };
     let ranked = gallery.ask(|index| index.by_standard(standard, method, &wanted).unwrap_or_default())?;
     Ok(ranked.into_iter().map(|found| (found.model_id, found.score)).collect())
+}
+
+/// The scores of all models that are judged against a standard that a user has made.
+pub async fn of_class(
+    state: &AppState,
+    name: &str,
+    method: Option<MethodView>,
+) -> Result<BTreeMap<ModelId, f64>, Problem> {
+    verified_alone(name, method)?;
+    let ranking = ranking(state, name, i64::MAX as usize).await?.ok_or_else(|| unknown_standard(name))?;
+    let score = |verdict: &StoredVerdict| (verdict.model_id.number(), ranking.learned.score(verdict.residual_mm));
+    Ok(ranking.verdicts.iter().map(score).collect())
 }
 
 /// The figures; `None` if either class has too few models.

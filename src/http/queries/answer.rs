@@ -7,8 +7,9 @@ use super::super::problem::Problem;
 use super::super::state::{AppState, blocking};
 use super::super::verdicts::{ExplanationView, VerdictView, places};
 use super::class;
-use super::question::{About, Question};
+use super::question::{About, ClassVerdict, Question};
 use super::views::{MatchView, QueryAnswer};
+use crate::faces::judgement::MATCH_SCORE;
 use crate::faces::{MatchMethod, Signature, standard};
 use crate::retrieval::{Evidence, Match, PROBE_MATCH_SCORE, Reason, compare, triangle_match_score};
 use crate::store::{MatchedModel, ModelId};
@@ -37,18 +38,27 @@ pub async fn answer(state: &AppState, question: Question) -> Result<QueryAnswer,
     .await
 }
 
-/// The verdict on a probe.
+/// The verdict on a probe, if that is what is asked for.
 pub fn verdict(question: &Question) -> Option<QueryAnswer> {
-    let About::Verdict { signature, standard, method } = &question.about else { return None };
-    let evidence = Evidence::new(signature, standard, *method, question.terms.threshold);
-    let explain = || ExplanationView::of(signature, standard, evidence.threshold, None);
+    let (verdict, explain) = match &question.about {
+        About::Verdict { signature, standard, method } => {
+            let evidence = Evidence::new(signature, standard, *method, question.terms.threshold);
+            let explain = || ExplanationView::of(signature, standard, evidence.threshold, None);
+            (VerdictView::of(standard, &evidence), question.terms.explain.then(explain))
+        }
+        About::ClassVerdict(looked_for) => {
+            let ClassVerdict { standard, learned, found } = &**looked_for;
+            (VerdictView::of_found(standard, learned, Ok(found.as_ref()), question.terms.threshold), None)
+        }
+        _ => return None,
+    };
     Some(QueryAnswer {
         matches: Vec::new(),
         searched: 0,
         pending: 0,
         next_cursor: None,
-        verdict: Some(VerdictView::of(standard, &evidence)),
-        explain: question.terms.explain.then(explain),
+        verdict: Some(verdict),
+        explain,
     })
 }
 
@@ -65,7 +75,9 @@ fn shown(question: &Question, matches: Vec<Match>, models: Vec<MatchedModel>) ->
 fn match_view(question: &Question, found: &Match, model: MatchedModel) -> MatchView {
     let (standard, method) = match &question.about {
         About::Standard { standard, method } | About::Verdict { standard, method, .. } => (*standard, *method),
-        About::Probe { .. } | About::Triangle(_) | About::Class { .. } => (standard::face(), MatchMethod::Verified),
+        About::Probe { .. } | About::Triangle(_) | About::Class { .. } | About::ClassVerdict(_) => {
+            (standard::face(), MatchMethod::Verified)
+        }
     };
     let is_about_standard = matches!(question.about, About::Standard { .. });
     // what is stored beside the index: landmarks and figures are not kept in memory
@@ -109,7 +121,7 @@ fn match_view(question: &Question, found: &Match, model: MatchedModel) -> MatchV
 /// The threshold that decides a question.
 fn threshold_of(question: &Question) -> f64 {
     let own = || match question.about {
-        About::Standard { .. } | About::Class { .. } | About::Verdict { .. } => crate::faces::judgement::MATCH_SCORE,
+        About::Standard { .. } | About::Class { .. } | About::Verdict { .. } | About::ClassVerdict(_) => MATCH_SCORE,
         About::Probe { .. } => PROBE_MATCH_SCORE,
         About::Triangle(_) => triangle_match_score(),
     };

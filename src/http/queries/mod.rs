@@ -24,6 +24,7 @@ use super::state::AppState;
 use super::{responses, upload};
 use views::{ProbeForm, QueryAnswer, QueryBody};
 
+pub(super) use question::{unknown_standard, verified_alone};
 pub use views::MethodView;
 
 pub(super) const TAG: &str = "queries";

@@ -2,6 +2,7 @@
 
 use super::super::models::parse_id as parse_model_id;
 use super::super::problem::{Code, Problem};
+use super::super::standards::learned;
 use super::super::state::AppState;
 use super::super::upload::{self, Form, FormRules};
 use super::super::{describe, names};
@@ -9,10 +10,13 @@ use super::cursor::{self, Fingerprint};
 use super::terms::{RawTerms, Terms};
 use super::triangle::AskedTriangle;
 use super::views::{MethodView, QueryBody};
+use crate::classes::limit::Learned;
+use crate::classes::{Class, Found};
 use crate::faces::Signature;
 use crate::faces::standard::{self, Standard};
+use crate::geometry::{Surface, Unit};
 use crate::retrieval::{Catalogue, Gallery, Match, MatchMethod, Rank, Wanted};
-use crate::store::ModelId;
+use crate::store::{ModelId, StandardRecord, StoreError};
 
 /// The form by which an uploaded probe is asked about.
 pub const RULES: FormRules = FormRules {
@@ -65,6 +69,18 @@ pub enum About {
         /// How it is judged.
         method: MatchMethod,
     },
+    /// Is this probe of a class that a user has made?
+    ClassVerdict(Box<ClassVerdict>),
+}
+
+/// An uploaded probe that was looked at for a class that a user has made.
+pub struct ClassVerdict {
+    /// The class.
+    pub standard: StandardRecord,
+    /// What its examples tell.
+    pub learned: Learned,
+    /// Where it was found, if anywhere.
+    pub found: Option<Found>,
 }
 
 impl Question {
@@ -104,7 +120,7 @@ impl Question {
                 }
                 matches
             }
-            About::Verdict { .. } | About::Class { .. } => Vec::new(),
+            About::Verdict { .. } | About::Class { .. } | About::ClassVerdict(_) => Vec::new(),
         };
         let more = matches.len() > terms.limit;
         matches.truncate(terms.limit);
@@ -121,7 +137,7 @@ fn fingerprint(about: &About, terms: &Terms) -> Fingerprint {
         About::Probe { signature, stored } => [format!("probe {stored:?}").into_bytes(), signature.to_bytes()].concat(),
         About::Triangle(triangle) => format!("triangle {triangle:?}").into_bytes(),
         About::Class { name } => format!("class {name}").into_bytes(),
-        About::Verdict { .. } => Vec::new(),
+        About::Verdict { .. } | About::ClassVerdict(_) => Vec::new(),
     };
     let terms = format!("{:?} {:?} {:?}", terms.threshold, terms.only_matches, terms.filter);
     cursor::fingerprint(&[&asked, terms.as_bytes()])
@@ -146,10 +162,9 @@ pub async fn of_json(state: &AppState, body: QueryBody) -> Result<Question, Prob
     let about = match (standard, model_id, triangle) {
         (Some(name), None, None) => match standard::by_name(&name) {
             Some(standard) => About::Standard { standard, method: method.unwrap_or_default().into() },
-            None if method.is_none_or(|method| matches!(method, MethodView::Verified)) => About::Class { name },
             None => {
-                let detail = format!("models are judged against {name} by the method verified alone");
-                return Err(Problem::new(Code::InvalidField, detail, "leave method out; the others are for the face"));
+                verified_alone(&name, method)?;
+                About::Class { name }
             }
         },
         (None, Some(id), None) => {
@@ -170,30 +185,76 @@ pub async fn of_json(state: &AppState, body: QueryBody) -> Result<Question, Prob
 pub async fn of_form(state: &AppState, mut form: Form) -> Result<Question, Problem> {
     let terms = RawTerms::of_form(&form)?.checked()?;
     let unit = form.text("unit")?.map(names::unit).transpose()?.unwrap_or_default();
-    let standard = form.text("standard")?.map(|name| known_standard(name.trim())).transpose()?;
+    let standard = form.text("standard")?.map(|name| name.trim().to_owned());
     let method = form.text("method")?.map(method_named).transpose()?;
     if standard.is_none() && method.is_some() {
         let detail = "method tells how a probe is judged against a standard";
         return Err(Problem::new(Code::InvalidField, detail, "name a standard, or leave it out"));
     }
+    // before the work
+    let class = match &standard {
+        Some(name) if standard::by_name(name).is_none() => {
+            verified_alone(name, method)?;
+            Some(class_named(state, name).await?)
+        }
+        _ => None,
+    };
     let file = form.files.pop().ok_or_else(|| {
         let detail = "the form has no part `probe`";
         Problem::new(Code::InvalidField, detail, "send the mesh or cloud as a file named `probe`")
     })?;
     let (file, surface) = upload::read_surface(state, file).await?;
-    let signature = Box::new(describe::describe(state, &file.name, surface, unit).await?);
-    let about = match standard {
-        Some(standard) => About::Verdict { signature, standard, method: method.unwrap_or_default().into() },
-        None => About::Probe { signature, stored: None },
+    let about = match class {
+        Some(standard) => About::ClassVerdict(Box::new(looked_for(state, &file.name, surface, unit, standard).await?)),
+        None => {
+            let signature = Box::new(describe::describe(state, &file.name, surface, unit).await?);
+            match standard.as_deref().and_then(standard::by_name) {
+                Some(standard) => About::Verdict { signature, standard, method: method.unwrap_or_default().into() },
+                None => About::Probe { signature, stored: None },
+            }
+        }
     };
     Question::new(about, terms)
 }
 
-fn known_standard(name: &str) -> Result<Standard, Problem> {
-    standard::by_name(name).ok_or_else(|| {
-        let detail = format!("{name:?} is no standard that an uploaded probe can be judged against");
-        Problem::new(Code::UnknownStandard, detail, "send face; or store the model, which is judged against all")
-    })
+/// Other methods than the default are for the built-in face.
+pub fn verified_alone(name: &str, method: Option<MethodView>) -> Result<(), Problem> {
+    if method.is_none_or(|method| matches!(method, MethodView::Verified)) {
+        return Ok(());
+    }
+    let detail = format!("models are judged against {name} by the method verified alone");
+    Err(Problem::new(Code::InvalidField, detail, "leave method out; the others are for the face"))
+}
+
+/// The standard of this name that a user has made.
+async fn class_named(state: &AppState, name: &str) -> Result<StandardRecord, Problem> {
+    let standard = match state.shop.store.standard(name).await {
+        Err(StoreError::NotFound { .. }) => return Err(unknown_standard(name)),
+        found => found?,
+    };
+    if standard.class.version != Class::VERSION {
+        let detail = format!("the standard {name} is of another version and is being made anew");
+        return Err(
+            Problem::new(Code::NotReady, detail, "try again when the waiting evaluation has ended").retry_after(5)
+        );
+    }
+    Ok(standard)
+}
+
+/// Looks for a class on an uploaded probe.
+async fn looked_for(
+    state: &AppState,
+    file: &str,
+    surface: Surface,
+    unit: Unit,
+    standard: StandardRecord,
+) -> Result<ClassVerdict, Problem> {
+    let learned = learned(state, standard.id).await?;
+    let looking = describe::computed(state, move |engine, progress| {
+        let found = engine.find(&[&standard.class], &surface, unit, progress)?.into_iter().next().flatten();
+        Ok(ClassVerdict { standard, learned, found })
+    });
+    looking.await.map_err(|problem| problem.scan(file))
 }
 
 /// Nothing is known by this name.

@@ -112,7 +112,7 @@ pub struct ProbeForm {
     probe: Vec<u8>,
     /// The unit of its coordinates.
     unit: Option<UnitView>,
-    /// Judge the probe against this class, rather than look for models like it.
+    /// Judge the probe against this class, `face` or one of your own, rather than look for models like it.
     #[schema(example = "face")]
     standard: Option<String>,
     /// How it is judged against a standard.
@@ -189,7 +189,8 @@ pub struct QueryAnswer {
     /// How an uploaded probe was judged, if asked with a `standard`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub verdict: Option<VerdictView>,
-    /// Each step's figure of that verdict, if asked for.
+    /// Each step's figure of that verdict, if asked for; by the face alone, since the verdict by a standard of your own
+    /// holds all there is.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub explain: Option<ExplanationView>,
 }

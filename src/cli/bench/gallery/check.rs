@@ -8,7 +8,7 @@ use super::population::Population;
 use crate::faces::judgement::triples;
 use crate::faces::{self, MatchMethod, Shape, Signature, Triangle, standard};
 use crate::geometry::{Point3, Vector3};
-use crate::retrieval::{Gallery, ModelId, Wanted};
+use crate::retrieval::{self, Gallery, ModelId};
 
 /// Compares the answers to some questions of each kind; fails at the first that differs. Gives the number compared.
 pub fn compare(
@@ -42,8 +42,16 @@ fn brute_force(questions: &[Question], population: &Population, models: u64, lim
     let numbers: Vec<u64> = (0..models).collect();
     let mut best: Vec<Vec<(f64, ModelId)>> = vec![Vec::new(); questions.len()];
     for chunk in numbers.chunks(1 << 14) {
-        let costs: Vec<Vec<Option<f64>>> =
-            chunk.par_iter().map(|&number| costs(questions, &shapes, &population.model(number))).collect();
+        let models: Vec<Signature> = chunk.par_iter().map(|&number| population.model(number)).collect();
+        let likenesses: Vec<Vec<f64>> = questions.iter().map(|question| likenesses(question, &models)).collect();
+        let costs: Vec<Vec<Option<f64>>> = models
+            .par_iter()
+            .enumerate()
+            .map(|(k, model)| {
+                let of_probes: Vec<Option<f64>> = likenesses.iter().map(|likeness| likeness.get(k).copied()).collect();
+                costs(questions, &shapes, &of_probes, model)
+            })
+            .collect();
         for (number, costs) in chunk.iter().zip(costs) {
             for (best, cost) in best.iter_mut().zip(costs) {
                 best.extend(cost.map(|cost| (cost, ModelId::from(*number))));
@@ -57,30 +65,32 @@ fn brute_force(questions: &[Question], population: &Population, models: u64, lim
     best
 }
 
+/// How like each model is to the probe of a question; nothing for other questions.
+fn likenesses(question: &Question, models: &[Signature]) -> Vec<f64> {
+    match question {
+        Question::Probe(probe) => retrieval::likenesses(probe, models),
+        Question::Triangle { .. } | Question::Standard(_) => Vec::new(),
+    }
+}
+
 /// What a model costs each question: 1 minus its score; `None` where it has nothing in common with it.
-fn costs(questions: &[Question], shapes: &[Vec<Shape>], model: &Signature) -> Vec<Option<f64>> {
+fn costs(
+    questions: &[Question],
+    shapes: &[Vec<Shape>],
+    likenesses: &[Option<f64>],
+    model: &Signature,
+) -> Vec<Option<f64>> {
     let all = shapes_of(model);
     let judged = faces::judge(model, &standard::face(), MatchMethod::Verified).score;
-    let cost = |question: &Question, shapes: &[Shape]| match question {
+    let cost = |((question, shapes), likeness): ((&Question, &Vec<Shape>), &Option<f64>)| match question {
         Question::Triangle { .. } => {
             let chords = all.iter().flat_map(|shape| shapes.iter().map(|query| query.chord(shape)));
             Some(chords.fold(f64::INFINITY, f64::min)).filter(|chord| chord.is_finite())
         }
         Question::Standard(_) => Some(1.0 - judged),
-        Question::Probe(probe) => {
-            let sure = 2.0 * judged * faces::judge(probe, &standard::face(), MatchMethod::Verified).score >= 1.0;
-            match probe.dense().zip(model.dense()).filter(|_| sure) {
-                // sure faces: half for being faces, the other half by the distance
-                Some((a, b)) => Some(a.distance_mm(b).map_or(0.5, |mm| 0.5 - 0.5 / (1.0 + (mm / 0.6).powi(2)))),
-                // others: asked for alone, so that nothing can be left out
-                None => {
-                    let alone = Gallery::build(vec![(0, model.clone())]);
-                    alone.by_probe(probe, None, &Wanted::best(1)).first().map(|found| 1.0 - found.score)
-                }
-            }
-        }
+        Question::Probe(_) => likeness.filter(|likeness| *likeness > 0.0).map(|likeness| 1.0 - likeness),
     };
-    questions.iter().zip(shapes).map(|(question, shapes)| cost(question, shapes)).collect()
+    questions.iter().zip(shapes).zip(likenesses).map(cost).collect()
 }
 
 /// Every triangle of a model, labelled one way.
