@@ -61,7 +61,10 @@ const FINE_REACH_MM: f64 = 110.0;
 const SMOOTHING_MM: f64 = 6.0;
 /// The same for the last look, at one place: landmarks and heights.
 const CLOSE_SPACING_MM: f64 = 1.5;
-const CLOSE_REACH_MM: f64 = 120.0;
+const CLOSE_REACH_MM: f64 = 105.0;
+/// What is around these is looked at: the middle of the fitted region, and for the last look that of forehead and chin.
+const MIDDLE: [f64; 3] = [0.0, 20.0, 100.0];
+const CLOSE_MIDDLE: [f64; 3] = [0.0, 0.0, 100.0];
 
 /// A surface ready to be sampled at any spacing, with consistent unit normals.
 #[derive(Debug, Clone, Copy)]
@@ -243,7 +246,7 @@ fn verified(surface: &Oriented, finalists: Vec<Finalist>, standard: &Standard) -
 }
 
 fn second_look(surface: &Oriented, finalist: &Finalist) -> Finalist {
-    let (samples, grid) = around(surface, &finalist.fit.pose, FINE_SPACING_MM, FINE_REACH_MM);
+    let (samples, grid) = around(surface, &finalist.fit.pose, MIDDLE, FINE_SPACING_MM, FINE_REACH_MM);
     let target = Target { samples: &samples, grid: &grid, sign: finalist.sign };
     let placement = fit_pose(&target, template::face(), &finalist.fit.placement(), &SECOND_LOOK);
     Finalist { fit: score(&target, template::face(), SECOND_LOOK.points, &placement), sign: finalist.sign }
@@ -251,7 +254,7 @@ fn second_look(surface: &Oriented, finalist: &Finalist) -> Finalist {
 
 /// What the surface shows at the place that was settled on.
 fn closest_look(surface: &Oriented, found: &Finalist) -> FoundFace {
-    let (samples, grid) = around(surface, &found.fit.pose, CLOSE_SPACING_MM, CLOSE_REACH_MM);
+    let (samples, grid) = around(surface, &found.fit.pose, CLOSE_MIDDLE, CLOSE_SPACING_MM, CLOSE_REACH_MM);
     let target = Target { samples: &samples, grid: &grid, sign: found.sign };
     let placement = found.fit.placement();
     FoundFace {
@@ -261,10 +264,16 @@ fn closest_look(surface: &Oriented, found: &Finalist) -> FoundFace {
     }
 }
 
-/// Samples of the surface around a face; spacing and reach in mm on the standard.
-fn around(surface: &Oriented, pose: &Similarity, spacing_mm: f64, reach_mm: f64) -> (Samples, CellGrid) {
+/// Samples of the surface around a place of the face; all in mm on the standard.
+fn around(
+    surface: &Oriented,
+    pose: &Similarity,
+    middle: [f64; 3],
+    spacing_mm: f64,
+    reach_mm: f64,
+) -> (Samples, CellGrid) {
     let spacing = spacing_mm * pose.scale;
-    let center = pose.point(&Point3::new(0.0, 20.0, 100.0));
+    let center = pose.point(&Point3::from(middle));
     let mut samples = surface.sampled_around(&center, reach_mm * pose.scale, spacing);
     let grid = CellGrid::new(&samples.points, 2.0 * spacing);
     samples.smooth_normals(&grid, SMOOTHING_MM * pose.scale);

@@ -10,8 +10,10 @@ use crate::saliency::Samples;
 /// The landmarks in the order of [`LANDMARKS`], in the model's frame and unit.
 pub type Landmarks = [Point3; LANDMARKS.len()];
 
-/// A refinement farther than this from where the standard says is none, mm on the standard.
-const MOST_MOVE_MM: f64 = 5.0;
+/// An extremum is one if it lies within this share of the radius that was looked at; else its neighbourhood is looked at
+/// next, so many times.
+const INNER_SHARE: f64 = 0.8;
+const MOST_STEPS: usize = 4;
 /// Carried landmarks are brought onto the surface if it is this near, mm on the standard.
 const ON_SURFACE_MM: f64 = 4.0;
 /// The samples around an extremum within this are averaged, mm on the standard.
@@ -25,8 +27,13 @@ struct Extremum {
     direction: [f64; 3],
     radius_mm: f64,
     offset_mm: [f64; 3],
-    /// How much it counts against the carried place.
+    /// How much it counts against the carried place, up to `trusted_mm` from there: beyond, the standard doesn't fit and
+    /// only the surface counts.
     weight: f64,
+    trusted_mm: f64,
+    /// A refinement farther than this from where the standard says is none, mm on the standard. Nothing stands out like
+    /// the nose for far around it; another pit is near the eye's.
+    most_move_mm: f64,
 }
 
 /// The nose's apex seen 15 degrees from above, and the pits of the inner eye corners: their deepest points lie inward
@@ -38,6 +45,8 @@ const EXTREMA: [Extremum; 3] = [
         radius_mm: 10.0,
         offset_mm: [0.0, 0.0, 0.0],
         weight: 0.7,
+        trusted_mm: 5.0,
+        most_move_mm: 20.0,
     },
     Extremum {
         landmark: "eye_r_inner",
@@ -45,6 +54,8 @@ const EXTREMA: [Extremum; 3] = [
         radius_mm: 8.0,
         offset_mm: [-3.4, -1.5, 0.8],
         weight: 0.5,
+        trusted_mm: 5.0,
+        most_move_mm: 5.0,
     },
     Extremum {
         landmark: "eye_l_inner",
@@ -52,6 +63,8 @@ const EXTREMA: [Extremum; 3] = [
         radius_mm: 8.0,
         offset_mm: [3.4, -1.5, 0.8],
         weight: 0.5,
+        trusted_mm: 5.0,
+        most_move_mm: 5.0,
     },
 ];
 
@@ -69,7 +82,8 @@ pub fn landmarks(target: &Target, placement: &Placement) -> Landmarks {
     for extremum in &EXTREMA {
         let Some(index) = LANDMARKS.iter().position(|name| *name == extremum.landmark) else { continue };
         if let Some(found) = extremum.find(target, placement, &carried[index]) {
-            carried[index] += (found - carried[index]) * extremum.weight;
+            let away = found - carried[index];
+            carried[index] += away * if away.norm() > extremum.trusted_mm { 1.0 } else { extremum.weight };
         }
     }
     for (name, find) in READ_OFF {
@@ -88,16 +102,7 @@ impl Extremum {
     fn find(&self, target: &Target, placement: &Placement, carried: &Point3) -> Option<Point3> {
         let pose = &placement.pose;
         let expected = carried - Vector3::from(self.offset_mm);
-        let center = pose.point(&expected);
-        let direction = (pose.motion.rotation * Vector3::from(self.direction)).normalize();
-        let mut best: Option<(f64, usize)> = None;
-        target.grid.for_each_within(&center, self.radius_mm * pose.scale, |sample, _| {
-            let height = direction.dot(&(target.samples.points[sample] - center));
-            if best.is_none_or(|(most, _)| height > most) {
-                best = Some((height, sample));
-            }
-        });
-        let (_, extreme) = best?;
+        let extreme = self.climbed(target, placement, pose.point(&expected))?;
         let (mut sum, mut count) = (Vector3::zeros(), 0.0);
         let around = target.samples.points[extreme];
         target.grid.for_each_within(&around, SMOOTHING_MM * pose.scale, |sample, _| {
@@ -105,7 +110,33 @@ impl Extremum {
             count += 1.0;
         });
         let found = pose.standard_point(&(around + sum / f64::max(count, 1.0))) + Vector3::from(self.offset_mm);
-        ((found - carried).norm() <= MOST_MOVE_MM).then_some(found)
+        ((found - carried).norm() <= self.most_move_mm).then_some(found)
+    }
+
+    /// The sample that lies farthest in the direction, looked for around `center` and then around what was found, until
+    /// that stays.
+    fn climbed(&self, target: &Target, placement: &Placement, mut center: Point3) -> Option<usize> {
+        let pose = &placement.pose;
+        let direction = (pose.motion.rotation * Vector3::from(self.direction)).normalize();
+        let radius = self.radius_mm * pose.scale;
+        let mut extreme = None;
+        for _ in 0..MOST_STEPS {
+            let mut best: Option<(f64, usize)> = None;
+            target.grid.for_each_within(&center, radius, |sample, _| {
+                let height = direction.dot(&(target.samples.points[sample] - center));
+                if best.is_none_or(|(most, _)| height > most) {
+                    best = Some((height, sample));
+                }
+            });
+            let (_, sample) = best?;
+            let point = target.samples.points[sample];
+            extreme = Some(sample);
+            if (point - center).norm() < INNER_SHARE * radius || self.most_move_mm <= self.radius_mm {
+                break;
+            }
+            center = point;
+        }
+        extreme
     }
 }
 

@@ -60,13 +60,26 @@ impl CellGrid {
         self.sorted.extend(self.order.iter().map(|&i| points[i as usize]));
     }
 
+    #[inline(always)]
     fn axis_cell(&self, axis: usize, coordinate: f64) -> usize {
-        let cell = ((coordinate - self.origin[axis]) * self.per_length).floor();
+        // the conversion cuts the fraction off; what lies before the first cell counts as in it
+        let cell = (coordinate - self.origin[axis]) * self.per_length;
         (cell.max(0.0) as usize).min(self.dims[axis] - 1)
     }
 
     fn cell_of(&self, point: &Point3) -> [usize; 3] {
-        [0, 1, 2].map(|axis| self.axis_cell(axis, point[axis]))
+        [self.axis_cell(0, point.x), self.axis_cell(1, point.y), self.axis_cell(2, point.z)]
+    }
+
+    /// The first and last cell along each axis that a ball's box reaches.
+    #[inline(always)]
+    fn cells_around(&self, center: &Point3, radius: f64) -> ([usize; 3], [usize; 3]) {
+        let (mut low, mut high) = ([0; 3], [0; 3]);
+        for axis in 0..3 {
+            low[axis] = self.axis_cell(axis, center[axis] - radius);
+            high[axis] = self.axis_cell(axis, center[axis] + radius);
+        }
+        (low, high)
     }
 
     fn cell_index(&self, [x, y, z]: [usize; 3]) -> usize {
@@ -75,8 +88,7 @@ impl CellGrid {
 
     /// Calls `visit(index, squared distance)` for every point nearer to `center` than `radius`.
     pub fn for_each_within(&self, center: &Point3, radius: f64, mut visit: impl FnMut(usize, f64)) {
-        let low = [0, 1, 2].map(|axis| self.axis_cell(axis, center[axis] - radius));
-        let high = [0, 1, 2].map(|axis| self.axis_cell(axis, center[axis] + radius));
+        let (low, high) = self.cells_around(center, radius);
         let radius2 = radius * radius;
         for z in low[2]..=high[2] {
             for y in low[1]..=high[1] {
@@ -96,8 +108,7 @@ impl CellGrid {
     /// squared distance; ties by the order of visiting, which is always the same. Rows of cells are visited from the
     /// middle outward and left out when they can hold nothing nearer.
     pub fn nearest_where(&self, center: &Point3, radius: f64, accept: impl Fn(usize) -> bool) -> Option<(usize, f64)> {
-        let low = [0, 1, 2].map(|axis| self.axis_cell(axis, center[axis] - radius));
-        let high = [0, 1, 2].map(|axis| self.axis_cell(axis, center[axis] + radius));
+        let (low, high) = self.cells_around(center, radius);
         let middle = self.cell_of(center);
         let (mut least, mut nearest) = (radius * radius, None);
         for z in outward(middle[2], low[2], high[2]) {

@@ -5,7 +5,8 @@
 #[inline]
 pub fn falloff(x: f64) -> f64 {
     let t = -0.25 * x;
-    let series = 1.0 + t * (1.0 + t * (0.5 + t * (1.0 / 6.0 + t * (1.0 / 24.0 + t * (1.0 / 120.0 + t / 720.0)))));
+    let series =
+        1.0 + t * (1.0 + t * (0.5 + t * (1.0 / 6.0 + t * (1.0 / 24.0 + t * (1.0 / 120.0 + t * (1.0 / 720.0))))));
     let squared = series * series;
     squared * squared
 }
@@ -14,7 +15,8 @@ pub fn falloff(x: f64) -> f64 {
 #[inline]
 pub fn falloff_lane(x: f32) -> f32 {
     let t = -0.25 * x;
-    let series = 1.0 + t * (1.0 + t * (0.5 + t * (1.0 / 6.0 + t * (1.0 / 24.0 + t * (1.0 / 120.0 + t / 720.0)))));
+    let series =
+        1.0 + t * (1.0 + t * (0.5 + t * (1.0 / 6.0 + t * (1.0 / 24.0 + t * (1.0 / 120.0 + t * (1.0 / 720.0))))));
     let squared = series * series;
     squared * squared
 }

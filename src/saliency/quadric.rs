@@ -29,7 +29,10 @@ pub struct Principal {
 /// The normal equations of `z = a x^2 + b x y + c y^2 + d x + e y + f`, gathered as moments.
 #[derive(Debug, Clone, Copy)]
 pub struct QuadricFit {
-    radius: f64,
+    /// The length that the moments count as 1.
+    unit: f64,
+    /// One over the squared radius, in units.
+    per_radius2: f32,
     /// Number of neighbours.
     pub neighbours: u32,
     /// Sums of `w x^i y^j` in the order of [`QuadricFit::coefficients`], lane by lane.
@@ -41,56 +44,44 @@ pub struct QuadricFit {
 impl QuadricFit {
     /// An empty fit whose weights fall as `exp(-2 (d/radius)^2)`.
     pub fn new(radius: f64) -> QuadricFit {
-        QuadricFit { radius, neighbours: 0, moments: [[0.0; LANES]; 15], right: [[0.0; LANES]; 6] }
+        QuadricFit::in_units(radius, radius)
+    }
+
+    fn in_units(radius: f64, unit: f64) -> QuadricFit {
+        let per_radius2 = ((unit / radius) * (unit / radius)) as f32;
+        QuadricFit { unit, per_radius2, neighbours: 0, moments: [[0.0; LANES]; 15], right: [[0.0; LANES]; 6] }
     }
 
     /// Adds a neighbour at `(x, y)` in the tangent plane and height `z`, `distance2` from the centre: none beyond the
     /// radius counts.
     pub fn add(&mut self, x: f64, y: f64, z: f64, distance2: f64) {
-        let mut gathered = Gathered::new();
+        let mut gathered = Gathered::new(self.unit);
         gathered.push([x, y, z, distance2], std::slice::from_mut(self));
         gathered.flush(std::slice::from_mut(self));
     }
 
-    /// Adds [`LANES`] neighbours: x, y, z, squared distances.
+    /// Adds [`LANES`] neighbours.
     #[inline]
-    fn add_lanes(&mut self, lanes: &[[f64; LANES]; 4]) {
-        let scale = 1.0 / self.radius;
-        let scaled = |axis: usize| lanes[axis].map(|value| (value * scale) as f32);
-        let [x, y, z] = [scaled(0), scaled(1), scaled(2)];
-        let distance2 = lanes[3].map(|d| (d * scale * scale) as f32);
-        let w = distance2.map(|d| if d < 1.0 { falloff_lane(2.0 * d) } else { 0.0 });
-        self.neighbours += distance2.iter().map(|d| u32::from(*d < 1.0)).sum::<u32>();
-        let times = |a: &Lanes, b: &Lanes| -> Lanes { std::array::from_fn(|l| a[l] * b[l]) };
-        let (wx, wy) = (times(&w, &x), times(&w, &y));
-        let (wxx, wxy, wyy) = (times(&wx, &x), times(&wx, &y), times(&wy, &y));
-        let (xx, xy, yy) = (times(&x, &x), times(&x, &y), times(&y, &y));
-        let moments = [
-            times(&wxx, &xx),
-            times(&wxx, &xy),
-            times(&wxx, &yy),
-            times(&wyy, &xy),
-            times(&wyy, &yy),
-            times(&wxx, &x),
-            times(&wxx, &y),
-            times(&wyy, &x),
-            times(&wyy, &y),
-            wxx,
-            wxy,
-            wyy,
-            wx,
-            wy,
-            w,
-        ];
-        for (sum, term) in self.moments.iter_mut().zip(&moments) {
-            add_to(sum, term);
+    fn add_lanes(&mut self, terms: &Terms) {
+        // plain loops over lanes, without a branch, become vector instructions
+        let mut w = [0.0; LANES];
+        for (w, distance2) in w.iter_mut().zip(&terms.distance2) {
+            let share = distance2 * self.per_radius2;
+            let weight = falloff_lane(2.0 * share);
+            *w = if share < 1.0 { weight } else { 0.0 };
         }
-        for (sum, term) in self.right.iter_mut().zip([wxx, wxy, wyy, wx, wy, w]) {
-            add_to(sum, &times(&term, &z));
+        for distance2 in &terms.distance2 {
+            self.neighbours += u32::from(distance2 * self.per_radius2 < 1.0);
+        }
+        for (sum, term) in self.moments.iter_mut().zip(&terms.monomials) {
+            add_product(sum, &w, term);
+        }
+        for (sum, term) in self.right.iter_mut().zip(&terms.heights) {
+            add_product(sum, &w, term);
         }
     }
 
-    /// The coefficients a to f, for lengths in units of the radius; `None` if the neighbours don't determine them.
+    /// The coefficients a to f, for lengths in units of the radius given to [`QuadricFit::new`]; `None` if the neighbours don't determine them.
     pub fn coefficients(&self) -> Option<[f64; 6]> {
         let sum = |lanes: &Lanes| lanes.iter().map(|lane| f64::from(*lane)).sum::<f64>();
         let [x4, x3y, x2y2, xy3, y4, x3, x2y, xy2, y3, x2, xy, y2, x, y, one] = self.moments.each_ref().map(sum);
@@ -121,15 +112,24 @@ impl QuadricFit {
         let gauss = (4.0 * a * c - b * b) / (g * g);
         let mean = -((1.0 + e * e) * 2.0 * a - 2.0 * d * e * b + (1.0 + d * d) * 2.0 * c) / (2.0 * g.powf(1.5));
         let spread = (mean * mean - gauss).max(0.0).sqrt();
-        let curvatures = Principal { k1: (mean + spread) / self.radius, k2: (mean - spread) / self.radius };
+        let curvatures = Principal { k1: (mean + spread) / self.unit, k2: (mean - spread) / self.unit };
         (curvatures.k1.is_finite() && curvatures.k2.is_finite()).then_some(curvatures)
     }
 }
 
-#[inline]
-fn add_to(sum: &mut Lanes, term: &Lanes) {
-    for (sum, term) in sum.iter_mut().zip(term) {
-        *sum += term;
+#[inline(always)]
+fn product(a: &Lanes, b: &Lanes) -> Lanes {
+    let mut product = *a;
+    for lane in 0..LANES {
+        product[lane] *= b[lane];
+    }
+    product
+}
+
+#[inline(always)]
+fn add_product(sum: &mut Lanes, a: &Lanes, b: &Lanes) {
+    for lane in 0..LANES {
+        sum[lane] += a[lane] * b[lane];
     }
 }
 
@@ -150,8 +150,8 @@ pub fn fit_around<const N: usize>(
 ) -> [QuadricFit; N] {
     let (center, normal) = (samples.points[index], samples.normals[index]);
     let [tangent_x, tangent_y] = tangents(&normal);
-    let mut gathered = Gathered::new();
-    let mut fits = radii.map(QuadricFit::new);
+    let mut gathered = Gathered::new(radii[0]);
+    let mut fits = radii.map(|radius| QuadricFit::in_units(radius, radii[0]));
     grid.for_each_within(&center, radii[0], |neighbour, distance2| {
         if samples.normals[neighbour].dot(&normal) <= 0.0 {
             return;
@@ -166,23 +166,33 @@ pub fn fit_around<const N: usize>(
 /// Neighbours on their way into fits, a few at a time: the compiler turns sums over lanes into vector instructions,
 /// and f32 is exact enough for lengths in units of the radius.
 struct Gathered {
-    /// x, y, z and the squared distance of each.
-    lanes: [[f64; LANES]; 4],
+    per_unit: f64,
+    /// x, y, z and the squared distance of each, in units.
+    lanes: [Lanes; 4],
     count: usize,
+}
+
+/// What [`LANES`] neighbours add to any fit, but for its weights.
+struct Terms {
+    monomials: [Lanes; 15],
+    heights: [Lanes; 6],
+    distance2: Lanes,
 }
 
 const LANES: usize = 4;
 type Lanes = [f32; LANES];
 
 impl Gathered {
-    fn new() -> Gathered {
-        Gathered { lanes: [[0.0; LANES]; 4], count: 0 }
+    fn new(unit: f64) -> Gathered {
+        Gathered { per_unit: 1.0 / unit, lanes: [[0.0; LANES]; 4], count: 0 }
     }
 
     #[inline]
-    fn push(&mut self, values: [f64; 4], fits: &mut [QuadricFit]) {
+    fn push(&mut self, [x, y, z, distance2]: [f64; 4], fits: &mut [QuadricFit]) {
+        let scale = self.per_unit;
+        let values = [x * scale, y * scale, z * scale, distance2 * scale * scale];
         for (lanes, value) in self.lanes.iter_mut().zip(values) {
-            lanes[self.count] = value;
+            lanes[self.count] = value as f32;
         }
         self.count += 1;
         if self.count == LANES {
@@ -194,14 +204,40 @@ impl Gathered {
     #[inline]
     fn flush(&mut self, fits: &mut [QuadricFit]) {
         for lane in self.count..LANES {
-            self.lanes[3][lane] = f64::INFINITY;
+            self.lanes[3][lane] = f32::INFINITY;
         }
         if self.count > 0 {
+            let terms = self.terms();
             for fit in fits {
-                fit.add_lanes(&self.lanes);
+                fit.add_lanes(&terms);
             }
         }
         self.count = 0;
+    }
+
+    #[inline(always)]
+    fn terms(&self) -> Terms {
+        let [x, y, z, distance2] = self.lanes;
+        let (xx, xy, yy) = (product(&x, &x), product(&x, &y), product(&y, &y));
+        let monomials = [
+            product(&xx, &xx),
+            product(&xx, &xy),
+            product(&xx, &yy),
+            product(&yy, &xy),
+            product(&yy, &yy),
+            product(&xx, &x),
+            product(&xx, &y),
+            product(&yy, &x),
+            product(&yy, &y),
+            xx,
+            xy,
+            yy,
+            x,
+            y,
+            [1.0; LANES],
+        ];
+        let heights = [product(&xx, &z), product(&xy, &z), product(&yy, &z), product(&x, &z), product(&y, &z), z];
+        Terms { monomials, heights, distance2 }
     }
 }
 

@@ -1,6 +1,7 @@
 //! `visage bench faces`: the paper's Table 3 for the faces of a labelled set, faces against other things step by step,
 //! landmark errors, and what disturbances do to a verdict. Every unit is taken as unknown.
 
+mod costs;
 pub(super) mod dataset;
 mod disturbances;
 mod robustness;
@@ -30,6 +31,15 @@ pub struct FacesArgs {
     /// Also disturbs every model: turned, subdivided, thinned to a noisy cloud, cut in half, scanned badly.
     #[arg(long)]
     robustness: bool,
+    /// Only the disturbances whose names contain this (may be repeated); implies --robustness.
+    #[arg(long, value_name = "NAME")]
+    disturbance: Vec<String>,
+    /// Only the models whose paths contain this (may be repeated).
+    #[arg(long, value_name = "NAME")]
+    model: Vec<String>,
+    /// Also measures what each signature costs, on one thread.
+    #[arg(long)]
+    costs: bool,
 }
 
 /// A model of the set with its signature.
@@ -42,8 +52,10 @@ struct Judged {
 /// Runs the measurement.
 pub fn run(args: FacesArgs) -> anyhow::Result<()> {
     let rows = dataset::read(&args.data)?;
+    let is_wanted = |row: &Row| args.model.is_empty() || args.model.iter().any(|name| row.file.contains(name));
     let judged = rows
         .into_par_iter()
+        .filter(is_wanted)
         .map(|row| {
             let surface = dataset::load(&args.data, &row)?;
             let signature = described(&surface).with_context(|| format!("{} can't be described", row.file))?;
@@ -51,8 +63,11 @@ pub fn run(args: FacesArgs) -> anyhow::Result<()> {
         })
         .collect::<anyhow::Result<Vec<Judged>>>()?;
     let mut report = tables::all(&judged);
-    if args.robustness {
-        report += &robustness::table(&judged);
+    if args.robustness || !args.disturbance.is_empty() {
+        report += &robustness::table(&judged, &args.disturbance);
+    }
+    if args.costs {
+        report += &costs::table(&judged)?;
     }
     let Some(out) = args.out else {
         print!("{report}");
