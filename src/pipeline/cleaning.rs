@@ -22,6 +22,10 @@ pub(super) fn clean_scans(
         if left_out.kept.is_empty() {
             return;
         }
+        if view.leave_specks_out(&left_out.kept) {
+            scan.surface = scan.surface.kept(&left_out.kept);
+            return;
+        }
         let surface = scan.surface.kept(&left_out.kept);
         // what can't be registered any more stays as it was
         match View::of(&surface) {

@@ -87,7 +87,7 @@ fn directed_overlap(view_j: &IndexedPoints, queries: &[LocalPoint], motion_j_i: 
         .iter()
         .filter(|query| {
             let moved = motion * nalgebra::Point3::from(**query);
-            view_j.tree.nearest(&moved.coords.into(), tolerance2).is_some()
+            view_j.tree.has_within(&moved.coords.into(), tolerance2)
         })
         .count();
     hits as f64 / queries.len() as f64

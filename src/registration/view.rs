@@ -7,7 +7,8 @@ use crate::geometry::normals::{self, local_planes};
 use crate::geometry::thinning::thin;
 use crate::geometry::{Cloud, Motion, Point3, Surface, Vector3, organised};
 
-/// A view in its local frame: the scan's own frame shifted so that the scan's centroid is the origin.
+/// A view in its local frame: the scan's own frame shifted so that the scan's centroid is the origin (with specks that
+/// were left out since).
 #[derive(Debug, Clone)]
 pub struct View {
     /// Positions in the local frame, in the scan's order and unit, with their tree.
@@ -42,6 +43,8 @@ pub enum UnusableScan {
 pub const MIN_POINTS: usize = 50;
 /// Points at which spacing and noise are measured.
 const SAMPLES: usize = 600;
+/// The largest share of a scan that is specks.
+const SPECKS: f64 = 0.01;
 /// Neighbours looked at to find one that is not a duplicate.
 const DISTINCT_AMONG: usize = 8;
 
@@ -70,6 +73,17 @@ impl View {
     pub fn of(surface: &Surface) -> Result<Self, UnusableScan> {
         let resolution = surface.grid.as_ref().and_then(|grid| organised::resolution(grid, &surface.cloud));
         Ok(View { resolution, ..View::new(&surface.cloud)? })
+    }
+
+    /// Leaves out the points for which `kept` does not hold, if they are a few specks: these change neither what was
+    /// measured nor the frame. Otherwise nothing is done and the answer is false: the view is to be made anew.
+    pub fn leave_specks_out(&mut self, kept: &[bool]) -> bool {
+        let gone = kept.iter().filter(|kept| !**kept).count();
+        let is_few = gone as f64 <= SPECKS * kept.len() as f64 && kept.len() - gone >= MIN_POINTS;
+        if is_few {
+            self.indexed.keep(kept);
+        }
+        is_few
     }
 
     /// Positions in the local frame, in the scan's order and unit.

@@ -99,3 +99,21 @@ impl<F: FnMut(Neighbour)> Collect for Within<F> {
         (self.visit)(candidate);
     }
 }
+
+/// Notes whether there is any point within a radius, and ends the search with the first.
+pub(super) struct Any {
+    pub radius2: f32,
+    pub found: bool,
+}
+
+impl Collect for Any {
+    #[inline]
+    fn bound(&self) -> f32 {
+        if self.found { f32::NEG_INFINITY } else { self.radius2 }
+    }
+
+    #[inline]
+    fn offer(&mut self, _candidate: Neighbour) {
+        self.found = true;
+    }
+}

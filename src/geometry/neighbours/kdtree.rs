@@ -1,6 +1,6 @@
 //! A balanced kd-tree with leaves of sixteen points, stored so that a leaf is compared without branches.
 
-use super::collect::{Collect, KNearest, Nearest, NearestTwo, Neighbour, Within};
+use super::collect::{Any, Collect, KNearest, Nearest, NearestTwo, Neighbour, Within};
 use super::{LocalPoint, distance2};
 
 /// Points in a leaf: four SSE registers a coordinate; eight were slower far from the surface.
@@ -63,6 +63,16 @@ impl KdTree {
         tree
     }
 
+    /// Leaves out the points whose `places` are [`KdTree::GONE`]; the others go by the indices there, below `len`. The
+    /// tree stays as deep as it is, so this is for a few points.
+    pub fn renumber(&mut self, places: &[u32], len: usize) {
+        self.leaves.iter_mut().for_each(|leaf| leaf.renumber(places));
+        self.len = len;
+    }
+
+    /// The place of a point that goes.
+    pub const GONE: u32 = u32::MAX;
+
     /// The number of points.
     pub fn len(&self) -> usize {
         self.len
@@ -100,6 +110,14 @@ impl KdTree {
         (nearest.best.index != u32::MAX).then_some(nearest.best)
     }
 
+    /// Whether there is a point at a squared distance below `radius2`.
+    #[inline]
+    pub fn has_within(&self, query: &LocalPoint, radius2: f32) -> bool {
+        let mut any = Any { radius2, found: false };
+        self.search(query, &mut any);
+        any.found
+    }
+
     /// Like [`KdTree::nearest`], but starts from a point that is thought to be near (the last answer to almost the
     /// same query): the better the guess, the less is searched. `guess` is a point of the tree and its squared
     /// distance from the query; the answer is never farther away.
@@ -134,6 +152,20 @@ impl KdTree {
         found.clear();
         if k > 0 {
             self.search(query, &mut KNearest { k, max_distance2, found });
+        }
+    }
+
+    /// The `k` nearest points, in no order, into `found`: cheaper than [`KdTree::k_nearest`] with a good guess
+    /// `guess2` of the squared distance within which they lie. `found` may serve as scratch; the answer is the same for
+    /// every guess but for its order.
+    pub fn k_nearest_unordered(&self, query: &LocalPoint, k: usize, guess2: f32, found: &mut Vec<Neighbour>) {
+        found.clear();
+        self.search(query, &mut Within { radius2: guess2, visit: |neighbour| found.push(neighbour) });
+        if found.len() < k {
+            self.k_nearest(query, k, f32::INFINITY, found);
+        } else if k > 0 {
+            found.select_nth_unstable_by(k - 1, |a, b| a.distance2.total_cmp(&b.distance2));
+            found.truncate(k);
         }
     }
 
@@ -182,6 +214,16 @@ impl Leaf {
             }
         }
         leaf
+    }
+
+    fn renumber(&mut self, places: &[u32]) {
+        for slot in 0..LEAF {
+            let Some(place) = places.get(self.indices[slot] as usize) else { continue };
+            self.indices[slot] = *place;
+            if *place == KdTree::GONE {
+                self.coordinates.iter_mut().for_each(|along| along[slot] = f32::INFINITY);
+            }
+        }
     }
 
     #[inline]
@@ -286,9 +328,36 @@ mod tests {
                 tree.k_nearest(&query, 12, f32::INFINITY, &mut found);
                 let distances2: Vec<f32> = found.iter().map(|n| n.distance2).collect();
                 assert_eq!(distances2, expected[..cloud.len().min(12)]);
+                for guess2 in [0.0, 0.01, 0.3] {
+                    tree.k_nearest_unordered(&query, 12, guess2, &mut found);
+                    let mut distances2: Vec<f32> = found.iter().map(|n| n.distance2).collect();
+                    distances2.sort_by(f32::total_cmp);
+                    assert_eq!(distances2, expected[..cloud.len().min(12)]);
+                }
                 let mut inside = 0;
                 tree.for_each_within(&query, 0.05, |_| inside += 1);
                 assert_eq!(inside, expected.iter().filter(|d| **d < 0.05).count());
+                assert_eq!(tree.has_within(&query, 0.0025), expected[0] < 0.0025);
+            }
+        }
+    }
+
+    #[test]
+    fn without_some_points_it_answers_like_a_new_tree() {
+        for cloud in clouds() {
+            let stays = |index: usize| index % 5 != 2;
+            let rest: Vec<LocalPoint> = (0..cloud.len()).filter(|k| stays(*k)).map(|k| cloud[k]).collect();
+            let mut next = 0..;
+            let places: Vec<u32> = (0..cloud.len())
+                .map(|k| if stays(k) { next.next().unwrap_or(KdTree::GONE) } else { KdTree::GONE })
+                .collect();
+            let mut tree = KdTree::new(&cloud);
+            tree.renumber(&places, rest.len());
+            assert_eq!(tree.len(), rest.len());
+            for query in queries(&cloud) {
+                let found = tree.nearest(&query, f32::INFINITY).expect("one is left");
+                assert_eq!(found.distance2, brute(&rest, &query)[0]);
+                assert_eq!(distance2(&query, &rest[found.index as usize]), found.distance2);
             }
         }
     }

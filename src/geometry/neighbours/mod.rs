@@ -38,6 +38,19 @@ impl IndexedPoints {
         IndexedPoints { points, tree }
     }
 
+    /// Leaves out the points for which `kept` does not hold. The tree stays as it is but for them, so this is for a few.
+    pub fn keep(&mut self, kept: &[bool]) {
+        let mut next = 0;
+        let mut place = |kept: &bool| {
+            next += u32::from(*kept);
+            if *kept { next - 1 } else { KdTree::GONE }
+        };
+        let places: Vec<u32> = kept.iter().map(&mut place).collect();
+        let mut stays = kept.iter();
+        self.points.retain(|_| stays.next().copied().unwrap_or(true));
+        self.tree.renumber(&places, self.points.len());
+    }
+
     /// The point nearest to `query` at a squared distance below `max_distance2`. `last` is the index answered for
     /// almost the same query before (or any number that is no index): a good one makes the search short.
     #[inline]

@@ -46,18 +46,24 @@ struct Look<'a> {
 /// Looks for what is not the object in all views of a set. `sensors` tell where the scanner stood (local frame), where
 /// that is known.
 pub fn clean(views: &[View], sensors: &[Option<Sensor>], progress: &Progress) -> Result<Vec<LeftOut>, Canceled> {
-    let looks: Vec<Look> = views
+    let surveyed: Vec<(Survey, bool)> = views
         .par_iter()
-        .zip(sensors)
         .with_max_len(1)
-        .map(|(view, sensor)| {
+        .map(|view| {
             progress.check()?;
             let survey = Survey::new(view);
-            let candidates = support::bounding_planes(&survey, sensor.as_ref());
-            let supports = support::supports(&survey, &candidates, support::AROUND, support::MOST);
-            Ok(Look { view, survey, candidates, supports })
+            let may_have_support = support::may_have_support(&survey);
+            Ok((survey, may_have_support))
         })
         .collect::<Result<_, Canceled>>()?;
+    let likely = surveyed.iter().filter(|(_, may_have_support)| *may_have_support).count();
+    let surveys = surveyed.into_iter().map(|(survey, _)| survey).collect();
+    let looks = if is_believed(likely, views.len()) {
+        closer_looks(views, surveys, sensors, progress)?
+    } else {
+        let look = |(view, survey)| Look { view, survey, candidates: Vec::new(), supports: Vec::new() };
+        views.iter().zip(surveys).map(look).collect()
+    };
     let expected = expected_supports(&looks);
     let left_out = |look: &Look| {
         let supports = match (expected, look.supports.len()) {
@@ -70,26 +76,52 @@ pub fn clean(views: &[View], sensors: &[Option<Sensor>], progress: &Progress) ->
     Ok(looks.par_iter().with_max_len(1).map(left_out).collect())
 }
 
+/// Looks at each scan by itself for what its object may stand on.
+fn closer_looks<'a>(
+    views: &'a [View],
+    surveys: Vec<Survey>,
+    sensors: &[Option<Sensor>],
+    progress: &Progress,
+) -> Result<Vec<Look<'a>>, Canceled> {
+    let look = |((view, survey), sensor): ((&'a View, Survey), &Option<Sensor>)| {
+        progress.check()?;
+        let survey = survey.with_normals(view);
+        let candidates = support::bounding_planes(&survey, sensor.as_ref());
+        let supports = support::supports(&survey, &candidates, support::AROUND, support::MOST);
+        Ok(Look { view, survey, candidates, supports })
+    };
+    views.par_iter().zip(surveys).zip(sensors).with_max_len(1).map(look).collect()
+}
+
+/// Whether so many scans of a set are enough to believe what they show.
+fn is_believed(shown_by: usize, scans: usize) -> bool {
+    shown_by >= SHOWN_BY_SCANS && shown_by as f64 >= SHOWN_BY * scans as f64
+}
+
 /// How many supports the scans of this set have, by the median of those that show any; none if these are too few.
 fn expected_supports(looks: &[Look]) -> usize {
     let mut shown: Vec<usize> = looks.iter().map(|look| look.supports.len()).filter(|count| *count > 0).collect();
     shown.sort_unstable();
-    let believed = shown.len() >= SHOWN_BY_SCANS && shown.len() as f64 >= SHOWN_BY * looks.len() as f64;
-    if believed { shown[shown.len() / 2] } else { 0 }
+    if is_believed(shown.len(), looks.len()) { shown[shown.len() / 2] } else { 0 }
 }
 
 impl LeftOut {
     fn of(view: &View, survey: &Survey, supports: &[Support]) -> Self {
         let is_supporting = |p: &nalgebra::Vector3<f64>| supports.iter().any(|support| support.holds(p));
         let points = || view.points().iter().map(|p| nalgebra::Vector3::from(*p).cast::<f64>());
+        let rest: Vec<usize> = (0..survey.count()).filter(|surfel| !is_supporting(&survey.position(*surfel))).collect();
+        let body = strays::main_body(survey, &rest);
+        if supports.is_empty() && body.is_none() {
+            return LeftOut::default();
+        }
         let standing: Vec<bool> = match supports.is_empty() {
             true => vec![true; view.points().len()],
             false => points().map(|p| !is_supporting(&p)).collect(),
         };
-        let rest = |surfel: &usize| !is_supporting(&survey.position(*surfel));
-        let rest: Vec<usize> = (0..survey.count()).filter(rest).collect();
-        let kept = match strays::main_body(survey, &rest) {
-            Some(body) => standing.iter().zip(body.reaches_each(view.points())).map(|(a, b)| *a && b).collect(),
+        let kept = match body {
+            Some(body) => {
+                standing.iter().zip(view.points()).map(|(standing, p)| *standing && body.reaches(p)).collect()
+            }
             None => standing.clone(),
         };
         let count = |mask: &[bool]| mask.iter().filter(|is| **is).count();

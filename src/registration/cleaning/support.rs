@@ -68,12 +68,50 @@ impl Support {
         else {
             return false;
         };
-        self.normal.dot(&sensor.direction_from(&survey.indexed.points[nearest])) > 0.0
+        self.normal.dot(&sensor.direction_from(&survey.points[nearest])) > 0.0
     }
 
     fn has(&self, survey: &Survey, surfel: usize, tolerance: f64) -> bool {
         self.height(&survey.position(surfel)).abs() < tolerance && survey.normals[surfel].dot(&self.normal).abs() > LIKE
     }
+}
+
+/// Surfels that follow each other, to which the plane of a seed is fitted at first sight.
+const WINDOW: usize = 13;
+/// Every so-manieth surfel is enough to pass most seeds over.
+const FEW: usize = 4;
+/// At first sight a plane is large from this share of [`LARGE`] on,
+const NEARLY_LARGE: f64 = 0.8;
+/// and has next to nothing behind it up to so many times [`BEHIND`].
+const NEARLY_BEHIND: f64 = 1.5;
+
+/// Whether a large plane with hardly anything behind it is to be expected, at first sight: no normals are needed. A
+/// support has so many seeds on it, and is so much larger than this asks, that none goes unseen.
+pub fn may_have_support(survey: &Survey) -> bool {
+    let count = survey.count();
+    let places: Vec<Vector3> = (0..count).map(|surfel| survey.position(surfel)).collect();
+    let few: Vec<Vector3> = places.iter().step_by(FEW).copied().collect();
+    let is_bounding = |plane: &Support, places: &[Vector3], tolerance: f64| {
+        let (on, before) = places.iter().map(|place| plane.height(place)).fold((0, 0), |(on, before), height| {
+            (on + usize::from(height.abs() < tolerance), before + usize::from(height >= tolerance))
+        });
+        let behind = (places.len() - on - before).min(before) as f64;
+        on as f64 >= NEARLY_LARGE * LARGE * places.len() as f64 && behind <= NEARLY_BEHIND * BEHIND * on as f64
+    };
+    let seems_bounding = |window: &[Vector3]| {
+        let Some(mut plane) = fitted(window).filter(|plane| is_bounding(plane, &few, FITS[0] * survey.edge)) else {
+            return false;
+        };
+        for tolerance in FITS {
+            let is_on = |place: &&Vector3| plane.height(place).abs() < tolerance * survey.edge;
+            let on: Vec<Vector3> = places.iter().filter(is_on).copied().collect();
+            let Some(closer) = fitted(&on) else { return false };
+            plane = closer;
+        }
+        is_bounding(&plane, &places, FITS[FITS.len() - 1] * survey.edge)
+    };
+    // all that follow each other near the seed lie on its plane, but at the plane's border
+    places.windows(WINDOW).step_by(count.div_ceil(SEEDS).max(1)).any(seems_bounding)
 }
 
 /// The planes, `most` at the most, that the object of a scan stands on or before; each has to go on beyond it in this
@@ -138,21 +176,22 @@ fn largest_plane(survey: &Survey, free: &[usize]) -> Option<(Support, Vec<usize>
     let (_, mut plane) = seeds.map(|plane| (count(&plane), plane)).max_by_key(|(count, _)| *count)?;
     let mut on = members(&plane, FITS[0] * survey.edge);
     for tolerance in FITS {
-        plane = fitted(survey, &on)?;
+        plane = fitted(&on.iter().map(|surfel| survey.position(*surfel)).collect::<Vec<_>>())?;
         on = members(&plane, tolerance * survey.edge);
     }
     Some((plane, on))
 }
 
-fn fitted(survey: &Survey, members: &[usize]) -> Option<Support> {
-    if members.len() < 3 {
+/// The plane of places, with the root mean square height of them as its reach.
+fn fitted(places: &[Vector3]) -> Option<Support> {
+    if places.len() < 3 {
         return None;
     }
-    let count = members.len() as f64;
-    let mean = members.iter().map(|surfel| survey.position(*surfel)).sum::<Vector3>() / count;
+    let count = places.len() as f64;
+    let mean = places.iter().sum::<Vector3>() / count;
     let mut scatter = nalgebra::Matrix3::zeros();
-    for surfel in members {
-        let d = survey.position(*surfel) - mean;
+    for place in places {
+        let d = place - mean;
         scatter += d * d.transpose();
     }
     let (normal, spread) = least_spread(&(scatter / count));
@@ -204,7 +243,8 @@ mod tests {
     use crate::registration::view::View;
 
     fn found(points: Vec<Point3>, sensor: Option<Sensor>) -> Vec<Support> {
-        let survey = Survey::new(&View::new(&Cloud::from_points(points)).expect("a sound scan"));
+        let view = View::new(&Cloud::from_points(points)).expect("a sound scan");
+        let survey = Survey::new(&view).with_normals(&view);
         supports(&survey, &bounding_planes(&survey, sensor.as_ref()), AROUND, MOST)
     }
 

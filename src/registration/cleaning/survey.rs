@@ -3,7 +3,7 @@
 use crate::geometry::Vector3;
 use crate::geometry::neighbours::{IndexedPoints, LocalPoint};
 use crate::geometry::normals::patch_within;
-use crate::geometry::thinning::thin;
+use crate::geometry::thinning::{Thinned, thin};
 use crate::registration::view::View;
 
 /// About how many surfels stand for a scan.
@@ -19,9 +19,9 @@ const NEIGHBOURS: usize = 60;
 
 /// The surfels of a view, in its local frame.
 pub struct Survey {
-    /// Positions with their tree.
-    pub indexed: IndexedPoints,
-    /// Unit normals, their signs arbitrary.
+    /// Positions, along a space-filling curve.
+    pub points: Vec<LocalPoint>,
+    /// Unit normals, their signs arbitrary; none before [`Survey::with_normals`].
     pub normals: Vec<Vector3>,
     /// Points in each surfel's voxel.
     pub counts: Vec<u32>,
@@ -34,20 +34,25 @@ pub struct Survey {
 }
 
 impl Survey {
-    /// Surveys a view.
+    /// Surveys a view, without normals: they cost more than all the rest, and most sets are judged without.
     pub fn new(view: &View) -> Self {
         let points = view.points();
         let edge = view.spacing * (EDGE_FACTOR * (points.len() as f64 / SURFELS).sqrt()).max(FINEST_EDGE);
-        let thinned = thin(points, edge as f32);
+        let Thinned { centroids: points, counts, .. } = thin(points, edge as f32);
+        let (spacing, range_accuracy) = (view.spacing, view.range_accuracy);
+        Survey { points, normals: Vec::new(), counts, edge, spacing, range_accuracy }
+    }
+
+    /// The same with normals, from the view that was surveyed.
+    pub fn with_normals(self, view: &View) -> Self {
+        let points = view.points();
         // every so many points are enough for normals
-        let step = (points.len() / (NEIGHBOURS * thinned.centroids.len()).max(1)).max(1);
+        let step = (points.len() / (NEIGHBOURS * self.count()).max(1)).max(1);
         let sampled = (step > 1).then(|| IndexedPoints::new(points.iter().step_by(step).copied().collect()));
         let sampled = sampled.as_ref().unwrap_or(&view.indexed);
-        let reach = (REACH * edge) as f32;
-        let normals = thinned.centroids.iter().map(|center| normal(sampled, center, reach)).collect();
-        let indexed = IndexedPoints::new(thinned.centroids);
-        let (spacing, range_accuracy) = (view.spacing, view.range_accuracy);
-        Survey { indexed, normals, counts: thinned.counts, edge, spacing, range_accuracy }
+        let reach = (REACH * self.edge) as f32;
+        let normals = self.points.iter().map(|center| normal(sampled, center, reach)).collect();
+        Survey { normals, ..self }
     }
 
     /// The number of surfels.
@@ -57,7 +62,7 @@ impl Survey {
 
     /// A surfel's position.
     pub fn position(&self, surfel: usize) -> Vector3 {
-        nalgebra::Vector3::from(self.indexed.points[surfel]).cast::<f64>()
+        nalgebra::Vector3::from(self.points[surfel]).cast::<f64>()
     }
 }
 

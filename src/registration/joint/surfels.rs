@@ -38,6 +38,10 @@ pub struct FineSurfels {
 
 /// Points a normal is fitted to.
 const NEIGHBOURS: usize = 16;
+/// Surfels fitted one after the other.
+const CHUNK: usize = 256;
+/// The next surfel's points are sought within so many times the squared distance of this one's.
+const GUESS: f32 = 1.4;
 /// A surfel lies on a rim if the mean of its neighbours is farther off than this share of their mean distance.
 const RIM_OFFSET: f64 = 0.4;
 
@@ -46,11 +50,15 @@ impl Surfels {
     pub fn new(view: &View, edge: f64) -> Self {
         let centroids = thin(view.points(), edge as f32).centroids;
         let fitted: Vec<([f32; 3], bool)> = centroids
-            .par_iter()
-            .with_min_len(256)
-            .map_init(Vec::new, |found, centroid| {
-                view.indexed.tree.k_nearest(centroid, NEIGHBOURS, f32::INFINITY, found);
-                fit(&view.indexed.points, centroid, found)
+            .par_chunks(CHUNK)
+            .flat_map_iter(|centroids| {
+                // neighbours on the curve have their points about as near: a good guess, the same for any threads
+                let (mut found, mut guess2) = (Vec::new(), 0.0f32);
+                centroids.iter().map(move |centroid| {
+                    view.indexed.tree.k_nearest_unordered(centroid, NEIGHBOURS, guess2, &mut found);
+                    guess2 = GUESS * found.iter().map(|n| n.distance2).fold(0.0, f32::max);
+                    fit(&view.indexed.points, centroid, &found)
+                })
             })
             .collect();
         let (normals, is_inner): (Vec<_>, Vec<bool>) = fitted.into_iter().unzip();
