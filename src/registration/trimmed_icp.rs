@@ -5,7 +5,7 @@
 
 use super::rigid_fit::RigidFit;
 use crate::geometry::Motion;
-use crate::geometry::neighbours::{IndexedPoints, LocalPoint};
+use crate::geometry::neighbours::{IndexedPoints, LocalPoint, Pursuit};
 use crate::progress::{Canceled, Progress};
 
 /// Which share of the source points is kept, those with the smallest distances.
@@ -72,9 +72,6 @@ pub struct IcpResult {
     pub end: IcpEnd,
 }
 
-/// No target point.
-const NONE: u32 = u32::MAX;
-
 /// A source point's nearest target point.
 #[derive(Clone, Copy)]
 struct Correspondence {
@@ -104,10 +101,12 @@ pub fn trimmed_icp(
     };
     let mut found = Vec::with_capacity(source.len());
     let mut scratch = Vec::with_capacity(source.len());
-    let mut last = vec![NONE; source.len()];
+    // where nothing moves there is nothing to remember
+    let remembered = if options.max_iterations > 0 { source.len() } else { 0 };
+    let mut pursuits = vec![Pursuit::new(); remembered];
     loop {
         progress.check()?;
-        find_correspondences(target, source, &result.motion, max_distance2, &mut last, &mut found);
+        find_correspondences(target, source, &result.motion, max_distance2, &mut pursuits, &mut found);
         trim(&mut found, source.len(), options.trim, &mut scratch);
         result.correspondences = found.len();
         result.share = found.len() as f64 / source.len().max(1) as f64;
@@ -133,22 +132,24 @@ pub fn trimmed_icp(
     }
 }
 
-/// `last` holds each source point's last target point, with which its next search begins.
+/// `pursuits` remember each source point's last answer, which holds while no other target point can have come nearer.
 fn find_correspondences(
     target: &IndexedPoints,
     source: &[LocalPoint],
     motion: &Motion,
     max_distance2: f32,
-    last: &mut [u32],
+    pursuits: &mut [Pursuit],
     found: &mut Vec<Correspondence>,
 ) {
     let motion = motion.cast::<f32>();
     let (rotation, shift) = (motion.rotation.to_rotation_matrix(), motion.translation.vector);
     found.clear();
-    for (index, (point, last)) in source.iter().zip(last).enumerate() {
+    for (index, point) in source.iter().enumerate() {
         let moved: LocalPoint = (rotation * nalgebra::Vector3::from(*point) + shift).into();
-        let nearest = target.nearest_from(&moved, *last, max_distance2);
-        *last = nearest.map_or(NONE, |n| n.index);
+        let nearest = match pursuits.get_mut(index) {
+            Some(pursuit) => pursuit.nearest(target, &moved, max_distance2),
+            None => target.tree.nearest(&moved, max_distance2),
+        };
         if let Some(neighbour) = nearest {
             found.push(Correspondence {
                 distance2: neighbour.distance2,
