@@ -206,8 +206,8 @@ impl Frame {
         let (cosines, sines) = self.axes.split_at(TEMPLATE_POINTS);
         for ((height, of_cosine), of_sine) in heights.iter().zip(cosines).zip(sines) {
             let (sine, cosine) = (height / self.radius).sin_cos();
-            for k in 0..SIZE {
-                numbers[k] += self.radius * (cosine * of_cosine[k] + sine * of_sine[k]);
+            for ((number, c), s) in numbers.iter_mut().zip(of_cosine).zip(of_sine) {
+                *number += self.radius * (cosine * c + sine * s);
             }
         }
         numbers
