@@ -145,3 +145,43 @@ fn on_plane(samples: &Samples, sample: usize, point: &Point3) -> Point3 {
     let normal = samples.normals[sample];
     point - normal * normal.dot(&(point - samples.points[sample]))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::faces::modes::Weights;
+    use crate::faces::similarity::Similarity;
+    use crate::geometry::Motion;
+    use crate::saliency::CellGrid;
+
+    /// A vault with a nose whose middle is at height `tip`.
+    fn nosed(tip: f64, pose: &Similarity) -> Samples {
+        let mut samples = Samples { spacing: 1.5 * pose.scale, ..Samples::default() };
+        for k in 0..61 * 81 {
+            let (x, y) = (f64::from(k % 61) * 1.5 - 45.0, f64::from(k / 61) * 1.5 - 60.0);
+            let nose = 22.0 * (-(x / 9.0).powi(2) - ((y - tip) / 20.0).powi(2)).exp();
+            samples.points.push(pose.point(&Point3::new(x, y, 110.0 - x * x / 120.0 + nose)));
+            samples.normals.push(pose.normal(&Vector3::z()));
+            samples.areas.push(1.0);
+        }
+        samples
+    }
+
+    #[test]
+    fn the_nose_is_climbed_to_from_where_the_standard_expects_it() {
+        let motion = Motion::new(Vector3::new(5.0, 1.0, -2.0), Vector3::new(0.5, -2.0, 0.3));
+        let pose = Similarity { scale: 0.02, stretch: Vector3::repeat(1.0), motion };
+        let placement = Placement { pose, weights: Weights::zeros() };
+        let index = LANDMARKS.iter().position(|name| *name == "nose_tip").expect("a landmark");
+        let carried = modes::landmarks(&placement.weights)[index];
+        for (off, is_reached) in [(13.0, true), (40.0, false)] {
+            let samples = nosed(carried.y + off, &pose);
+            let grid = CellGrid::new(&samples.points, 2.0 * samples.spacing);
+            let target = Target { samples: &samples, grid: &grid, sign: 1.0 };
+            let found = pose.standard_point(&landmarks(&target, &placement)[index]);
+            // seen 15 degrees from above the apex lies 2.4 mm higher
+            let beside = (found.y - carried.y - off - 2.4).abs();
+            assert_eq!(beside < 2.0 && found.x.abs() < 1.0, is_reached, "{off}: {found} for {carried}");
+        }
+    }
+}
