@@ -12,6 +12,7 @@ use visage::registration::covariance::{self, PoseCovariance};
 use visage::registration::method::Method;
 use visage::registration::multiview::{Multiview, MultiviewOptions, common_spacing};
 use visage::registration::quality::{self, Quality, Verdict};
+use visage::registration::sensor::Sensor;
 use visage::registration::view::View;
 use visage::registration::weak_axes::{AxisKind, WeakAxis, weak_axes};
 use visage::synthetic::shapes::{ScanOptions, Shape, Symmetry, catalogue, scan_set};
@@ -159,6 +160,17 @@ fn ellipsoids_of_two_hundred_registrations_hold_the_true_poses() {
         assert!((0.90..=0.99).contains(&held), "{held}");
         assert!(doubtful <= 0.15, "{doubtful}");
     }
+}
+
+#[test]
+fn told_where_the_scanner_stood_the_sides_of_a_thin_leaf_are_kept_apart() {
+    let mut truth = Truth::of(&shape("leaf"), 8, 5000, 1);
+    let initial = truth.near(1);
+    let untold = truth.register(&initial);
+    assert!(untold.verdict.quality != Quality::Good || truth.displacement(&untold) < 1.0);
+    truth.views.iter_mut().for_each(|view| view.sensor = Some(Sensor::At(-view.center)));
+    let told = truth.register(&initial);
+    assert!(truth.displacement(&told) < 1.0, "{} spacings", truth.displacement(&told));
 }
 
 fn weak_axes_of(name: &str) -> Vec<Vec<WeakAxis>> {

@@ -145,6 +145,9 @@ pub fn run_from(
     let mut views = prepare(&scans, progress)?;
     let left_out =
         (!options.keep_all).then(|| cleaning::clean_scans(&mut scans, &mut views, options, progress)).transpose()?;
+    for (scan, view) in scans.iter().zip(&mut views) {
+        view.sensor = sensor_of(scan, view, options);
+    }
     let (views, sensors, registered) = setting.register(&scans, views, &names, options, progress)?;
     let Registered { result, mut verdict, placement } = registered;
     let positions: Vec<Option<Vector3>> = sensors.iter().map(|sensor| sensor.and_then(|s| s.position())).collect();

@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use super::sensor::Sensor;
 use crate::geometry::neighbours::{IndexedPoints, KdTree, LocalPoint};
 use crate::geometry::normals::{self, local_planes};
 use crate::geometry::thinning::thin;
@@ -26,6 +27,8 @@ pub struct View {
     /// L_r of an organised scan: the distance of points seen by pixels side by side. Larger than `spacing`, for which
     /// the nearer of all neighbours counts.
     pub resolution: Option<f64>,
+    /// Where the scanner stood (local frame), if that was told.
+    pub sensor: Option<Sensor>,
 }
 
 /// Why a scan can't be registered.
@@ -66,13 +69,15 @@ impl View {
         let mut residuals: Vec<f32> =
             local_planes(&indexed, &samples, normals::NEIGHBOURS).iter().map(|plane| plane.rms).collect();
         let range_accuracy = f64::from(median(&mut residuals).unwrap_or(0.0));
-        Ok(View { indexed, center, spacing, range_accuracy, radius, scale: 1.0, resolution: None })
+        Ok(View { indexed, center, spacing, range_accuracy, radius, scale: 1.0, resolution: None, sensor: None })
     }
 
     /// Prepares a scan with what its grid tells, if it has one.
     pub fn of(surface: &Surface) -> Result<Self, UnusableScan> {
         let resolution = surface.grid.as_ref().and_then(|grid| organised::resolution(grid, &surface.cloud));
-        Ok(View { resolution, ..View::new(&surface.cloud)? })
+        let view = View::new(&surface.cloud)?;
+        let sensor = surface.sensor.map(|position| Sensor::At(position.coords - view.center));
+        Ok(View { resolution, sensor, ..view })
     }
 
     /// Leaves out the points for which `kept` does not hold, if they are a few specks: these change neither what was
@@ -125,6 +130,10 @@ impl View {
             radius: self.radius * factor,
             scale: self.scale * factor,
             resolution: self.resolution.map(|resolution| resolution * factor),
+            sensor: self.sensor.map(|sensor| match sensor {
+                Sensor::At(position) => Sensor::At(position * factor),
+                far => far,
+            }),
         }
     }
 }

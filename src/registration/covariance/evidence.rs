@@ -102,7 +102,7 @@ impl Between<'_> {
         let normal_a = pose_a.rotation * vector(a.normals[index]);
         let normal_b = pose_b.rotation * vector(b.normals[target]);
         let cosine = normal_a.dot(&normal_b);
-        if !b.is_inner[target] || cosine.abs() <= LEAST_COSINE {
+        if !b.is_inner[target] || a.likeness(index, b, target, cosine) <= LEAST_COSINE {
             return None;
         }
         let normal_a = normal_a * cosine.signum();

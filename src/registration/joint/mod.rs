@@ -12,6 +12,7 @@ pub(super) mod normal_equations;
 mod refine;
 mod rough_scale;
 mod scaled;
+mod sides;
 pub mod surfels;
 
 use rayon::prelude::*;
@@ -142,9 +143,11 @@ pub fn joint_onto(
     let run = Run { options, fixed, spacing: multiview::common_spacing(views), progress };
     let mut state = Multiview::at(initial);
     let [coarse, fine] = PASSES.map(|pass| pass.edge(views, run.spacing));
-    let surfels: Vec<Surfels> = views.par_iter().map(|view| Surfels::new(view, fine)).collect();
-    let judged = judged(&surfels, fine);
-    let few = thinned(&judged.views, coarse);
+    let mut surfels: Vec<Surfels> = views.par_iter().map(|view| Surfels::new(view, fine)).collect();
+    let mut judged = judged(&surfels, fine);
+    let mut few = thinned(&judged.views, coarse);
+    let seen = few.clone();
+    sides::find_sides(&seen, coarse, initial, &mut [&mut few, &mut judged.views, &mut surfels]);
     for (index, (surfels, edge)) in [(&few, coarse), (&surfels, fine)].into_iter().enumerate() {
         progress.report(Stage::Registering, index as f64 / PASSES.len() as f64);
         run.pass::<RIGID>(surfels, index, &PASSES[index], edge, &mut state)?;

@@ -243,7 +243,7 @@ fn assemble<const D: usize>(
         let normal_a = rotation * nalgebra::Vector3::from(a.normals[index]);
         let normal_b = nalgebra::Vector3::from(b.normals[target]);
         let cosine = normal_a.dot(&normal_b);
-        if nearest.distance2 < distance2 && b.is_inner[target] && cosine.abs() > LEAST_COSINE {
+        if nearest.distance2 < distance2 && b.is_inner[target] && a.likeness(index, b, target, cosine) > LEAST_COSINE {
             let normal = (normal_b + normal_a * cosine.signum()).normalize();
             let residual = normal.dot(&(moved - nalgebra::Vector3::from(b.indexed.points[target])));
             let robust = scale2 / (scale2 + residual * residual);

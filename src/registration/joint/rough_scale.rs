@@ -147,7 +147,7 @@ impl Search<'_> {
             let target = nearest.index as usize;
             let cosine =
                 (rotation * nalgebra::Vector3::from(a.normals[index])).dot(&nalgebra::Vector3::from(b.normals[target]));
-            let is_counterpart = b.is_inner[target] && cosine.abs() > LEAST_COSINE;
+            let is_counterpart = b.is_inner[target] && a.likeness(index, b, target, cosine) > LEAST_COSINE;
             if is_counterpart { 1.0 - nearest.distance2 / reach2 } else { 0.0 }
         })
     }

@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use super::super::sensor::Sensor;
 use super::super::view::View;
 use crate::geometry::neighbours::{IndexedPoints, LocalPoint, Neighbour};
 use crate::geometry::normals::least_spread;
@@ -12,8 +13,10 @@ use crate::geometry::thinning::thin;
 pub struct Surfels {
     /// Positions with their tree.
     pub indexed: IndexedPoints,
-    /// Unit normals, their signs arbitrary.
+    /// Unit normals: towards the scanner where `is_sided`, else of any sign.
     pub normals: Vec<[f32; 3]>,
+    /// Whether it is known from which side the surface was seen.
+    pub is_sided: Vec<bool>,
     /// Whether the surface goes on all around. What lies beyond a rim was not seen, and the nearest point that was
     /// seen is no counterpart.
     pub is_inner: Vec<bool>,
@@ -62,7 +65,12 @@ impl Surfels {
             })
             .collect();
         let (normals, is_inner): (Vec<_>, Vec<bool>) = fitted.into_iter().unzip();
-        Surfels::of(centroids, normals, is_inner)
+        let is_sided = vec![false; centroids.len()];
+        let mut surfels = Surfels::of(centroids, normals, is_sided, is_inner);
+        if let Some(sensor) = &view.sensor {
+            surfels.turn_towards(sensor, GRAZING);
+        }
+        surfels
     }
 
     /// One of these surfels for each voxel of edge `edge`: that nearest to the mean.
@@ -72,16 +80,46 @@ impl Surfels {
         Surfels::of(
             kept().map(|index| self.indexed.points[index]).collect(),
             kept().map(|index| self.normals[index]).collect(),
+            kept().map(|index| self.is_sided[index]).collect(),
             kept().map(|index| self.is_inner[index]).collect(),
         )
     }
 
-    fn of(points: Vec<LocalPoint>, normals: Vec<[f32; 3]>, is_inner: Vec<bool>) -> Self {
+    fn of(points: Vec<LocalPoint>, normals: Vec<[f32; 3]>, is_sided: Vec<bool>, is_inner: Vec<bool>) -> Self {
         let inner = (0..is_inner.len() as u32).filter(|index| is_inner[*index as usize]).collect();
         let radius = points.iter().map(|c| nalgebra::Vector3::from(*c).norm()).fold(0.0f32, f32::max).into();
-        Surfels { indexed: IndexedPoints::new(points), normals, is_inner, inner, radius }
+        Surfels { indexed: IndexedPoints::new(points), normals, is_sided, is_inner, inner, radius }
+    }
+
+    /// Turns the normals towards the scanner; those more from the side than the cosine `grazing` have no clear side.
+    pub fn turn_towards(&mut self, sensor: &Sensor, grazing: f64) {
+        let places = self.indexed.points.iter().zip(&mut self.normals);
+        for ((place, normal), is_sided) in places.zip(&mut self.is_sided) {
+            let direction = sensor.direction_from(place);
+            let facing = nalgebra::Vector3::from(*normal).cast::<f64>().dot(&direction);
+            if facing < 0.0 {
+                *normal = normal.map(|x| -x);
+            }
+            *is_sided = facing.abs() > grazing * direction.norm();
+        }
+    }
+
+    /// How alike the normals of surfel `index` and surfel `target` of another view are, from their cosine: where both
+    /// sides are known the two sides of a wall are not alike at all.
+    #[inline]
+    pub fn likeness<T: nalgebra::RealField + Copy>(
+        &self,
+        index: usize,
+        other: &Surfels,
+        target: usize,
+        cosine: T,
+    ) -> T {
+        if self.is_sided[index] && other.is_sided[target] { cosine } else { cosine.abs() }
     }
 }
+
+/// The cosine below which a surface is seen so much from the side that noise decides which it is.
+const GRAZING: f64 = 0.1;
 
 fn fit(points: &[LocalPoint], center: &LocalPoint, neighbours: &[Neighbour]) -> ([f32; 3], bool) {
     let count = neighbours.len().max(1) as f64;
