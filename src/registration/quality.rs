@@ -55,6 +55,8 @@ pub(super) mod limits {
     pub const RESIDUAL: f64 = 1.5;
     /// How far a view's surface may lie from where the joint cost is least, in spacings.
     pub const UNREST: f64 = 1.0;
+    /// Probability that the place of a view is right, where it was found by surface.
+    pub const LEAST_SURE: f64 = 0.8;
     /// Share of a view's points, where another saw something, that may lie before it; and of how many points.
     pub const LOOKED_THROUGH: f64 = 0.03;
     pub const LOOKED_THROUGH_POINTS: usize = 30;
@@ -103,6 +105,19 @@ impl Verdict {
                         "{name} has {:.0} % of its surface there where {other} looked through",
                         found.share * 100.0
                     ),
+                );
+            }
+        }
+    }
+
+    /// Adds what the placement says: a view whose place was found by its surface and is less sure than
+    /// [`limits::LEAST_SURE`] speaks against the whole.
+    pub fn doubt(&mut self, confidences: &[f64], placed: &[bool], names: &[String]) {
+        for ((sure, placed), name) in confidences.iter().zip(placed).zip(names) {
+            if *placed && *sure < limits::LEAST_SURE {
+                self.lower(
+                    Quality::Doubtful,
+                    format!("{name} may lie elsewhere: that its place is right is {:.0} % sure", sure * 100.0),
                 );
             }
         }

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::alignment::align;
-use super::confidence::{Grounds, confidence};
+use super::confidence::Grounds;
 use super::consensus::alike;
 use super::group::Group;
 use super::link::{LEAST_OVERLAP, Link};
@@ -118,7 +118,7 @@ fn try_join(scene: &Scene, left: &Group, right: &Group, link: &Link, waiting: &[
     if grounds.rival > RIVAL {
         return Attempt::Ambiguous;
     }
-    let mut union = left.united(right, &motion, confidence(&grounds));
+    let mut union = left.united(right, &motion);
     union.joins.push(grounds);
     union.links.extend(measured.into_iter().filter(Link::is_promising));
     union.average(sketches, edge);

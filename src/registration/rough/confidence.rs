@@ -1,7 +1,8 @@
-//! How sure a join of two groups is, as a probability.
+//! What a join of two groups has to rest on, and how sure a view of a refined group is, as a probability.
 
 use super::link::Link;
 use super::scene::Scene;
+use super::standing::Standing;
 
 /// What a join rests on.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -47,16 +48,60 @@ impl Grounds {
     }
 }
 
-/// Coefficients of the logistic model: constant, ln strength, consistency, rival, touching.
-pub const MODEL: [f64; 5] = [-9.0, 2.0, 8.0, -2.0, 9.0];
+/// Coefficients of the logistic model; see [`features`].
+pub const MODEL: [f64; FEATURES] = [6.660, -6.430, -8.342, -1.611, -3.651, -1.440, 0.651, -1.451];
+/// A view is called sure from this confidence on.
+pub const SURE: f64 = 0.97;
+/// Numbers that the model looks at.
+pub const FEATURES: usize = 8;
 
-/// The probability that a join with these grounds is right.
-pub fn confidence(grounds: &Grounds) -> f64 {
-    let z: f64 = MODEL.iter().zip(features(grounds)).map(|(c, x)| c * x).sum();
+/// The probability that a view that stands so is right.
+pub fn confidence(standing: &Standing) -> f64 {
+    let z: f64 = MODEL.iter().zip(features(standing)).map(|(c, x)| c * x).sum();
     1.0 / (1.0 + (-z).exp())
 }
 
 /// What the model looks at.
-pub fn features(grounds: &Grounds) -> [f64; 5] {
-    [1.0, grounds.strength.max(1e-3).ln(), grounds.consistency, grounds.rival, grounds.touching]
+pub fn features(standing: &Standing) -> [f64; FEATURES] {
+    let s = standing;
+    [
+        1.0,
+        s.through.sqrt(),
+        s.group_through.sqrt(),
+        s.crossing.sqrt(),
+        s.group_crossing.sqrt(),
+        s.rival,
+        s.hold.max(0.01).ln(),
+        s.rms.max(0.1).ln(),
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_speaks_against_a_place_makes_it_less_sure() {
+        let right = Standing {
+            overlap: 0.6,
+            through: 0.0,
+            crossing: 0.0,
+            group_through: 0.0,
+            group_crossing: 0.0,
+            rms: 1.0,
+            rival: 0.0,
+            hold: 0.2,
+        };
+        assert!(confidence(&right) > SURE);
+        let worse = [
+            Standing { through: 0.05, ..right },
+            Standing { group_through: 0.05, ..right },
+            Standing { crossing: 0.3, ..right },
+            Standing { rival: 1.0, ..right },
+            Standing { rms: 2.0, ..right },
+        ];
+        for standing in worse {
+            assert!(confidence(&standing) < confidence(&right), "{standing:?}");
+        }
+    }
 }

@@ -13,12 +13,12 @@ pub struct Group {
     pub views: Vec<usize>,
     /// For each of `views` its pose: local frame to the group's world.
     pub local_poses: Vec<Motion>,
-    /// For each of `views` how sure it is that it belongs where it is, 0 to 1.
-    pub confidences: Vec<f64>,
     /// The pairs that hold it together.
     pub links: Vec<Link>,
     /// What each of its joins rested on.
     pub joins: Vec<Grounds>,
+    /// The search that found it.
+    pub search: usize,
 }
 
 impl Group {
@@ -27,9 +27,9 @@ impl Group {
         Group {
             views: vec![view],
             local_poses: vec![Motion::identity()],
-            confidences: vec![1.0],
             links: Vec::new(),
             joins: Vec::new(),
+            search: 0,
         }
     }
 
@@ -38,37 +38,27 @@ impl Group {
         self.views.iter().position(|v| *v == view).map(|k| self.local_poses[k])
     }
 
-    /// How sure it is that a view belongs where it is.
-    pub fn confidence_of(&self, view: usize) -> Option<f64> {
-        self.views.iter().position(|v| *v == view).map(|k| self.confidences[k])
-    }
-
-    /// The group with view k called `names[k]`, which rise.
-    pub fn renamed(mut self, names: &[usize]) -> Group {
+    /// The group with view k called `names[k]`, which rise, and its search called `search`.
+    pub fn renamed(mut self, names: &[usize], search: usize) -> Group {
+        self.search = search;
         self.views.iter_mut().for_each(|view| *view = names[*view]);
         self.links.iter_mut().for_each(|link| (link.i, link.j) = (names[link.i], names[link.j]));
         self
     }
 
-    /// Both groups in this one's world, views in order. A join is a doubt about the smaller side.
-    pub fn united(&self, other: &Group, motion: &Motion, confidence: f64) -> Group {
-        let doubts_other = other.views.len() <= self.views.len();
-        let row = |group: &Group, k: usize, pose: Motion, doubted: bool| {
-            let sure = group.confidences[k];
-            (group.views[k], pose, if doubted { sure.min(confidence) } else { sure })
-        };
-        // in a pair of single views none is surer than the other
-        let doubts_self = !doubts_other || self.views.len() == 1;
-        let mut rows: Vec<(usize, Motion, f64)> =
-            (0..self.views.len()).map(|k| row(self, k, self.local_poses[k], doubts_self)).collect();
-        rows.extend((0..other.views.len()).map(|k| row(other, k, motion * other.local_poses[k], doubts_other)));
+    /// Both groups in this one's world, views in order.
+    pub fn united(&self, other: &Group, motion: &Motion) -> Group {
+        let own = self.views.iter().copied().zip(self.local_poses.iter().copied());
+        let others = other.views.iter().copied().zip(other.local_poses.iter().map(|pose| motion * pose));
+        let mut rows: Vec<(usize, Motion)> = own.chain(others).collect();
         rows.sort_by_key(|row| row.0);
+        let (views, local_poses) = rows.into_iter().unzip();
         Group {
-            views: rows.iter().map(|row| row.0).collect(),
-            local_poses: rows.iter().map(|row| row.1).collect(),
-            confidences: rows.iter().map(|row| row.2).collect(),
+            views,
+            local_poses,
             links: self.links.iter().chain(&other.links).copied().collect(),
             joins: self.joins.iter().chain(&other.joins).copied().collect(),
+            search: self.search,
         }
     }
 

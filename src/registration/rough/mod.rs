@@ -20,6 +20,7 @@ pub mod scene;
 pub mod sight;
 pub mod sketch;
 pub mod slide;
+pub mod standing;
 pub mod touch;
 pub mod verification;
 
@@ -30,6 +31,7 @@ use self::group::Group;
 use self::link::Link;
 use self::scene::{Scene, noise_level};
 use self::sketch::{Sketch, sketch_all};
+use self::standing::Standing;
 use super::multiview;
 use super::sensor::Sensor;
 use super::view::View;
@@ -43,9 +45,9 @@ const FINEST_EDGE: f64 = 2.5;
 /// A view of n points has about `n (EDGE_FACTOR / edge)^2` voxels of an edge given in spacings.
 const EDGE_FACTOR: f64 = 1.7;
 /// Motions of a pair that are drawn onto the surface.
-const PROPOSALS: usize = 5;
+const PROPOSALS: usize = 32;
 /// Of these the ones that take part further.
-const LINKS: usize = 3;
+const LINKS: usize = 5;
 /// Surfels of a view that are asked whether a motion is right.
 const SAMPLES: usize = 400;
 
@@ -56,10 +58,42 @@ pub struct Rough {
     pub groups: Vec<Group>,
     /// For each view whether it, or its group, fits the rest in several ways.
     pub ambiguous: Vec<bool>,
-    /// All pairs' candidates, as long as all views were one set.
+    /// The searches by which they were found; see [`Group::search`].
+    pub searches: Vec<Search>,
+}
+
+/// What was seen and proposed while views were one set.
+#[derive(Debug, Clone)]
+pub struct Search {
+    /// The views.
+    pub views: Vec<usize>,
+    /// For each of `views` its sketch.
+    pub sketches: Vec<Sketch>,
+    /// All their pairs' candidates.
     pub links: Vec<Link>,
-    /// Edge of the surfels' voxels then, a length.
+    /// Edge of the surfels' voxels, a length.
     pub edge: f64,
+    /// Root mean square distance, in edges, of surfaces that are the same.
+    pub noise: f64,
+}
+
+impl Search {
+    /// The search with view k called `names[k]`, which rise.
+    fn renamed(mut self, names: &[usize]) -> Search {
+        self.views.iter_mut().for_each(|view| *view = names[*view]);
+        self.links.iter_mut().for_each(|link| (link.i, link.j) = (names[link.i], names[link.j]));
+        self
+    }
+
+    /// How the views of a refined group that was found here stand.
+    pub fn standings(&self, views: &[usize], local_poses: &[Motion]) -> Vec<Standing> {
+        let place = |view: usize| views.iter().position(|other| *other == view);
+        let sketches: Vec<&Sketch> =
+            self.views.iter().zip(&self.sketches).filter(|(view, _)| views.contains(view)).map(|(_, s)| s).collect();
+        let named = |link: &Link| Some(Link { i: place(link.i)?, j: place(link.j)?, ..*link });
+        let links: Vec<Link> = self.links.iter().filter_map(named).collect();
+        standing::standings(&sketches, local_poses, &links, self.edge, self.noise)
+    }
 }
 
 /// The edge of the voxels, in the unit of the scans.
@@ -85,7 +119,9 @@ pub fn rough(
         let sensors: Vec<Option<Sensor>> = rest.iter().map(|view| sensors[*view]).collect();
         let again = rough_at_once(&views, &given, &sensors, progress)?;
         found.groups.truncate(settled);
-        found.groups.extend(again.groups.into_iter().map(|group| group.renamed(&rest)));
+        let search = found.searches.len();
+        found.groups.extend(again.groups.into_iter().map(|group| group.renamed(&rest, search)));
+        found.searches.extend(again.searches.into_iter().map(|search| search.renamed(&rest)));
         rest.iter().zip(again.ambiguous).for_each(|(view, ambiguous)| found.ambiguous[*view] |= ambiguous);
         settled += 1;
     }
@@ -124,15 +160,11 @@ fn rough_at_once(
         })
         .collect::<Result<_, Canceled>>()?;
     let links: Vec<Link> = links.into_iter().flatten().collect();
-    let scene = Scene {
-        views,
-        sketches: &sketches,
-        spacing: multiview::common_spacing(views),
-        edge,
-        noise: noise_level(&links, edge),
-    };
+    let noise = noise_level(&links, edge);
+    let scene = Scene { views, sketches: &sketches, spacing: multiview::common_spacing(views), edge, noise };
     let Assembly { groups, ambiguous } = assemble(&scene, &links, progress)?;
-    Ok(Rough { groups, ambiguous, links, edge })
+    let search = Search { views: (0..views.len()).collect(), sketches, links, edge, noise };
+    Ok(Rough { groups, ambiguous, searches: vec![search] })
 }
 
 /// The best ways to lay two views on each other; `told` is one that was given.

@@ -1,14 +1,16 @@
 //! Poses for all views of a set, whatever is known of them: given poses are starting points and witnesses, the rest is
 //! found.
 
+use super::confidence::confidence;
 use super::group::Group;
-use super::rough;
 use super::scan_set::Set;
+use super::standing::Standing;
+use super::{Search, rough};
 use crate::geometry::Motion;
 use crate::progress::{Canceled, Progress};
 use crate::registration::multiview::{self, Multiview, PairOutcome};
 use crate::registration::overlap::OverlapMatrix;
-use crate::registration::quality::{self, Quality, Verdict};
+use crate::registration::quality::{self, Verdict};
 use crate::registration::view::View;
 
 /// Where a view's pose came from.
@@ -41,19 +43,14 @@ pub struct Placement {
     pub result: Multiview,
     /// For each view where its pose came from; `None` = unplaced.
     pub origins: Vec<Option<Origin>>,
-    /// For each view how sure its pose is, 0 to 1; 0 for unplaced ones.
+    /// For each view the probability that its pose is right relative to the others; 0 for unplaced ones.
     pub confidences: Vec<f64>,
+    /// For each placed view how it stands among the others.
+    pub standings: Vec<Option<Standing>>,
     /// For each view whether it could be laid on others in several ways that are equally good.
     pub ambiguous: Vec<bool>,
     /// Groups of two views or more that hang together; the first is the one that is placed.
     pub groups: Vec<PlacedGroup>,
-}
-
-impl Placement {
-    /// Whether nothing speaks against the views that are placed; that others are not is no fault of theirs.
-    pub fn is_sound(&self) -> bool {
-        self.groups.first().is_some_and(|group| group.verdict.quality == Quality::Good)
-    }
 }
 
 /// Refines poses; see [`crate::registration::method::Method::register`].
@@ -68,46 +65,61 @@ pub fn place(set: &Set, refine: &Refine, progress: &Progress) -> Result<Placemen
     let rough = rough(views, set.given, set.sensors, progress)?;
     let mut groups = Vec::new();
     let mut placed: Option<Multiview> = None;
+    let mut standings = vec![None; views.len()];
     for group in rough.groups.iter().filter(|group| group.views.len() > 1) {
-        let (group, refined) = settle_group(views, group, refine)?;
-        groups.extend(held_together(set, &group, &refined));
-        placed.get_or_insert_with(|| spread(&group, &refined, views.len()));
+        let search = &rough.searches[group.search];
+        let (group, refined, found) = settle_group(views, group, search, refine)?;
+        groups.extend(held_together(set, &group, &refined, &found));
+        if placed.is_none() {
+            group.views.iter().zip(found).for_each(|(view, standing)| standings[*view] = Some(standing));
+            placed = Some(spread(&group, &refined, views.len()));
+        }
     }
     let mut result = placed.unwrap_or_else(|| Multiview::alone(views.len()));
     let origins = settle_world(views, set.given, &mut result);
-    let main = rough.groups.first().filter(|group| group.views.len() > 1);
-    let sure = |view: usize| main.and_then(|group| group.confidence_of(view)).filter(|_| result.placed[view]);
+    let sure = |view: usize| standings[view].filter(|_| result.placed[view]).map(|standing| confidence(&standing));
     let confidences = (0..views.len()).map(|view| sure(view).unwrap_or(0.0)).collect();
-    Ok(Placement { result, origins, confidences, ambiguous: rough.ambiguous, groups })
+    Ok(Placement { result, origins, confidences, standings, ambiguous: rough.ambiguous, groups })
 }
 
+/// A refined view that is surer to be wrong than this has no place there either.
+const REFUTED: f64 = 0.1;
 /// A refined view of which less than this share of the surface near others touches them has no place there.
 const LEAST_SHARPNESS: f64 = quality::limits::SHARP;
 
-/// Refines a group. A few views that then cross the others were laid there by mistake: they are left out, and the rest
-/// is refined anew. When most cross, nothing can be said of any, and the verdict is left to tell.
-fn settle_group(views: &[View], group: &Group, refine: &Refine) -> Result<(Group, Multiview), Canceled> {
+/// Refines a group. A few views that then cross the others, or that the others' scanners refute, were laid there by
+/// mistake: they are left out, and the rest is refined anew. When most are, nothing can be said of any, and the verdict
+/// is left to tell.
+fn settle_group(
+    views: &[View],
+    group: &Group,
+    search: &Search,
+    refine: &Refine,
+) -> Result<(Group, Multiview, Vec<Standing>), Canceled> {
     let members: Vec<View> = group.views.iter().map(|view| views[*view].clone()).collect();
     let refined = refine(&members, &group.local_poses)?;
     let sharpness = quality::sharpness(&members, &refined, multiview::common_spacing(&members));
-    let kept: Vec<usize> =
-        (0..members.len()).filter(|k| sharpness[*k].is_some_and(|sharp| sharp >= LEAST_SHARPNESS)).collect();
+    let standings = search.standings(&group.views, &refined.local_poses);
+    let is_kept = |k: &usize| {
+        sharpness[*k].is_some_and(|sharp| sharp >= LEAST_SHARPNESS) && confidence(&standings[*k]) >= REFUTED
+    };
+    let kept: Vec<usize> = (0..members.len()).filter(is_kept).collect();
     if kept.len() == members.len() || kept.len() < 2 || 2 * kept.len() <= members.len() {
-        return Ok((group.clone(), refined));
+        return Ok((group.clone(), refined, standings));
     }
     let rest = Group {
         views: kept.iter().map(|k| group.views[*k]).collect(),
         local_poses: kept.iter().map(|k| refined.local_poses[*k]).collect(),
-        confidences: kept.iter().map(|k| group.confidences[*k]).collect(),
         ..group.clone()
     };
     let members: Vec<View> = rest.views.iter().map(|view| views[*view].clone()).collect();
     let refined = refine(&members, &rest.local_poses)?;
-    Ok((rest, refined))
+    let standings = search.standings(&rest.views, &refined.local_poses);
+    Ok((rest, refined, standings))
 }
 
 /// The views of a refined group that still hang together, in the frame of the first.
-fn held_together(set: &Set, group: &Group, refined: &Multiview) -> Option<PlacedGroup> {
+fn held_together(set: &Set, group: &Group, refined: &Multiview, found: &[Standing]) -> Option<PlacedGroup> {
     let kept: Vec<usize> = (0..group.views.len()).filter(|k| refined.placed[*k]).collect();
     let world = refined.local_poses[*kept.first()?].inverse();
     if kept.len() < 2 {
@@ -115,10 +127,12 @@ fn held_together(set: &Set, group: &Group, refined: &Multiview) -> Option<Placed
     }
     let members: Vec<View> = group.views.iter().map(|view| set.views[*view].clone()).collect();
     let names: Vec<String> = group.views.iter().map(|view| set.names[*view].clone()).collect();
+    let mut verdict = quality::judge(&members, refined, multiview::common_spacing(&members), &names);
+    verdict.doubt(&found.iter().map(confidence).collect::<Vec<f64>>(), &refined.placed, &names);
     Some(PlacedGroup {
         views: kept.iter().map(|k| group.views[*k]).collect(),
         local_poses: kept.iter().map(|k| world * refined.local_poses[*k]).collect(),
-        verdict: quality::judge(&members, refined, multiview::common_spacing(&members), &names),
+        verdict,
     })
 }
 

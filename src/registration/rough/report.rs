@@ -60,13 +60,6 @@ impl PlacementReport {
         }
     }
 
-    /// The whole is not good, for whatever reason: no view is surer than not.
-    pub fn doubt(&mut self) {
-        for sure in self.confidences.iter_mut().flatten() {
-            *sure = sure.min(DOUBTFUL);
-        }
-    }
-
     /// How sure the whole is: as sure as its least sure placed view.
     fn confidence(&self) -> Option<f64> {
         let sure = self.confidences.as_ref()?;
@@ -90,9 +83,6 @@ impl PlacementReport {
             serde_json::json!(self.groups.iter().map(|group| group_report(group, names, views)).collect::<Vec<_>>());
     }
 }
-
-/// The most confidence in a view of a registration that is not good.
-const DOUBTFUL: f64 = 0.5;
 
 const APART: &str = "no other view's surface bears out a place for it: it shows something else, or overlaps too little";
 const OTHER_GROUP: &str = "it hangs together with other scans than the placed ones, see `groups`: another object, or a part that overlaps the rest too little";

@@ -53,12 +53,9 @@ impl Set<'_> {
     /// Places the views by their surface.
     fn placed(&self, refine: &Refine, progress: &Progress) -> Result<Registered, Canceled> {
         let placement = place(self, refine, progress)?;
-        let verdict = self.judge(&placement.result, progress);
-        let mut report = PlacementReport::of(&placement);
-        if !placement.is_sound() {
-            report.doubt();
-        }
-        Ok(Registered { result: placement.result, verdict, placement: report })
+        let mut verdict = self.judge(&placement.result, progress);
+        verdict.doubt(&placement.confidences, &placement.result.placed, self.names);
+        Ok(Registered { placement: PlacementReport::of(&placement), result: placement.result, verdict })
     }
 
     fn judge(&self, result: &Multiview, progress: &Progress) -> Verdict {

@@ -18,8 +18,23 @@ pub struct SightMap {
     origin: [f32; 2],
     columns: usize,
     rows: usize,
-    /// Greatest height towards the scanner seen in the cell or one of its neighbours; -infinity where nothing was seen.
+    /// Greatest height towards the scanner seen in the cell or one of its neighbours; -infinity where nothing was seen in
+    /// any of them, not a number where only in a neighbour.
     nearest: Vec<f32>,
+}
+
+/// What a scanner saw in some direction.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Seen {
+    /// Surface; the point in question stands so far in front of it (negative: behind).
+    Surface {
+        /// Towards the scanner, a length.
+        height: f32,
+    },
+    /// Nothing, but surface beside it.
+    Rim,
+    /// Nothing far and wide.
+    Nothing,
 }
 
 impl SightMap {
@@ -55,21 +70,20 @@ impl SightMap {
         map
     }
 
-    /// Each cell's greatest value among itself and its eight neighbours; empty cells stay empty.
+    /// Each cell's greatest value among itself and its eight neighbours; an empty cell beside a full one is not a number.
     fn widened(&self, own: &[f32]) -> Vec<f32> {
         let at = |column: usize, row: usize| own[row * self.columns + column];
         let mut wide = Vec::with_capacity(own.len());
         for row in 0..self.rows {
             for column in 0..self.columns {
-                let mut value = at(column, row);
-                if value > f32::NEG_INFINITY {
-                    for r in row.saturating_sub(1)..(row + 2).min(self.rows) {
-                        for c in column.saturating_sub(1)..(column + 2).min(self.columns) {
-                            value = value.max(at(c, r));
-                        }
+                let mut value = f32::NEG_INFINITY;
+                for r in row.saturating_sub(1)..(row + 2).min(self.rows) {
+                    for c in column.saturating_sub(1)..(column + 2).min(self.columns) {
+                        value = value.max(at(c, r));
                     }
                 }
-                wide.push(value);
+                let is_rim = at(column, row) == f32::NEG_INFINITY && value > f32::NEG_INFINITY;
+                wide.push(if is_rim { f32::NAN } else { value });
             }
         }
         wide
@@ -96,11 +110,43 @@ impl SightMap {
         inside.then(|| row as usize * self.columns + column as usize)
     }
 
-    /// How far a point stands in front of what was seen in its direction (negative: behind); `None` where nothing was.
+    /// What the scanner saw in a point's direction.
     #[inline]
-    pub fn height_above_seen(&self, point: &nalgebra::Vector3<f32>) -> Option<f32> {
+    pub fn look(&self, point: &nalgebra::Vector3<f32>) -> Seen {
         let place = self.project(point);
-        let nearest = self.nearest[self.index(&place)?];
-        (nearest > f32::NEG_INFINITY).then(|| place.z - nearest)
+        match self.index(&place).map(|index| self.nearest[index]) {
+            Some(nearest) if nearest > f32::NEG_INFINITY => Seen::Surface { height: place.z - nearest },
+            Some(nearest) if nearest.is_nan() => Seen::Rim,
+            _ => Seen::Nothing,
+        }
+    }
+
+    /// The direction (not normalised) from a point to the scanner.
+    #[inline]
+    pub fn toward_scanner(&self, point: &nalgebra::Vector3<f32>) -> nalgebra::Vector3<f32> {
+        self.eye.map_or_else(|| self.frame.row(2).transpose(), |eye| eye - point)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Vector3;
+
+    #[test]
+    fn a_scanner_saw_surface_its_rim_and_nothing() {
+        let sheet: Vec<LocalPoint> = (0..400).map(|k| [(k % 20) as f32 - 9.5, (k / 20) as f32 - 9.5, 0.0]).collect();
+        for sensor in [Sensor::Toward(Vector3::z()), Sensor::At(Vector3::z() * 1e4)] {
+            let map = SightMap::new(&sheet, &sensor, 2.0);
+            let look = |x: f32, z: f32| map.look(&nalgebra::Vector3::new(x, 0.0, z));
+            for height in [3.0, -3.0] {
+                assert!(matches!(look(0.0, height), Seen::Surface { height: h } if (h - height).abs() < 0.1));
+            }
+            assert_eq!(look(25.0, 0.0), Seen::Nothing);
+        }
+        // a hole wider than a cell: its middle is rim as long as a neighbour is full
+        let holed: Vec<LocalPoint> = sheet.into_iter().filter(|p| p[0].hypot(p[1]) > 2.9).collect();
+        let map = SightMap::new(&holed, &Sensor::Toward(Vector3::z()), 2.0);
+        assert_eq!(map.look(&nalgebra::Vector3::zeros()), Seen::Rim);
     }
 }

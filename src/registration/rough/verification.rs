@@ -1,5 +1,6 @@
 //! Whether two views can lie as a motion says: the surface itself is asked, descriptions only propose.
 
+use super::sight::Seen;
 use super::sketch::Sketch;
 use crate::geometry::Motion;
 
@@ -12,6 +13,8 @@ pub struct Testimony {
     pub agree: usize,
     /// Those that lie where the other view's scanner has looked through.
     pub in_sight: usize,
+    /// Those that face the other view's scanner, and where it saw nothing far and wide.
+    pub missed: usize,
     /// Those near the other view's surface that cross it or look another way.
     pub cross: usize,
     /// Sum of the squared distances, along the normal, of those that agree.
@@ -34,7 +37,13 @@ const LIKE: f32 = 0.85;
 /// It is near a surface within this distance, in edges.
 const NEAR: f32 = 1.6;
 /// It stands in front of a surface from this distance on, in edges.
-const IN_FRONT: f32 = 2.0;
+const IN_FRONT: f32 = 1.5;
+/// A surface faces a scanner that it should be seen by from this cosine of its normal on.
+const FACING: f32 = 0.6;
+/// A surfel where the other scanner looked through, or saw nothing, counts as so many that cross: on right motions
+/// there is hardly one, while noise and edges bring some across each other.
+const LOOKED_THROUGH: f64 = 2.0;
+const MISSED: f64 = 6.0;
 
 impl Testimony {
     /// Share of the surfels asked that agree.
@@ -56,7 +65,22 @@ impl Evidence {
 
     /// Surfels that can't be where the motion puts them, both ways.
     pub fn conflict(&self) -> f64 {
-        (self.j_in_i.in_sight + self.i_in_j.in_sight + self.j_in_i.cross + self.i_in_j.cross) as f64
+        self.cross() + LOOKED_THROUGH * self.in_sight() + MISSED * self.missed()
+    }
+
+    /// Surfels that stand where the other scanner looked through, both ways.
+    pub fn in_sight(&self) -> f64 {
+        (self.j_in_i.in_sight + self.i_in_j.in_sight) as f64
+    }
+
+    /// Surfels that cross the other surface, both ways.
+    pub fn cross(&self) -> f64 {
+        (self.j_in_i.cross + self.i_in_j.cross) as f64
+    }
+
+    /// Surfels that the other scanner should have seen and did not, both ways.
+    pub fn missed(&self) -> f64 {
+        (self.j_in_i.missed + self.i_in_j.missed) as f64
     }
 
     /// Sum of the squared distances of the surfels that agree, both ways.
@@ -83,6 +107,12 @@ pub fn verify(i: &Sketch, j: &Sketch, motion_i_j: &Motion, edge: f64, samples: u
     }
 }
 
+/// Whether a surface in `other`'s frame faces its scanner.
+fn is_facing(other: &Sketch, place: &nalgebra::Vector3<f32>, normal: &nalgebra::Vector3<f32>) -> bool {
+    let toward = other.sight.toward_scanner(place);
+    toward.dot(normal) > FACING * toward.norm()
+}
+
 /// Puts surfels of `view` into `other`; `motion` maps the frame of the first into that of the second.
 fn testify(view: &Sketch, other: &Sketch, motion: &Motion, edge: f32, samples: usize) -> Testimony {
     let motion = motion.cast::<f32>();
@@ -95,8 +125,11 @@ fn testify(view: &Sketch, other: &Sketch, motion: &Motion, edge: f32, samples: u
         let moved = rotation * view.position(index) + shift;
         let nearest = other.indexed.tree.nearest(&moved.into(), (NEAR * edge).powi(2));
         let Some(target) = nearest.map(|n| n.index as usize) else {
-            let height = other.sight.height_above_seen(&moved);
-            testimony.in_sight += usize::from(height.is_some_and(|height| height > IN_FRONT * edge));
+            match other.sight.look(&moved) {
+                Seen::Surface { height } => testimony.in_sight += usize::from(height > IN_FRONT * edge),
+                Seen::Nothing if is_facing(other, &moved, &(rotation * view.normals[index])) => testimony.missed += 1,
+                _ => {}
+            }
             continue;
         };
         let normal = rotation * view.normals[index];

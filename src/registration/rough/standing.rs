@@ -1,0 +1,207 @@
+//! How each view of a refined group stands among the others: what all of them say of its place, and whether it could as
+//! well stand elsewhere.
+//!
+//! A pair may be wrong and look right. A wrong view hardly ever is let stand by the pictures of all other scanners.
+
+use rayon::prelude::*;
+
+use super::consensus::alike;
+use super::link::Link;
+use super::sketch::Sketch;
+use super::verification::{Evidence, verify};
+use crate::geometry::{Motion, Vector3};
+use crate::registration::joint::normal_equations::{PairSums, RIGID};
+
+/// Surfels of a view that are asked of its place,
+const SAMPLES: usize = 400;
+/// and of another place.
+const RIVAL_SAMPLES: usize = 120;
+/// Other places that are tried for a view.
+const RIVALS: usize = 6;
+/// A place farther off than this, in edges, is another one.
+const ELSEWHERE: f64 = 4.0;
+/// A surfel that contradicts counts as so many that agree when places are compared.
+const CONTRADICTION: f64 = 2.0;
+/// A surfel is held by another view's within this distance, in edges.
+const HELD: f64 = 0.6;
+
+/// What speaks for and against a view's place.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Standing {
+    /// The largest overlap with another view, smaller share of both.
+    pub overlap: f64,
+    /// Share of what all say that is: surface where a scanner saw nothing, or looked through.
+    pub through: f64,
+    /// Share of what all say that is: surfaces that cross.
+    pub crossing: f64,
+    /// The same two shares, of the whole group.
+    pub group_through: f64,
+    /// See `group_through`.
+    pub group_crossing: f64,
+    /// Root mean square distance of surfels that agree, in the noise of the set.
+    pub rms: f64,
+    /// How well the best other place does, in what this one does: 0 (there is none) to 2.
+    pub rival: f64,
+    /// How well the surface holds the view in the direction that holds it least: 0 (it slides) to about 0.3.
+    pub hold: f64,
+}
+
+/// How a group's views stand at `local_poses`; `links` are their candidates, named by place in the group, and `noise` the
+/// set's level of noise, in edges.
+pub fn standings(sketches: &[&Sketch], local_poses: &[Motion], links: &[Link], edge: f64, noise: f64) -> Vec<Standing> {
+    let n = sketches.len();
+    let pairs: Vec<(usize, usize)> = (0..n).flat_map(|i| (i + 1..n).map(move |j| (i, j))).collect();
+    let said: Vec<Evidence> = pairs
+        .par_iter()
+        .map(|&(i, j)| verify(sketches[i], sketches[j], &local_poses[i].inv_mul(&local_poses[j]), edge, SAMPLES))
+        .collect();
+    let mut whole = Said::default();
+    let mut own = vec![Said::default(); n];
+    for (&(i, j), evidence) in pairs.iter().zip(&said) {
+        whole.add(evidence);
+        own[i].add(evidence);
+        own[j].add(evidence);
+    }
+    (0..n)
+        .into_par_iter()
+        .with_max_len(1)
+        .map(|view| Standing {
+            overlap: own[view].overlap,
+            through: own[view].share(own[view].through),
+            crossing: own[view].share(own[view].crossing),
+            group_through: whole.share(whole.through),
+            group_crossing: whole.share(whole.crossing),
+            rms: (own[view].squares / own[view].agree.max(1.0)).sqrt() / (edge * noise),
+            rival: rival(sketches, local_poses, links, view, edge),
+            hold: hold(sketches, local_poses, view, edge),
+        })
+        .collect()
+}
+
+/// Evidence of several pairs added up.
+#[derive(Debug, Clone, Default)]
+struct Said {
+    agree: f64,
+    through: f64,
+    crossing: f64,
+    squares: f64,
+    overlap: f64,
+}
+
+impl Said {
+    fn add(&mut self, evidence: &Evidence) {
+        self.agree += evidence.agree();
+        self.through += evidence.missed() + evidence.in_sight();
+        self.crossing += evidence.cross();
+        self.squares += evidence.squares();
+        self.overlap = self.overlap.max(evidence.overlap());
+    }
+
+    fn share(&self, part: f64) -> f64 {
+        part / (self.agree + self.through + self.crossing).max(1.0)
+    }
+}
+
+/// How well the best other place of a view does that its candidates propose, in what its own place does.
+fn rival(sketches: &[&Sketch], local_poses: &[Motion], links: &[Link], view: usize, edge: f64) -> f64 {
+    let mut proposing: Vec<&Link> = links.iter().filter(|link| link.i == view || link.j == view).collect();
+    proposing.sort_by(|a, b| b.strength().total_cmp(&a.strength()).then((a.i, a.j).cmp(&(b.i, b.j))));
+    let mut places = vec![local_poses[view]];
+    for link in proposing {
+        let place = match link.j == view {
+            true => local_poses[link.i] * link.motion_i_j,
+            false => local_poses[link.j] * link.motion_i_j.inverse(),
+        };
+        if places.iter().all(|other| !alike(other, &place, sketches[view].radius, ELSEWHERE * edge)) {
+            places.push(place);
+        }
+        if places.len() > RIVALS {
+            break;
+        }
+    }
+    let others: Vec<usize> = (0..sketches.len()).filter(|other| *other != view).collect();
+    let balance = |place: &Motion| -> f64 {
+        let say = |other: &usize| {
+            let motion = local_poses[*other].inv_mul(place);
+            let evidence = verify(sketches[*other], sketches[view], &motion, edge, RIVAL_SAMPLES);
+            evidence.agree() - CONTRADICTION * evidence.conflict()
+        };
+        others.iter().map(say).sum()
+    };
+    let own = balance(&places[0]);
+    let best = places[1..].iter().map(balance).fold(0.0, f64::max);
+    if own > 0.0 { (best / own).min(2.0) } else { 2.0 }
+}
+
+/// How well the surface that others share with a view holds it: the least eigenvalue's root of its information, about
+/// the middle of what is held and in units of its size, a surfel.
+fn hold(sketches: &[&Sketch], local_poses: &[Motion], view: usize, edge: f64) -> f64 {
+    let sketch = sketches[view];
+    let motions: Vec<nalgebra::Isometry3<f32>> =
+        local_poses.iter().map(|pose| pose.inv_mul(&local_poses[view]).cast()).collect();
+    let reach2 = (HELD * edge).powi(2) as f32;
+    let is_held = |place: nalgebra::Vector3<f32>| {
+        let near = |other: usize| {
+            let moved = motions[other] * nalgebra::Point3::from(place);
+            sketches[other].indexed.tree.nearest(&moved.coords.into(), reach2).is_some()
+        };
+        (0..sketches.len()).any(|other| other != view && near(other))
+    };
+    let held: Vec<(Vector3, Vector3)> = sketch
+        .inner
+        .iter()
+        .map(|index| *index as usize)
+        .filter(|index| is_held(sketch.position(*index)))
+        .map(|index| (sketch.position(index).cast(), sketch.normals[index].cast()))
+        .collect();
+    if held.len() < 6 {
+        return 0.0;
+    }
+    let count = held.len() as f64;
+    let middle = held.iter().map(|(place, _)| place).sum::<Vector3>() / count;
+    let spread = (held.iter().map(|(place, _)| (place - middle).norm_squared()).sum::<f64>() / count).sqrt();
+    let mut sums = PairSums::<RIGID>::default();
+    for (place, normal) in &held {
+        sums.add(normal, &((place - middle) / spread), 0.0, 1.0);
+    }
+    let least = (sums.information() / count).symmetric_eigenvalues().min();
+    least.max(0.0).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::{Cloud, Point3};
+    use crate::registration::sensor::Sensor;
+    use crate::registration::view::View;
+
+    const EDGE: f64 = 3.0;
+
+    /// A sheet of side 60 with a height for each place, seen from far above.
+    fn sketch(height: fn(f64, f64) -> f64) -> (Sketch, Motion) {
+        let places = (0..3600).map(|k| (f64::from(k % 60) - 29.5, f64::from(k / 60) - 29.5));
+        let points: Vec<Point3> = places.map(|(x, y)| Point3::new(x, y, height(x, y))).collect();
+        let view = View::new(&Cloud::from_points(points)).expect("a sheet can be used");
+        (Sketch::new(&view, EDGE, Some(Sensor::Toward(Vector3::z()))), view.local_pose(&Motion::identity()))
+    }
+
+    fn standing(height: fn(f64, f64) -> f64, moved: &Motion) -> Standing {
+        let (sketch, pose) = sketch(height);
+        standings(&[&sketch, &sketch], &[pose, moved * pose], &[], EDGE, 0.02)[1]
+    }
+
+    #[test]
+    fn what_the_other_scanner_did_not_see_speaks_against_a_place() {
+        let bumpy = |x: f64, y: f64| 6.0 * (x / 7.0).sin() * (y / 9.0).cos();
+        let right = standing(bumpy, &Motion::identity());
+        assert_eq!((right.through, right.rival), (0.0, 0.0));
+        assert!(right.overlap > 0.9 && right.hold > 0.05, "{right:?}");
+        let beside = standing(bumpy, &Motion::translation(30.0, 0.0, 0.0));
+        assert!(beside.through > 0.1, "{beside:?}");
+    }
+
+    #[test]
+    fn nothing_holds_a_plane_on_a_plane() {
+        assert!(standing(|_, _| 0.0, &Motion::identity()).hold < 0.01);
+    }
+}
