@@ -88,7 +88,7 @@ impl Gists {
     /// is not known.
     pub fn against(&self, probe: &DenseSignature) -> Option<GistProbe<'_>> {
         let frame = self.frame.as_ref()?;
-        if probe.to_bytes().iter().any(|byte| *byte == UNSEEN as u8) {
+        if probe.to_bytes().contains(&(UNSEEN as u8)) {
             return None;
         }
         let heights = frame.heights(probe);
