@@ -194,17 +194,22 @@ pub fn sharpness(views: &[View], result: &Multiview, spacing: f64) -> Vec<Option
             }
             let mut others: Vec<usize> = (0..views.len()).filter(|&j| j != i && result.placed[j]).collect();
             others.retain(|&j| result.overlaps.directed(i, j) > 0.0);
-            // the view that is most likely to have the nearest point is asked first and bounds the others
+            // the view that is most likely to have the nearest point is asked first, mostly the only one
             others.sort_by(|&a, &b| result.overlaps.directed(i, b).total_cmp(&result.overlaps.directed(i, a)));
             let motions: Vec<nalgebra::Isometry3<f32>> =
                 others.iter().map(|&j| result.local_poses[j].inv_mul(&result.local_poses[i]).cast()).collect();
             let (mut near, mut touching) = (0usize, 0usize);
             let points = views[i].points();
             for sample in points.iter().step_by(points.len().div_ceil(MAX_SAMPLES)) {
-                let nearest2 = others.iter().zip(&motions).fold(near2, |bound, (j, motion)| {
+                let mut nearest2 = near2;
+                for (j, motion) in others.iter().zip(&motions) {
                     let moved: LocalPoint = (motion * nalgebra::Point3::from(*sample)).coords.into();
-                    views[*j].indexed.tree.nearest(&moved, bound).map_or(bound, |n| n.distance2)
-                });
+                    nearest2 = views[*j].indexed.tree.nearest(&moved, nearest2).map_or(nearest2, |n| n.distance2);
+                    // one that touches is enough
+                    if nearest2 < touching2 {
+                        break;
+                    }
+                }
                 near += usize::from(nearest2 < near2);
                 touching += usize::from(nearest2 < touching2);
             }
