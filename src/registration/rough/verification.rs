@@ -41,9 +41,9 @@ const IN_FRONT: f32 = 1.5;
 /// A surface faces a scanner that it should be seen by from this cosine of its normal on.
 const FACING: f32 = 0.6;
 /// A surfel where the other scanner looked through, or saw nothing, counts as so many that cross: on right motions
-/// there is hardly one, while noise and edges bring some across each other.
-const LOOKED_THROUGH: f64 = 2.0;
-const MISSED: f64 = 6.0;
+/// there are few, while noise and edges bring some across each other. More would refuse right joins of real scans, which
+/// have holes where laser or camera did not reach.
+const NOT_SEEN: f64 = 2.0;
 
 impl Testimony {
     /// Share of the surfels asked that agree.
@@ -65,7 +65,7 @@ impl Evidence {
 
     /// Surfels that can't be where the motion puts them, both ways.
     pub fn conflict(&self) -> f64 {
-        self.cross() + LOOKED_THROUGH * self.in_sight() + MISSED * self.missed()
+        self.cross() + NOT_SEEN * (self.in_sight() + self.missed())
     }
 
     /// Surfels that stand where the other scanner looked through, both ways.
