@@ -51,7 +51,7 @@ fn scanned(shape: usize, seed: u64) -> (usize, ScanOptions, bool) {
         [(Coverage::Around, 9), (Coverage::Ring, 8), (Coverage::Around, 11), (Coverage::Front, 6), (Coverage::Ring, 7)]
             [turn % 5];
     let points = [5000, 4000, 3000][(turn / 2) % 3];
-    (views, ScanOptions { coverage, points, ..ScanOptions::default() }, turn % 2 == 0)
+    (views, ScanOptions { coverage, points, ..ScanOptions::default() }, turn.is_multiple_of(2))
 }
 
 /// Registers a set from its scans, each in a frame of its own; a row a view.
@@ -82,15 +82,14 @@ fn measure(index: usize, seed: u64) -> String {
     let placed: Vec<usize> = (0..count).filter(|view| placement.result.placed[*view]).collect();
     let poses: Vec<Motion> = placed.iter().map(|view| placement.result.local_poses[*view]).collect();
     let right = right_views(shape, seed, &views, &truth, &placed, &poses);
-    let overlaps = best_overlaps(&views, &truth);
     let mut rows = String::new();
-    for view in 0..count {
+    for (view, overlap) in best_overlaps(&views, &truth).into_iter().enumerate() {
         let is_placed = placed.contains(&view);
         let told = placement.standings[view].filter(|_| is_placed).map(|standing| features(&standing));
         let told: Vec<String> = told.unwrap_or_default().iter().map(|x| format!("{x:.5}")).collect();
         let _ = writeln!(
             rows,
-            "row\t{}\t{index}\t{seed}\t{:?}\t{count}\t{}\t{}\t{view}\t{}\t{}\t{}\t{:.3}\t{:.5}\t{}",
+            "row\t{}\t{index}\t{seed}\t{:?}\t{count}\t{}\t{}\t{view}\t{}\t{}\t{}\t{overlap:.3}\t{:.5}\t{}",
             shape.name,
             options.coverage,
             options.points,
@@ -98,7 +97,6 @@ fn measure(index: usize, seed: u64) -> String {
             u8::from(is_placed),
             u8::from(right.contains(&view)),
             u8::from(placement.ambiguous[view]),
-            overlaps[view],
             placement.confidences[view],
             told.join("\t")
         );
