@@ -119,7 +119,6 @@ fn try_join(scene: &Scene, left: &Group, right: &Group, link: &Link, waiting: &[
         return Attempt::Ambiguous;
     }
     let mut union = left.united(right, &motion);
-    union.joins.push(grounds);
     union.links.extend(measured.into_iter().filter(Link::is_promising));
     union.average(sketches, edge);
     Attempt::Joined(union)

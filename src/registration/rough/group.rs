@@ -1,6 +1,5 @@
 //! Views that hang together, with poses in a world of their own.
 
-use super::confidence::Grounds;
 use super::link::Link;
 use super::sketch::Sketch;
 use crate::geometry::Motion;
@@ -15,8 +14,6 @@ pub struct Group {
     pub local_poses: Vec<Motion>,
     /// The pairs that hold it together.
     pub links: Vec<Link>,
-    /// What each of its joins rested on.
-    pub joins: Vec<Grounds>,
     /// The search that found it.
     pub search: usize,
 }
@@ -24,13 +21,7 @@ pub struct Group {
 impl Group {
     /// A view by itself.
     pub fn of(view: usize) -> Self {
-        Group {
-            views: vec![view],
-            local_poses: vec![Motion::identity()],
-            links: Vec::new(),
-            joins: Vec::new(),
-            search: 0,
-        }
+        Group { views: vec![view], local_poses: vec![Motion::identity()], links: Vec::new(), search: 0 }
     }
 
     /// A view's pose in the group's world.
@@ -57,7 +48,6 @@ impl Group {
             views,
             local_poses,
             links: self.links.iter().chain(&other.links).copied().collect(),
-            joins: self.joins.iter().chain(&other.joins).copied().collect(),
             search: self.search,
         }
     }
