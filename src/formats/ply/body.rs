@@ -40,6 +40,7 @@ pub(super) trait Body {
     fn place(&self) -> String;
 
     /// The length of a list that comes next.
+    #[inline]
     fn list_length(&mut self, count: ScalarType) -> Result<u64, Fault> {
         let length = self.integer(count)?;
         u64::try_from(length).map_err(|_| Fault::Wrong(format!("a list can't have {length} entries")))
@@ -82,6 +83,7 @@ impl<'a> Ascii<'a> {
         Ascii { bytes: file, position: start, start }
     }
 
+    #[inline]
     fn skip_blanks(&mut self) {
         while let Some(b' ' | b'\t') = self.bytes.get(self.position) {
             self.position += 1;
@@ -89,6 +91,7 @@ impl<'a> Ascii<'a> {
     }
 
     /// Goes to the next number of this line.
+    #[inline]
     fn begin_number(&mut self) -> Result<&'a [u8], Fault> {
         self.skip_blanks();
         match self.bytes.get(self.position) {
@@ -99,6 +102,7 @@ impl<'a> Ascii<'a> {
     }
 
     /// Accepts a number of `length` bytes if it ends there.
+    #[inline]
     fn end_number(&mut self, length: usize) -> Result<(), Fault> {
         match self.bytes.get(self.position + length) {
             None | Some(b' ' | b'\t' | b'\n' | b'\r') => {
@@ -118,6 +122,7 @@ impl<'a> Ascii<'a> {
 }
 
 impl Body for Ascii<'_> {
+    #[inline]
     fn begin_row(&mut self) -> Result<(), Fault> {
         while let Some(b' ' | b'\t' | b'\n' | b'\r') = self.bytes.get(self.position) {
             self.position += 1;
@@ -125,6 +130,7 @@ impl Body for Ascii<'_> {
         if self.position < self.bytes.len() { Ok(()) } else { Err(Fault::End) }
     }
 
+    #[inline]
     fn number(&mut self, _scalar: ScalarType) -> Result<f64, Fault> {
         let rest = self.begin_number()?;
         let (value, length) = fast_float2::parse_partial::<f64, _>(rest).map_err(|_| self.no_number("number"))?;
@@ -132,6 +138,7 @@ impl Body for Ascii<'_> {
         Ok(value)
     }
 
+    #[inline]
     fn integer(&mut self, _scalar: ScalarType) -> Result<i64, Fault> {
         let rest = self.begin_number()?;
         let negative = rest[0] == b'-';
@@ -152,6 +159,7 @@ impl Body for Ascii<'_> {
         Ok(if negative { -value } else { value })
     }
 
+    #[inline]
     fn end_row(&mut self) -> Result<(), Fault> {
         self.skip_blanks();
         match self.bytes.get(self.position) {
