@@ -10,11 +10,9 @@ use crate::faces::dense::{DenseSignature, KEPT_SHARE, LEAST_COMMON, STEP_MM, UNS
 use crate::faces::template::TEMPLATE_POINTS;
 
 /// Heights, made positive, padded to whole vector registers; the height 0 where there is none.
-type Heights = [u8; WIDTH];
+type Row = [u8; WIDTH];
 const WIDTH: usize = TEMPLATE_POINTS.next_multiple_of(LANES);
 const LANES: usize = 16;
-/// A mean is nearly 0 if it is this share of half a step from it.
-const LEVEL_SHARE: i32 = 8;
 /// The byte of a height of 0.
 const LEVEL: u8 = 128;
 /// Of two heights.
@@ -25,21 +23,17 @@ type Points = [u64; TEMPLATE_POINTS.div_ceil(64)];
 /// greater than the root mean square of those left in.
 const CEILING: f64 = 2.08;
 
-/// A signature, in as few cache lines as it fills.
-#[derive(Debug, Clone)]
-#[repr(align(64))]
-struct Row {
-    heights: Heights,
-    /// Of the heights that are seen, not made positive.
+/// What is known of a row beside its heights.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+struct Seen {
     sum: i32,
-    /// How many are seen.
     points: u16,
     /// Whether there is a signature at all.
     there: bool,
 }
 
-impl Row {
-    fn is_whole(&self) -> bool {
+impl Seen {
+    fn whole(&self) -> bool {
         usize::from(self.points) == TEMPLATE_POINTS
     }
 }
@@ -48,32 +42,35 @@ impl Row {
 #[derive(Debug, Default)]
 pub(super) struct DenseRows {
     rows: Vec<Row>,
+    seen: Vec<Seen>,
     unseen: Vec<Points>,
 }
 
 impl DenseRows {
     /// Adds a model's.
     pub fn push(&mut self, signature: Option<&DenseSignature>) {
-        let mut row = Row { heights: [LEVEL; WIDTH], sum: 0, points: 0, there: signature.is_some() };
-        let mut unseen = Points::default();
+        let (mut row, mut seen, mut unseen) = ([LEVEL; WIDTH], Seen::default(), Points::default());
+        seen.there = signature.is_some();
         let heights = signature.map(|signature| signature.to_bytes().map(|byte| byte as i8));
         for (point, height) in heights.iter().flatten().enumerate() {
             if *height == UNSEEN {
                 unseen[point / 64] |= 1 << (point % 64);
                 continue;
             }
-            row.heights[point] = (*height as u8).wrapping_add(LEVEL);
-            row.sum += i32::from(*height);
-            row.points += 1;
+            row[point] = (*height as u8).wrapping_add(LEVEL);
+            seen.sum += i32::from(*height);
+            seen.points += 1;
         }
         self.rows.push(row);
+        self.seen.push(seen);
         self.unseen.push(unseen);
     }
 
     /// Adds one from another list.
     pub fn push_from(&mut self, others: &DenseRows, place: u32) {
         let place = place as usize;
-        self.rows.push(others.rows[place].clone());
+        self.rows.push(others.rows[place]);
+        self.seen.push(others.seen[place]);
         self.unseen.push(others.unseen[place]);
     }
 
@@ -83,9 +80,9 @@ impl DenseRows {
         let (row, unseen) = (&self.rows[place], &self.unseen[place]);
         let byte = |point: usize| match unseen[point / 64] >> (point % 64) & 1 {
             1 => UNSEEN as u8,
-            _ => row.heights[point].wrapping_sub(LEVEL),
+            _ => row[point].wrapping_sub(LEVEL),
         };
-        row.there.then(|| DenseSignature::from_bytes(std::array::from_fn(byte)))
+        self.seen[place].there.then(|| DenseSignature::from_bytes(std::array::from_fn(byte)))
     }
 
     /// How many there are, missing ones with them.
@@ -95,17 +92,18 @@ impl DenseRows {
 
     /// How many points of the one at a place are seen.
     pub fn seen_points(&self, place: u32) -> usize {
-        usize::from(self.rows[place as usize].points)
+        usize::from(self.seen[place as usize].points)
     }
 
     /// Whether the model at a place has none.
     pub fn is_missing(&self, place: u32) -> bool {
-        !self.rows[place as usize].there
+        !self.seen[place as usize].there
     }
 
     /// Gives back what was reserved but not used.
     pub fn shrink(&mut self) {
         self.rows.shrink_to_fit();
+        self.seen.shrink_to_fit();
         self.unseen.shrink_to_fit();
     }
 }
@@ -142,7 +140,7 @@ impl DenseProbe {
         let mut counts = [0u16; 2 * MOST_DIFFERENCE + 1];
         let (mut sum, mut points) = (0, 0);
         for point in (0..TEMPLATE_POINTS).filter(|point| gaps[point / 64] >> (point % 64) & 1 == 0) {
-            let difference = i32::from(own.rows[0].heights[point]) - i32::from(rows.rows[other].heights[point]);
+            let difference = i32::from(own.rows[0][point]) - i32::from(rows.rows[other][point]);
             counts[(difference + MOST_DIFFERENCE as i32) as usize] += 1;
             sum += difference;
             points += 1;
@@ -157,25 +155,24 @@ impl DenseProbe {
 
     /// Whether the distance to the model at a place is surely greater than `reach`. A no says nothing.
     pub fn is_beyond(&self, rows: &DenseRows, place: u32, reach: &Reach) -> bool {
-        let ([probe], row) = (&self.own.rows[..], &rows.rows[place as usize]) else { return false };
-        let mut sum = row.sum - probe.sum;
-        let is_level = 2 * LEVEL_SHARE * sum.abs() <= TEMPLATE_POINTS as i32;
-        if is_level && row.is_whole() && probe.is_whole() {
-            return capped_squares(&row.heights, &probe.heights, 0, reach.ceiling) > reach.of_level;
-        }
-        let gaps: Points = std::array::from_fn(|k| rows.unseen[place as usize][k] | self.own.unseen[0][k]);
-        let mut points = TEMPLATE_POINTS;
-        for gap in each(&gaps) {
-            sum -= i32::from(row.heights[gap]) - i32::from(probe.heights[gap]);
-            points -= 1;
-        }
-        if (points as f64) < LEAST_COMMON * TEMPLATE_POINTS as f64 {
-            return false;
+        let place = place as usize;
+        let ([probe], [probe_seen]) = (&self.own.rows[..], &self.own.seen[..]) else { return false };
+        let (row, seen) = (&rows.rows[place], &rows.seen[place]);
+        let (mut sum, mut points) = (seen.sum - probe_seen.sum, TEMPLATE_POINTS);
+        let mut gaps = Points::default();
+        if !(seen.whole() && probe_seen.whole()) {
+            gaps = std::array::from_fn(|k| rows.unseen[place][k] | self.own.unseen[0][k]);
+            for gap in each(&gaps) {
+                sum -= i32::from(row[gap]) - i32::from(probe[gap]);
+                points -= 1;
+            }
+            if (points as f64) < LEAST_COMMON * TEMPLATE_POINTS as f64 {
+                return false;
+            }
         }
         let shift = Shift::new(sum, points);
-        let square = |gap: usize| capped_square(row.heights[gap], probe.heights[gap], shift.whole, reach.ceiling);
-        let of_gaps: u32 = each(&gaps).map(square).sum();
-        let squares = capped_squares(&row.heights, &probe.heights, shift.whole, reach.ceiling);
+        let squares = capped_squares(row, probe, shift.whole, reach.ceiling);
+        let of_gaps: u32 = each(&gaps).map(|gap| capped_square(row[gap], probe[gap], shift.whole, reach.ceiling)).sum();
         reach.is_exceeded(squares - of_gaps, points, shift.rest)
     }
 }
@@ -224,27 +221,12 @@ pub(super) struct Reach {
     square: f64,
     /// What differences are capped to, in steps.
     ceiling: u8,
-    /// The greatest sum of capped squares, over all points and of a mean that is nearly 0, with which it may be met.
-    of_level: u32,
 }
 
 impl Reach {
     pub fn new(reach_mm: f64) -> Reach {
         let steps = reach_mm.max(0.0) / STEP_MM;
-        let ceiling = (CEILING * steps).ceil().clamp(1.0, 255.0) as u8;
-        let mut reach = Reach { square: steps * steps * (1.0 + 1e-9) + 1e-9, ceiling, of_level: 0 };
-        // met by few squares, exceeded by many
-        let rest = 0.5 / f64::from(LEVEL_SHARE);
-        let (mut met, mut most) = (0, TEMPLATE_POINTS as u32 * u32::from(ceiling).pow(2) + 1);
-        while most - met > 1 {
-            let middle = met + (most - met) / 2;
-            match reach.is_exceeded(middle, TEMPLATE_POINTS, rest) {
-                true => most = middle,
-                false => met = middle,
-            }
-        }
-        reach.of_level = met;
-        reach
+        Reach { square: steps * steps * (1.0 + 1e-9) + 1e-9, ceiling: (CEILING * steps).ceil().clamp(1.0, 255.0) as u8 }
     }
 
     /// Given the sum of the capped squared differences from a mean that is off by `rest` (at most half a step).
@@ -278,7 +260,7 @@ fn capped_square(a: u8, b: u8, shift: i16, ceiling: u8) -> u32 {
 }
 
 /// The sum of the capped squares over all points, seen or not.
-fn capped_squares(a: &Heights, b: &Heights, shift: i16, ceiling: u8) -> u32 {
+fn capped_squares(a: &Row, b: &Row, shift: i16, ceiling: u8) -> u32 {
     let padding = capped_square(LEVEL, LEVEL, shift, ceiling) * (WIDTH - TEMPLATE_POINTS) as u32;
     // register by register, which the compiler turns into vector instructions
     let registers = a.chunks_exact(LANES).zip(b.chunks_exact(LANES));

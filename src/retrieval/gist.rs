@@ -31,8 +31,6 @@ const ROUNDS: usize = 5;
 /// The circle's radius over the root mean square of the heights: smaller, and fewer axes don't hold them; greater, and
 /// what the greatest differences may take is more than it gains.
 const RADIUS: f32 = 0.7;
-/// One in so many is looked at to learn how far the nearest are.
-pub(super) const SAMPLED: usize = 16;
 /// What rounding in single precision may make of a length, at most.
 const SLACK: f64 = 1e-3;
 
@@ -95,12 +93,7 @@ impl Gists {
         }
         let heights = frame.heights(probe);
         let (code, rounding) = frame.code(&heights);
-        let there = self.codes.iter().zip(&self.gaps);
-        let of_place = |(other, gaps): (&Code, &u16)| match usize::from(*gaps) {
-            TEMPLATE_POINTS => u32::MAX,
-            _ => square(&code, other),
-        };
-        let squares = there.map(of_place).collect();
+        let squares = self.codes.iter().map(|other| square(&code, other)).collect();
         let mut greatest: Vec<f64> = heights.iter().map(|height| f64::from(height.abs())).collect();
         greatest.sort_by(|a, b| b.total_cmp(a));
         let most_gaps = self.gaps.iter().max().map_or(0, |most| usize::from(*most));
@@ -126,8 +119,8 @@ impl Gists {
 #[derive(Debug)]
 pub(super) struct GistProbe<'a> {
     gists: &'a Gists,
-    /// Squared distances of the codes; the greatest number where there is no signature.
-    squares: Vec<u32>,
+    /// Squared distances of the codes.
+    pub squares: Vec<u32>,
     /// For so many unseen points: the most that the probe's heights there sum up to, and that their circles add.
     allowances: Vec<(f64, f64)>,
     most_square: f64,
@@ -136,33 +129,26 @@ pub(super) struct GistProbe<'a> {
 }
 
 impl GistProbe<'_> {
-    /// Where the distance to the signature may be `reach_mm` or less.
-    pub fn not_beyond(&self, reach_mm: f64) -> impl Iterator<Item = u32> + '_ {
-        let limits = self.limits(reach_mm);
-        let gists = self.squares.iter().zip(&self.gists.gaps).zip(0u32..);
-        let is_there = |square: u32| square != u32::MAX;
-        let left = gists.filter(move |((s, gaps), _)| is_there(**s) && **s <= limits[usize::from(**gaps)]);
-        left.map(|(_, place)| place)
+    /// Whether the distance to the signature at a place is surely greater than that of the limits.
+    pub fn is_beyond(&self, place: u32, limits: &[u32]) -> bool {
+        let place = place as usize;
+        self.squares[place] > limits[usize::from(self.gists.gaps[place])]
     }
 
-    /// The lengths of a few of them, squared, in steps.
-    pub fn sampled_lengths2(&self) -> impl Iterator<Item = f64> + '_ {
-        self.squares.iter().step_by(SAMPLED).map(|square| self.length2(*square))
-    }
-
-    /// Where gists are no farther than that.
-    pub fn within(&self, length2: f64) -> impl Iterator<Item = (f64, u32)> + '_ {
-        let most = ((length2 / self.unit.powi(2)).floor() as u32).min(u32::MAX - 1);
-        let near = self.squares.iter().zip(0u32..).filter(move |(square, _)| **square <= most);
-        near.map(|(square, place)| (self.length2(*square), place))
-    }
-
-    fn length2(&self, square: u32) -> f64 {
-        f64::from(square) * self.unit.powi(2)
+    /// Where the `count` nearest are, in no order.
+    pub fn nearest(&self, count: usize) -> Vec<u32> {
+        let squares = self.squares.iter().zip(0u32..).zip(&self.gists.gaps);
+        let there = squares.filter(|(_, gaps)| usize::from(**gaps) < TEMPLATE_POINTS);
+        let mut nearest: Vec<(u32, u32)> = there.map(|((square, place), _)| (*square, place)).collect();
+        if count < nearest.len() {
+            nearest.select_nth_unstable(count);
+            nearest.truncate(count);
+        }
+        nearest.into_iter().map(|(_, place)| place).collect()
     }
 
     /// For each number of unseen points the square beyond which a distance is surely greater than `reach_mm`.
-    fn limits(&self, reach_mm: f64) -> Vec<u32> {
+    pub fn limits(&self, reach_mm: f64) -> Vec<u32> {
         let limit = |(gaps, (sum, of_circle)): (usize, &(f64, f64))| {
             let points = (TEMPLATE_POINTS - gaps) as f64;
             if points < LEAST_COMMON * TEMPLATE_POINTS as f64 {
@@ -313,11 +299,10 @@ mod tests {
             let mut distances: Vec<f64> = (1..=400).filter_map(|place| dense.distance_mm(&rows, place)).collect();
             distances.sort_by(f64::total_cmp);
             for reach_mm in [0.0, distances[1], distances[40]] {
-                let left: Vec<u32> = against.not_beyond(reach_mm).collect();
-                assert!(left.first() != Some(&0), "it has no signature");
+                let limits = against.limits(reach_mm);
                 for place in 1..=400 {
                     let distance_mm = dense.distance_mm(&rows, place).expect("most is seen");
-                    let beyond = !left.contains(&place);
+                    let beyond = against.is_beyond(place, &limits);
                     assert!(!beyond || distance_mm > reach_mm, "{distance_mm} {reach_mm}");
                     if reach_mm == distances[1] && distance_mm > 3.0 * reach_mm {
                         far += 1;
@@ -333,15 +318,11 @@ mod tests {
     fn the_nearest_gists_are_those_of_near_faces() {
         let faces = faces(300);
         let mut rows = DenseRows::default();
-        rows.push(None);
         faces.iter().for_each(|face| rows.push(Some(face)));
         let gists = Gists::of(&rows);
         let against = gists.against(&faces[60]).expect("whole, and there are enough");
-        let mut lengths2: Vec<(f64, u32)> = against.within(f64::INFINITY).collect();
-        lengths2.sort_by(|a, b| a.0.total_cmp(&b.0));
-        assert_eq!((lengths2.len(), lengths2[0]), (300, (0.0, 61)));
-        assert_eq!(against.within(lengths2[9].0 + 1e-9).count(), 10);
-        assert_eq!(against.sampled_lengths2().count(), 301usize.div_ceil(SAMPLED));
+        assert!(against.nearest(3).contains(&60) && against.nearest(3).len() == 3);
+        assert_eq!(against.nearest(1000).len(), 300);
         assert!(gists.against(&faces[2]).is_none(), "the probe has gaps");
         assert!(Gists::of(&DenseRows::default()).against(&faces[0]).is_none());
     }

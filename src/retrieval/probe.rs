@@ -8,8 +8,8 @@ use rayon::prelude::*;
 
 use super::best::Best;
 use super::dense_rows::{DenseProbe, Reach};
-use super::gist::{GistProbe, SAMPLED};
-use super::likeness::{Weights, as_things};
+use super::gist::GistProbe;
+use super::likeness::{FACE_KINSHIP, Weights, as_things};
 use super::outline::Outlines;
 use super::part::Part;
 use super::region_likeness::{ProbeRegions, RegionLikeness};
@@ -23,8 +23,6 @@ pub const PROBE_MATCH_SCORE: f64 = 0.4;
 const BATCH: usize = 256;
 /// Models that are put in order together: few have to be looked at.
 const LOOKED_AT: usize = 16 * BATCH;
-/// The faces of the nearest gists are measured first, so many for each that is wanted: what they find rules out most.
-const SEEDS: usize = 4;
 
 /// A probe made ready.
 pub(super) struct Probe {
@@ -69,36 +67,17 @@ impl Found<'_> {
 /// What a model that is surely a face must be near to, to have a likeness of `least`.
 struct Bound {
     least: f64,
-    reach_mm: f64,
     reach: Reach,
+    /// The same for gists.
+    limits: Vec<u32>,
 }
 
 impl Bound {
-    fn of(least: f64) -> Bound {
+    fn of(least: f64, gists: Option<&GistProbe>) -> Bound {
         // two sure faces are weighed so
         let reach_mm = Weights::new(1.0, 1.0, true).reach_mm(least);
-        Bound { least, reach_mm, reach: Reach::new(reach_mm) }
+        Bound { least, reach: Reach::new(reach_mm), limits: gists.map_or(Vec::new(), |gists| gists.limits(reach_mm)) }
     }
-}
-
-/// Where about `count` of the nearest gists of all are, in no order.
-fn nearest(gists: &[Option<GistProbe>], count: usize) -> Vec<(f64, Address)> {
-    let mut sample: Vec<f64> = gists.iter().flatten().flat_map(GistProbe::sampled_lengths2).collect();
-    let rank = count.div_ceil(SAMPLED);
-    let within = match sample.len() {
-        few if few <= rank => f64::INFINITY,
-        _ => *sample.select_nth_unstable_by(rank, f64::total_cmp).1,
-    };
-    let mut near = Vec::new();
-    for (which, gists) in gists.iter().enumerate() {
-        let of_part = gists.iter().flat_map(|gists| gists.within(within));
-        near.extend(of_part.map(|(length2, place)| (length2, (which, place))));
-    }
-    if count < near.len() {
-        near.select_nth_unstable_by(count, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        near.truncate(count);
-    }
-    near
 }
 
 /// The [`LOOKED_AT`] that may score most, the greatest first, and all others.
@@ -128,8 +107,11 @@ impl Probe {
     pub fn search(&self, parts: &[Part], wanted: &Wanted) -> Vec<Match> {
         let threshold = wanted.threshold.unwrap_or(PROBE_MATCH_SCORE);
         let mut found = Found { best: Best::new(wanted.limit), wanted, threshold };
-        self.scan_faces(parts, &mut found);
-        let mut unsure = self.unsure(parts, found.least());
+        let mut others = Vec::new();
+        for which in 0..parts.len() {
+            self.scan(parts, which, &mut found, &mut others);
+        }
+        let mut unsure = self.unsure(parts, others, found.least());
         let mut rest = unsure.as_mut_slice();
         while !rest.is_empty() {
             let (batch, later) = best_first(rest);
@@ -154,29 +136,35 @@ impl Probe {
         ranked.into_par_iter().map(|(cost, id, address)| self.answer(parts, -cost, id, address, threshold)).collect()
     }
 
-    /// Offers all that are told by their dense signatures.
-    fn scan_faces(&self, parts: &[Part], found: &mut Found) {
-        let Some(dense) = self.dense.as_ref().filter(|_| Weights::are_sure(self.face_score, 1.0)) else { return };
-        let gists: Vec<Option<GistProbe>> =
-            parts.iter().map(|part| part.segment.gists.against(dense.signature())).collect();
-        for (_, address) in nearest(&gists, SEEDS * found.wanted.limit) {
-            self.offer_face(parts, address, found);
-        }
-        let mut known = Bound::of(found.least());
-        for (which, (part, gists)) in parts.iter().zip(&gists).enumerate() {
-            let left: Vec<u32> = match gists {
-                Some(gists) => gists.not_beyond(known.reach_mm).collect(),
-                None => part.places().collect(),
-            };
-            for place in left {
-                let least = found.least();
-                if known.least.to_bits() != least.to_bits() {
-                    // changes seldom
-                    known = Bound::of(least);
-                }
-                if !dense.is_beyond(&part.segment.dense, place, &known.reach) {
+    /// Offers all of a part that are told by their dense signatures; adds where the others are that have a chance.
+    fn scan(&self, parts: &[Part], which: usize, found: &mut Found, others: &mut Vec<Address>) {
+        let part = &parts[which];
+        let rows = &part.segment.dense;
+        let gists = self.dense.as_ref().and_then(|dense| part.segment.gists.against(dense.signature()));
+        if let Some(gists) = gists.as_ref().filter(|_| found.least() < FACE_KINSHIP) {
+            // whatever seems near first: all others are held against what that finds
+            for place in gists.nearest(found.wanted.limit) {
+                if part.is_alive(place) && self.is_told(part, place) {
                     self.offer_face(parts, (which, place), found);
                 }
+            }
+        }
+        let mut known = Bound::of(found.least(), gists.as_ref());
+        for place in part.places() {
+            // most go by this
+            if gists.as_ref().is_some_and(|gists| gists.is_beyond(place, &known.limits)) && self.is_told(part, place) {
+                continue;
+            }
+            let least = found.least();
+            if known.least.to_bits() != least.to_bits() {
+                // changes seldom
+                known = Bound::of(least, gists.as_ref());
+            }
+            match self.dense.as_ref().filter(|_| self.is_told(part, place)) {
+                Some(dense) if dense.is_beyond(rows, place, &known.reach) => {}
+                Some(_) => self.offer_face(parts, (which, place), found),
+                None if self.weights(part, place).likeness(Some(0.0), 1.0) < least => {}
+                None => others.push((which, place)),
             }
         }
     }
@@ -187,45 +175,22 @@ impl Probe {
         Weights::are_sure(self.face_score, score) && self.dense.is_some() && !part.segment.dense.is_missing(place)
     }
 
-    /// Offers a model if it is told by its dense signature alone.
+    /// Offers a model that is told by its dense signature alone.
     fn offer_face(&self, parts: &[Part], (which, place): Address, found: &mut Found) {
         let segment = &parts[which].segment;
-        if !(parts[which].is_alive(place) && self.is_told(&parts[which], place)) {
-            return;
-        }
         let weights = self.weights(&parts[which], place);
         let distance_mm = self.dense.as_ref().and_then(|dense| dense.distance_mm(&segment.dense, place));
         found.offer(segment.ids[place as usize], (which, place), weights.likeness(distance_mm, 0.0));
     }
 
-    /// Those that their dense signatures alone don't tell and whose score may be `least`, in no order.
-    fn unsure(&self, parts: &[Part], least: f64) -> Vec<Unsure> {
-        let untold = |which: usize| {
-            let part = &parts[which];
-            let has_a_chance = move |place: &u32| self.weights(part, *place).likeness(Some(0.0), 1.0) >= least;
-            self.untold(part).filter(has_a_chance).map(move |place| (which, place))
-        };
-        let models: Vec<Address> = (0..parts.len()).flat_map(untold).collect();
+    /// Those of the models whose score may be `least`, in no order.
+    fn unsure(&self, parts: &[Part], models: Vec<Address>, least: f64) -> Vec<Unsure> {
         let bounded = models.into_par_iter().map(|(which, place)| {
             let most =
                 self.weights(&parts[which], place).likeness(Some(0.0), self.as_things(parts, (which, place), 1.0));
             Unsure { most, id: parts[which].segment.ids[place as usize], address: (which, place) }
         });
         bounded.filter(|model| model.most >= least).collect()
-    }
-
-    /// Where the models are that their dense signatures alone don't tell.
-    fn untold<'a>(&self, part: &'a Part) -> impl Iterator<Item = u32> + 'a {
-        let segment = &part.segment;
-        let score = self.face_score;
-        let is_sure = move |place: &u32| Weights::are_sure(score, segment.face_scores[*place as usize]);
-        let (ranking, bare) = (segment.ranking(MatchMethod::Verified), &segment.faces_without_dense);
-        let (sure, bare) = match &self.dense {
-            Some(_) => (ranking.partition_point(is_sure), bare.as_slice()),
-            None => (0, &[][..]),
-        };
-        let bare = bare.iter().copied().filter(is_sure);
-        ranking[sure..].iter().copied().chain(bare).filter(|place| part.is_alive(*place))
     }
 
     fn weights(&self, part: &Part, place: u32) -> Weights {

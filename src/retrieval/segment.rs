@@ -21,8 +21,6 @@ pub(super) struct Segment {
     pub face_scores: Vec<f64>,
     /// For each method all places, best score first, ties by id.
     pub rankings: [Vec<u32>; 3],
-    /// Places of models that are faces rather than not but have no dense signature.
-    pub faces_without_dense: Vec<u32>,
     pub profiles: Vec<ShapeProfile>,
     pub dense: DenseRows,
     pub gists: Gists,
@@ -84,8 +82,6 @@ impl Segment {
         let verified = entry::slot(MatchMethod::Verified);
         self.face_scores = self.standings.iter().map(|standings| standings[verified].score).collect();
         self.rankings = [0, 1, 2].map(|slot| self.ranked(slot));
-        let is_bare = |place: &u32| self.face_scores[*place as usize] >= 0.5 && self.dense.is_missing(*place);
-        self.faces_without_dense = (0..self.ids.len() as u32).filter(is_bare).collect();
         let shapes: Vec<Vec<_>> = (0..self.outlines.len() as u32)
             .into_par_iter()
             .map(|place| self.outlines.outline(place).triangles().map(|(number, t)| (place, number, t.shape)).collect())
@@ -100,11 +96,6 @@ impl Segment {
         let score = |place: u32| self.standings[place as usize][slot].score;
         places.sort_by(|&a, &b| score(b).total_cmp(&score(a)).then(a.cmp(&b)));
         places
-    }
-
-    /// All places, best score by `method` first, ties by id.
-    pub fn ranking(&self, method: MatchMethod) -> &[u32] {
-        &self.rankings[entry::slot(method)]
     }
 
     /// Where a model is.
