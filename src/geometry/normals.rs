@@ -24,12 +24,14 @@ pub fn local_planes(indexed: &IndexedPoints, queries: &[LocalPoint], k: usize) -
         .with_min_len(256)
         .map_init(Vec::new, |found, query| {
             indexed.tree.k_nearest(query, k, f32::INFINITY, found);
-            fit_plane(&indexed.points, found)
+            plane_through(&indexed.points, found)
         })
         .collect()
 }
 
-fn fit_plane(points: &[LocalPoint], neighbours: &[Neighbour]) -> LocalPlane {
+/// The plane through `neighbours`, which are some of `points`; its normal is zero if they are fewer than three or all in
+/// one place.
+pub fn plane_through(points: &[LocalPoint], neighbours: &[Neighbour]) -> LocalPlane {
     let flat = LocalPlane { normal: [0.0; 3], rms: 0.0 };
     if neighbours.len() < 3 {
         return flat;

@@ -2,13 +2,11 @@
 
 use super::neighbours::LocalPoint;
 
-/// One representative of each occupied voxel.
+/// The means of a grid's occupied voxels.
 #[derive(Debug, Clone, Default)]
 pub struct Thinned {
-    /// The mean of the voxel's points.
+    /// The mean of each voxel's points.
     pub centroids: Vec<LocalPoint>,
-    /// For each voxel, the index of its point nearest to that mean.
-    pub representatives: Vec<u32>,
     /// The number of points in each voxel.
     pub counts: Vec<u32>,
 }
@@ -16,9 +14,52 @@ pub struct Thinned {
 /// Cells along an axis that a packed key can tell apart.
 const AXIS_CELLS: f32 = (1u32 << 21) as f32;
 
-/// Groups `points` by voxels of edge `edge` (same unit) and returns them in a spatial order that depends only on
+/// Groups `points` by voxels of edge `edge` (same unit) and returns their means in a spatial order that depends only on
 /// the points. An `edge` so small that keys would run over is enlarged.
 pub fn thin(points: &[LocalPoint], edge: f32) -> Thinned {
+    let runs = sorted_runs(points, edge);
+    let mut thinned = Thinned::default();
+    for voxel in voxels(&runs) {
+        let (centroid, count) = mean(points, voxel);
+        thinned.centroids.push(centroid);
+        thinned.counts.push(count);
+    }
+    thinned
+}
+
+/// Of each voxel the index of the point nearest to the mean; voxels and their order as by [`thin`].
+pub fn representatives(points: &[LocalPoint], edge: f32) -> Vec<u32> {
+    let runs = sorted_runs(points, edge);
+    let representative = |voxel: &[Run]| {
+        let (centroid, _) = mean(points, voxel);
+        let members = voxel.iter().flat_map(|run| run.start..run.end);
+        members
+            .map(|index| (super::neighbours::distance2(&points[index as usize], &centroid), index))
+            .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)))
+            .map(|(_, index)| index)
+    };
+    voxels(&runs).filter_map(representative).collect()
+}
+
+fn voxels(runs: &[Run]) -> impl Iterator<Item = &[Run]> {
+    runs.chunk_by(|a, b| a.key == b.key)
+}
+
+/// The mean of a voxel's points, and how many they are.
+fn mean(points: &[LocalPoint], voxel: &[Run]) -> (LocalPoint, u32) {
+    let (mut sum, mut count) = ([0.0f64; 3], 0);
+    for run in voxel {
+        for point in &points[run.start as usize..run.end as usize] {
+            for axis in 0..3 {
+                sum[axis] += f64::from(point[axis]);
+            }
+        }
+        count += run.end - run.start;
+    }
+    (sum.map(|s| (s / f64::from(count)) as f32), count)
+}
+
+fn sorted_runs(points: &[LocalPoint], edge: f32) -> Vec<Run> {
     let mut min = [f32::INFINITY; 3];
     let mut max = [f32::NEG_INFINITY; 3];
     for point in points {
@@ -29,29 +70,9 @@ pub fn thin(points: &[LocalPoint], edge: f32) -> Thinned {
     }
     let extent = (0..3).map(|axis| max[axis] - min[axis]).fold(0.0, f32::max);
     let inverse = 1.0 / edge.max(extent / (AXIS_CELLS - 2.0)).max(f32::MIN_POSITIVE);
-    let cell = |point: &LocalPoint| [0, 1, 2].map(|axis| ((point[axis] - min[axis]) * inverse) as u64);
-    let mut runs = runs(points, cell);
+    let mut runs = runs(points, |point| [0, 1, 2].map(|axis| ((point[axis] - min[axis]) * inverse) as u32));
     runs.sort_unstable_by_key(|run| (run.key, run.start));
-
-    let mut thinned = Thinned::default();
-    for voxel in runs.chunk_by(|a, b| a.key == b.key) {
-        let members = || voxel.iter().flat_map(|run| run.start..run.end);
-        let count = members().count();
-        let mut sum = [0.0f64; 3];
-        for index in members() {
-            for axis in 0..3 {
-                sum[axis] += f64::from(points[index as usize][axis]);
-            }
-        }
-        let centroid = sum.map(|s| (s / count as f64) as f32);
-        let nearest = members()
-            .map(|index| (super::neighbours::distance2(&points[index as usize], &centroid), index))
-            .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        thinned.centroids.push(centroid);
-        thinned.representatives.extend(nearest.map(|(_, index)| index));
-        thinned.counts.push(count as u32);
-    }
-    thinned
+    runs
 }
 
 /// Points that follow each other in one voxel: scanners write neighbours one after the other, so there are far fewer of
@@ -65,14 +86,14 @@ struct Run {
     end: u32,
 }
 
-fn runs(points: &[LocalPoint], cell: impl Fn(&LocalPoint) -> [u64; 3]) -> Vec<Run> {
+fn runs(points: &[LocalPoint], cell: impl Fn(&LocalPoint) -> [u32; 3]) -> Vec<Run> {
     let mut runs: Vec<Run> = Vec::new();
     let mut last = None;
     for (index, point) in (0u32..).zip(points) {
         let cell = cell(point);
         match runs.last_mut() {
             Some(run) if last == Some(cell) => run.end = index + 1,
-            _ => runs.push(Run { key: morton(cell[0], cell[1], cell[2]), start: index, end: index + 1 }),
+            _ => runs.push(Run { key: morton(cell), start: index, end: index + 1 }),
         }
         last = Some(cell);
     }
@@ -81,16 +102,16 @@ fn runs(points: &[LocalPoint], cell: impl Fn(&LocalPoint) -> [u64; 3]) -> Vec<Ru
 
 /// The place of a cell on the Z-order curve: cells that follow each other lie side by side, which keeps searches in
 /// the cache.
-fn morton(x: u64, y: u64, z: u64) -> u64 {
-    fn spread(mut v: u64) -> u64 {
-        v &= 0x1f_ffff;
+fn morton(cell: [u32; 3]) -> u64 {
+    fn spread(v: u32) -> u64 {
+        let mut v = u64::from(v) & 0x1f_ffff;
         v = (v | v << 32) & 0x001f_0000_0000_ffff;
         v = (v | v << 16) & 0x001f_0000_ff00_00ff;
         v = (v | v << 8) & 0x100f_00f0_0f00_f00f;
         v = (v | v << 4) & 0x10c3_0c30_c30c_30c3;
         (v | v << 2) & 0x1249_2492_4924_9249
     }
-    spread(x) | spread(y) << 1 | spread(z) << 2
+    spread(cell[0]) | spread(cell[1]) << 1 | spread(cell[2]) << 2
 }
 
 #[cfg(test)]
@@ -105,7 +126,7 @@ mod tests {
         assert_eq!(thinned.centroids.len(), 125);
         assert!(thinned.counts.iter().all(|&count| count == 8));
         assert_eq!(thinned.centroids[0], [0.5, 0.5, 0.5]);
-        assert_eq!(thinned.representatives[0], 0);
+        assert_eq!(representatives(&points, 2.0)[0], 0);
     }
 
     #[test]

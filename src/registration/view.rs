@@ -3,9 +3,9 @@
 use rayon::prelude::*;
 
 use super::sensor::Sensor;
-use crate::geometry::neighbours::{IndexedPoints, KdTree, LocalPoint};
-use crate::geometry::normals::{self, local_planes};
-use crate::geometry::thinning::thin;
+use crate::geometry::neighbours::{IndexedPoints, LocalPoint};
+use crate::geometry::normals;
+use crate::geometry::thinning::representatives;
 use crate::geometry::{Cloud, Motion, Point3, Surface, Vector3, organised};
 
 /// A view in its local frame: the scan's own frame shifted so that the scan's centroid is the origin (with specks that
@@ -48,8 +48,10 @@ pub const MIN_POINTS: usize = 50;
 const SAMPLES: usize = 600;
 /// The largest share of a scan that is specks.
 const SPECKS: f64 = 0.01;
-/// Neighbours looked at to find one that is not a duplicate.
-const DISTINCT_AMONG: usize = 8;
+/// Samples measured one after the other.
+const CHUNK: usize = 150;
+/// The next sample's neighbours are sought within so many times the squared distance of this one's.
+const GUESS: f32 = 1.4;
 
 impl View {
     /// Prepares a scan; points must be finite.
@@ -65,9 +67,8 @@ impl View {
         }
         let indexed = IndexedPoints::new(points);
         let samples = evenly_sampled(&indexed.points, SAMPLES);
-        let spacing = median_spacing(&indexed.tree, &samples).ok_or(UnusableScan::NoExtent)?;
-        let mut residuals: Vec<f32> =
-            local_planes(&indexed, &samples, normals::NEIGHBOURS).iter().map(|plane| plane.rms).collect();
+        let (mut distances2, mut residuals) = neighbourhoods(&indexed, &samples);
+        let spacing = f64::from(median(&mut distances2).ok_or(UnusableScan::NoExtent)?).sqrt();
         let range_accuracy = f64::from(median(&mut residuals).unwrap_or(0.0));
         Ok(View { indexed, center, spacing, range_accuracy, radius, scale: 1.0, resolution: None, sensor: None })
     }
@@ -98,7 +99,7 @@ impl View {
 
     /// Points spread evenly over the surface: those nearest to the means of voxels of edge `edge`.
     pub fn sampled(&self, edge: f64) -> Vec<LocalPoint> {
-        thin(self.points(), edge as f32).representatives.iter().map(|index| self.points()[*index as usize]).collect()
+        representatives(self.points(), edge as f32).iter().map(|index| self.points()[*index as usize]).collect()
     }
 
     /// The pose of the local frame that belongs to a pose of the (scaled) scan.
@@ -144,18 +145,25 @@ fn evenly_sampled(points: &[LocalPoint], count: usize) -> Vec<LocalPoint> {
     (0..count).map(|k| points[k * points.len() / count]).collect()
 }
 
-/// Median distance from the nearest neighbour that is not a duplicate.
-fn median_spacing(tree: &KdTree, samples: &[LocalPoint]) -> Option<f64> {
-    let mut distances: Vec<f32> = samples
-        .par_iter()
-        .with_min_len(256)
-        .map_init(Vec::new, |found, sample| {
-            tree.k_nearest(sample, DISTINCT_AMONG, f32::INFINITY, found);
-            found.iter().map(|n| n.distance2).find(|d| *d > 0.0)
+/// The squared distance of the nearest neighbour that is no duplicate, of samples that have one, and the residual of the
+/// local plane, of all: both from one search.
+fn neighbourhoods(indexed: &IndexedPoints, samples: &[LocalPoint]) -> (Vec<f32>, Vec<f32>) {
+    let measured: Vec<(Option<f32>, f32)> = samples
+        .par_chunks(CHUNK)
+        .flat_map_iter(|samples| {
+            // most of a scan is about as dense: a good guess, the same for any threads
+            let (mut found, mut guess2) = (Vec::new(), 0.0f32);
+            samples.iter().map(move |sample| {
+                indexed.tree.k_nearest_unordered(sample, normals::NEIGHBOURS, guess2, &mut found);
+                let distances2 = || found.iter().map(|n| n.distance2);
+                guess2 = GUESS * distances2().fold(0.0, f32::max);
+                let nearest2 = distances2().filter(|d| *d > 0.0).min_by(f32::total_cmp);
+                (nearest2, normals::plane_through(&indexed.points, &found).rms)
+            })
         })
-        .flatten()
         .collect();
-    median(&mut distances).map(|d2| f64::from(d2).sqrt())
+    let distances2 = measured.iter().filter_map(|(nearest2, _)| *nearest2).collect();
+    (distances2, measured.into_iter().map(|(_, residual)| residual).collect())
 }
 
 /// The lower median; `None` of nothing.

@@ -38,7 +38,7 @@ impl Survey {
     pub fn new(view: &View) -> Self {
         let points = view.points();
         let edge = view.spacing * (EDGE_FACTOR * (points.len() as f64 / SURFELS).sqrt()).max(FINEST_EDGE);
-        let Thinned { centroids: points, counts, .. } = thin(points, edge as f32);
+        let Thinned { centroids: points, counts } = thin(points, edge as f32);
         let (spacing, range_accuracy) = (view.spacing, view.range_accuracy);
         Survey { points, normals: Vec::new(), counts, edge, spacing, range_accuracy }
     }

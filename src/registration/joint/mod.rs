@@ -68,8 +68,8 @@ pub const PASSES: [Pass; 2] = [
         tolerance: 1.03,
         first_distance: 2.45,
         last_distance: 1.03,
-        settled: 0.05,
-        sparing: 3,
+        settled: 0.1,
+        sparing: 4,
     },
 ];
 
@@ -166,8 +166,8 @@ struct Run<'a> {
     progress: &'a Progress,
 }
 
-/// Surfels by which pairs are chosen, at most: a share to about 2 %.
-const OVERLAP_SAMPLES: usize = 500;
+/// Surfels by which pairs are chosen and reported, at most: a share to about 3 %.
+const OVERLAP_SAMPLES: usize = 300;
 
 /// Surfels spread evenly over a view (they are stored along a space-filling curve).
 fn sampled(surfels: &Surfels) -> Vec<LocalPoint> {
@@ -236,7 +236,7 @@ impl Run<'_> {
     }
 
     /// What ICP would say of each pair at the final poses: overlaps, correspondences and their distance, measured from
-    /// the surfels to all points of the other view.
+    /// some surfels to all points of the other view.
     fn measure_pairs(&self, views: &[View], surfels: &[Surfels], state: &mut Multiview) -> Result<(), Canceled> {
         let options = IcpOptions {
             trim: Trim::Share(1.0),
@@ -246,9 +246,10 @@ impl Run<'_> {
             min_step: 0.0,
         };
         let poses = &state.local_poses;
+        let samples: Vec<Vec<LocalPoint>> = surfels.iter().map(sampled).collect();
         let measure = |target: usize, source: usize| {
             let motion = poses[target].inv_mul(&poses[source]);
-            trimmed_icp(&views[target].indexed, &surfels[source].indexed.points, &motion, &options, self.progress)
+            trimmed_icp(&views[target].indexed, &samples[source], &motion, &options, self.progress)
         };
         let measured: Vec<(IcpResult, IcpResult)> = state
             .pairs

@@ -6,7 +6,7 @@ use super::super::sensor::Sensor;
 use super::super::view::View;
 use crate::geometry::neighbours::{IndexedPoints, LocalPoint, Neighbour};
 use crate::geometry::normals::least_spread;
-use crate::geometry::thinning::thin;
+use crate::geometry::thinning::{representatives, thin};
 
 /// The means of a view's voxels with the normals of the surface there, in the view's local frame.
 #[derive(Debug, Clone)]
@@ -75,7 +75,7 @@ impl Surfels {
 
     /// One of these surfels for each voxel of edge `edge`: that nearest to the mean.
     pub fn thinned(&self, edge: f64) -> Self {
-        let kept = thin(&self.indexed.points, edge as f32).representatives;
+        let kept = representatives(&self.indexed.points, edge as f32);
         let kept = || kept.iter().map(|index| *index as usize);
         Surfels::of(
             kept().map(|index| self.indexed.points[index]).collect(),
