@@ -57,9 +57,16 @@ pub(super) struct Pair {
     pub chord: f64,
     /// The probe's triangle by its place.
     place: usize,
-    number: u16,
     /// The model's.
     pub found: IndexedTriangle,
+}
+
+/// The triangle of a model that is most like one of the probe's. Small: there are many, and one of them is looked at.
+#[derive(Debug, Clone, Copy)]
+struct Counterpart {
+    kernel: f64,
+    chord: f64,
+    number: u16,
 }
 
 impl ProbeRegions {
@@ -92,25 +99,30 @@ impl ProbeRegions {
 
     /// How alike a model is.
     pub fn likeness(&self, model: &Outline) -> RegionLikeness {
-        let mut counterparts: Vec<Option<(f64, Pair)>> = vec![None; self.triangles.len()];
+        let mut counterparts: Vec<Option<Counterpart>> = vec![None; self.triangles.len()];
         for (number, found) in model.of_regions() {
             for labelled in self.near(&found) {
                 if let Some((kernel, chord)) = alike(labelled, &found) {
                     let slot = &mut counterparts[labelled.place as usize];
                     // the greatest kernel; of equals the least chord, then the first triangle
-                    let is_better = |(k, pair): &(f64, Pair)| {
-                        kernel > *k || kernel == *k && (chord, number) < (pair.chord, pair.number)
+                    let is_better = |other: &Counterpart| {
+                        kernel > other.kernel || kernel == other.kernel && (chord, number) < (other.chord, other.number)
                     };
                     if slot.as_ref().is_none_or(is_better) {
-                        *slot = Some((kernel, Pair { chord, place: labelled.place as usize, number, found }));
+                        *slot = Some(Counterpart { kernel, chord, number });
                     }
                 }
             }
         }
-        let total: f64 = counterparts.iter().flatten().map(|(kernel, _)| kernel).sum();
-        let pairs = counterparts.into_iter().flatten().map(|(_, pair)| pair);
-        let best = pairs.min_by(|a, b| a.chord.total_cmp(&b.chord));
-        RegionLikeness { mean: total / self.triangles.len().max(1) as f64, best }
+        let total: f64 = counterparts.iter().flatten().map(|counterpart| counterpart.kernel).sum();
+        let placed =
+            counterparts.into_iter().enumerate().filter_map(|(place, counterpart)| Some((place, counterpart?)));
+        let best = placed.min_by(|(_, a), (_, b)| a.chord.total_cmp(&b.chord));
+        let pair = |(place, counterpart): (usize, Counterpart)| {
+            let found = model.triangle(counterpart.number)?;
+            Some(Pair { chord: counterpart.chord, place, found })
+        };
+        RegionLikeness { mean: total / self.triangles.len().max(1) as f64, best: best.and_then(pair) }
     }
 
     /// The paper's total vertex distance of a pair whose sizes are made equal, over the ways to label it.
