@@ -1,18 +1,13 @@
 //! The dense signatures of many models in one flat array, and a bound that rules most of them out in one pass of
-//! integers.
-//!
-//! The distance leaves out the `t` greatest of the squared differences `s_i`. For any ceiling `c`, those left in sum up
-//! to at least `sum_i min(s_i, c) - t c`: the ones left out count `c` each at most. That needs no sorting, and it is
-//! exact where the ceiling is the least square left out, so a ceiling that fits the reach rules out nearly all there is
-//! to rule out.
+//! integers ([`super::capped`]).
 
+use super::capped::{LANES, Reach, Shift, capped_square, capped_squares};
 use crate::faces::dense::{DenseSignature, KEPT_SHARE, LEAST_COMMON, STEP_MM, UNSEEN};
 use crate::faces::template::TEMPLATE_POINTS;
 
 /// Heights, made positive, padded to whole vector registers; the height 0 where there is none.
 type Row = [u8; WIDTH];
 const WIDTH: usize = TEMPLATE_POINTS.next_multiple_of(LANES);
-const LANES: usize = 16;
 /// The byte of a height of 0.
 const LEVEL: u8 = 128;
 /// Of two heights.
@@ -153,6 +148,11 @@ impl DenseProbe {
         Some(STEP_MM * (least_squares(&counts, mean, kept as usize) / kept).sqrt())
     }
 
+    /// What distances are held against.
+    pub fn reach(reach_mm: f64) -> Reach {
+        Reach::new(reach_mm, CEILING)
+    }
+
     /// Whether the distance to the model at a place is surely greater than `reach`. A no says nothing.
     pub fn is_beyond(&self, rows: &DenseRows, place: u32, reach: &Reach) -> bool {
         let place = place as usize;
@@ -171,9 +171,11 @@ impl DenseProbe {
             }
         }
         let shift = Shift::new(sum, points);
-        let squares = capped_squares(row, probe, shift.whole, reach.ceiling);
-        let of_gaps: u32 = each(&gaps).map(|gap| capped_square(row[gap], probe[gap], shift.whole, reach.ceiling)).sum();
-        reach.is_exceeded(squares - of_gaps, points, shift.rest)
+        let square = |point: usize| capped_square(row[point], probe[point], shift.whole, reach.ceiling);
+        let of_gaps: u32 = each(&gaps).map(square).sum();
+        let of_padding: u32 = (TEMPLATE_POINTS..WIDTH).map(square).sum();
+        let squares = capped_squares(row, probe, shift.whole, reach.ceiling) - of_gaps - of_padding;
+        reach.is_exceeded(squares, points, points, shift.rest)
     }
 }
 
@@ -214,68 +216,6 @@ fn each(points: &Points) -> impl Iterator<Item = usize> {
     })
 }
 
-/// A distance to be ruled out.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Reach {
-    /// Its square, in steps, a hair greater so that arithmetic decides nothing.
-    square: f64,
-    /// What differences are capped to, in steps.
-    ceiling: u8,
-}
-
-impl Reach {
-    pub fn new(reach_mm: f64) -> Reach {
-        let steps = reach_mm.max(0.0) / STEP_MM;
-        Reach { square: steps * steps * (1.0 + 1e-9) + 1e-9, ceiling: (CEILING * steps).ceil().clamp(1.0, 255.0) as u8 }
-    }
-
-    /// Given the sum of the capped squared differences from a mean that is off by `rest` (at most half a step).
-    fn is_exceeded(&self, capped_squares: u32, points: usize, rest: f64) -> bool {
-        let points_kept = (KEPT_SHARE * points as f64).ceil();
-        let left_out = points as f64 - points_kept;
-        let squares = f64::from(capped_squares);
-        // (x - rest)^2 >= x^2 - 2 rest x, and the sum of the x is at most the root of points times squares
-        let least =
-            squares - 2.0 * rest * (points as f64 * squares).sqrt() - left_out * f64::from(self.ceiling).powi(2);
-        least > self.square * points_kept
-    }
-}
-
-/// A mean in whole steps, and how far that is from it.
-struct Shift {
-    whole: i16,
-    rest: f64,
-}
-
-impl Shift {
-    fn new(sum: i32, points: usize) -> Shift {
-        let mean = f64::from(sum) / points as f64;
-        Shift { whole: mean.round() as i16, rest: (mean - mean.round()).abs() }
-    }
-}
-
-/// `min(|a - b - shift|, ceiling)^2`
-fn capped_square(a: u8, b: u8, shift: i16, ceiling: u8) -> u32 {
-    u32::from((i16::from(a) - i16::from(b) - shift).unsigned_abs().min(u16::from(ceiling))).pow(2)
-}
-
-/// The sum of the capped squares over all points, seen or not.
-fn capped_squares(a: &Row, b: &Row, shift: i16, ceiling: u8) -> u32 {
-    let padding = capped_square(LEVEL, LEVEL, shift, ceiling) * (WIDTH - TEMPLATE_POINTS) as u32;
-    // register by register, which the compiler turns into vector instructions
-    let registers = a.chunks_exact(LANES).zip(b.chunks_exact(LANES));
-    let sum: u32 = if shift == 0 {
-        let square = |a: u8, b: u8| {
-            let capped = i32::from(a.abs_diff(b).min(ceiling));
-            capped * capped
-        };
-        registers.map(|(a, b)| (0..LANES).map(|k| square(a[k], b[k])).sum::<i32>() as u32).sum()
-    } else {
-        a.iter().zip(b).map(|(a, b)| capped_square(*a, *b, shift, ceiling)).sum()
-    };
-    sum - padding
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -309,7 +249,7 @@ mod tests {
             let exact = probe.distance_mm(&other);
             prop_assert_eq!(dense.distance_mm(&rows, 1), exact);
             for reach_mm in [reach_mm, exact.unwrap_or(0.0), exact.unwrap_or(0.0) * 0.999] {
-                if dense.is_beyond(&rows, 1, &Reach::new(reach_mm)) {
+                if dense.is_beyond(&rows, 1, &DenseProbe::reach(reach_mm)) {
                     prop_assert!(exact.is_some_and(|exact| exact > reach_mm));
                 }
             }
@@ -327,8 +267,8 @@ mod tests {
         let probe = DenseProbe::new(&flat);
         for place in [0, 1] {
             let exact = probe.distance_mm(&rows, place).expect("most is seen");
-            assert!(probe.is_beyond(&rows, place, &Reach::new(0.8 * exact)), "{exact}");
-            assert!(!probe.is_beyond(&rows, place, &Reach::new(exact)));
+            assert!(probe.is_beyond(&rows, place, &DenseProbe::reach(0.8 * exact)), "{exact}");
+            assert!(!probe.is_beyond(&rows, place, &DenseProbe::reach(exact)));
         }
     }
 

@@ -10,33 +10,19 @@
 //! Heights are taken from the segment's mean face and their own mean, an unseen point lies on the mean face. What that
 //! adds is taken off again: at the most that as many points of the probe can make.
 
-use nalgebra::DMatrix;
-use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
-use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 
 use super::dense_rows::DenseRows;
+use super::gist_frame::{Code, Frame, SIZE};
 use crate::faces::dense::{DenseSignature, KEPT_SHARE, LEAST_COMMON, STEP_MM, UNSEEN};
 use crate::faces::template::TEMPLATE_POINTS;
 
-/// Numbers of a gist.
-const SIZE: usize = 32;
 /// Fewer signatures are gone through without.
 const LEAST_ROWS: usize = if cfg!(test) { 100 } else { 4096 };
 /// Signatures that the axes are found from.
 const SAMPLE: usize = 2048;
-/// Iterations towards the axes. Any axes bound; better ones bound closer.
-const ROUNDS: usize = 5;
-/// The circle's radius over the root mean square of the heights: smaller, and fewer axes don't hold them; greater, and
-/// what the greatest differences may take is more than it gains.
-const RADIUS: f32 = 0.7;
 /// What rounding in single precision may make of a length, at most.
 const SLACK: f64 = 1e-3;
-
-type Code = [i8; SIZE];
-/// Heights over the mean face, their own mean removed, in steps; 0 where there is no surface.
-type Heights = [f32; TEMPLATE_POINTS];
 
 /// The gists of a segment's dense signatures; none if they are few.
 #[derive(Debug, Default)]
@@ -47,18 +33,6 @@ pub(super) struct Gists {
     gaps: Vec<u16>,
     /// The most that rounding moved a code, in units of codes.
     rounding: f32,
-}
-
-/// How gists of a segment are made.
-#[derive(Debug)]
-struct Frame {
-    mean: Vec<f32>,
-    radius: f32,
-    /// For each coordinate of the circles what it adds to the numbers: cosines first, then sines.
-    axes: Vec<[f32; SIZE]>,
-    middle: [f32; SIZE],
-    /// The length that 1 stands for.
-    unit: f32,
 }
 
 impl Gists {
@@ -165,87 +139,6 @@ impl GistProbe<'_> {
     }
 }
 
-impl Frame {
-    fn of(sample: &[DenseSignature]) -> Frame {
-        let (mut sums, mut counts) = (vec![0f32; TEMPLATE_POINTS], vec![0f32; TEMPLATE_POINTS]);
-        for signature in sample {
-            for (point, height) in seen(signature) {
-                sums[point] += height;
-                counts[point] += 1.0;
-            }
-        }
-        let mean = sums.iter().zip(&counts).map(|(sum, count)| sum / count.max(1.0)).collect();
-        let mut frame = Frame { mean, radius: 1.0, axes: Vec::new(), middle: [0.0; SIZE], unit: 1.0 };
-        let heights: Vec<Heights> = sample.iter().map(|signature| frame.heights(signature)).collect();
-        let squares: f64 = heights.iter().flatten().map(|height| f64::from(height * height)).sum();
-        let points: f64 = counts.iter().map(|count| f64::from(*count)).sum();
-        frame.radius = (RADIUS * (squares / points.max(1.0)).sqrt() as f32).max(1.0);
-        frame.axes = axes(&heights, frame.radius);
-        let numbers: Vec<[f32; SIZE]> = heights.iter().map(|heights| frame.numbers(heights)).collect();
-        frame.middle = std::array::from_fn(|k| numbers.iter().map(|n| n[k]).sum::<f32>() / numbers.len().max(1) as f32);
-        let most = numbers.iter().flat_map(|n| n.iter().zip(&frame.middle)).map(|(n, m)| (n - m).abs());
-        frame.unit = most.fold(f32::MIN_POSITIVE, f32::max) / 127.0;
-        frame
-    }
-
-    fn heights(&self, signature: &DenseSignature) -> Heights {
-        let (mut heights, mut sum, mut count) = ([0.0; TEMPLATE_POINTS], 0.0, 0.0);
-        for (point, height) in seen(signature) {
-            heights[point] = height - self.mean[point];
-            sum += heights[point];
-            count += 1.0;
-        }
-        for (point, _) in seen(signature) {
-            heights[point] -= sum / f32::max(count, 1.0);
-        }
-        heights
-    }
-
-    fn numbers(&self, heights: &Heights) -> [f32; SIZE] {
-        let mut numbers = [0f32; SIZE];
-        let (cosines, sines) = self.axes.split_at(TEMPLATE_POINTS);
-        for ((height, of_cosine), of_sine) in heights.iter().zip(cosines).zip(sines) {
-            let (sine, cosine) = (height / self.radius).sin_cos();
-            for ((number, c), s) in numbers.iter_mut().zip(of_cosine).zip(of_sine) {
-                *number += self.radius * (cosine * c + sine * s);
-            }
-        }
-        numbers
-    }
-
-    /// The code, and how far rounding moved it. Cutting off what is too great only brings codes nearer.
-    fn code(&self, heights: &Heights) -> (Code, f32) {
-        let numbers = self.numbers(heights);
-        let cut: [f32; SIZE] =
-            std::array::from_fn(|k| ((numbers[k] - self.middle[k]) / self.unit).clamp(-127.0, 127.0));
-        let rounding: f32 = cut.iter().map(|x| (x - x.round()).powi(2)).sum();
-        (cut.map(|x| x.round() as i8), rounding.sqrt())
-    }
-}
-
-/// Orthonormal axes along which points on the circles vary most, by subspace iteration.
-fn axes(heights: &[Heights], radius: f32) -> Vec<[f32; SIZE]> {
-    let mut lifted = DMatrix::from_fn(heights.len(), 2 * TEMPLATE_POINTS, |row, column| {
-        let (sine, cosine) = (heights[row][column % TEMPLATE_POINTS] / radius).sin_cos();
-        radius * if column < TEMPLATE_POINTS { cosine } else { sine }
-    });
-    for mut column in lifted.column_iter_mut() {
-        column.add_scalar_mut(-column.mean());
-    }
-    let mut rng = ChaCha8Rng::seed_from_u64(0);
-    let mut axes = DMatrix::from_fn(2 * TEMPLATE_POINTS, SIZE, |_, _| StandardNormal.sample(&mut rng));
-    for _ in 0..ROUNDS {
-        let next: DMatrix<f32> = lifted.tr_mul(&(&lifted * axes.map(|x: f64| x as f32)));
-        axes = next.map(f64::from).qr().q();
-    }
-    axes.row_iter().map(|row| std::array::from_fn(|k| row[k] as f32)).collect()
-}
-
-fn seen(signature: &DenseSignature) -> impl Iterator<Item = (usize, f32)> {
-    let heights = signature.to_bytes().map(|byte| byte as i8);
-    heights.into_iter().enumerate().filter(|(_, h)| *h != UNSEEN).map(|(point, h)| (point, f32::from(h)))
-}
-
 /// The most that the square of a chord on the circle can be for heights that differ by so much or less.
 fn most_circle_square(difference: f64, radius: f64) -> f64 {
     let angle = (difference / radius).min(std::f64::consts::PI);
@@ -263,7 +156,9 @@ fn square(a: &Code, b: &Code) -> u32 {
 mod tests {
     use super::super::dense_rows::DenseProbe;
     use super::*;
-    use rand::RngExt;
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+    use rand_distr::{Distribution, StandardNormal};
 
     /// Faces that differ along 9 directions and by a little noise; every third has up to 40 unseen points.
     fn faces(count: usize) -> Vec<DenseSignature> {

@@ -14,12 +14,14 @@
 //! - [`measures`]: how well a ranking tells two classes apart
 
 mod best;
+mod capped;
 pub mod catalogue;
 mod dense_rows;
 mod entry;
 pub mod evidence;
 pub mod gallery;
 mod gist;
+mod gist_frame;
 mod likeness;
 pub mod measures;
 pub mod merge;

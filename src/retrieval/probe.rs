@@ -7,7 +7,8 @@
 use rayon::prelude::*;
 
 use super::best::Best;
-use super::dense_rows::{DenseProbe, Reach};
+use super::capped::Reach;
+use super::dense_rows::DenseProbe;
 use super::gist::GistProbe;
 use super::likeness::{FACE_KINSHIP, Weights, as_things};
 use super::outline::Outlines;
@@ -76,7 +77,11 @@ impl Bound {
     fn of(least: f64, gists: Option<&GistProbe>) -> Bound {
         // two sure faces are weighed so
         let reach_mm = Weights::new(1.0, 1.0, true).reach_mm(least);
-        Bound { least, reach: Reach::new(reach_mm), limits: gists.map_or(Vec::new(), |gists| gists.limits(reach_mm)) }
+        Bound {
+            least,
+            reach: DenseProbe::reach(reach_mm),
+            limits: gists.map_or(Vec::new(), |gists| gists.limits(reach_mm)),
+        }
     }
 }
 
