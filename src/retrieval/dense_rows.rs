@@ -6,7 +6,7 @@ use crate::faces::dense::{DenseSignature, KEPT_SHARE, LEAST_COMMON, STEP_MM, UNS
 use crate::faces::template::TEMPLATE_POINTS;
 
 /// Heights, made positive, padded to whole vector registers; the height 0 where there is none.
-type Row = [u8; WIDTH];
+type Heights = [u8; WIDTH];
 const WIDTH: usize = TEMPLATE_POINTS.next_multiple_of(LANES);
 /// The byte of a height of 0.
 const LEVEL: u8 = 128;
@@ -33,31 +33,37 @@ impl Seen {
     }
 }
 
+/// What a bound reads, in five lines of cache.
+#[derive(Debug, Clone, Copy)]
+#[repr(align(64))]
+struct Row {
+    heights: Heights,
+    seen: Seen,
+}
+
 /// The dense signatures of a list of models, some of which have none.
 #[derive(Debug, Default)]
 pub(super) struct DenseRows {
     rows: Vec<Row>,
-    seen: Vec<Seen>,
     unseen: Vec<Points>,
 }
 
 impl DenseRows {
     /// Adds a model's.
     pub fn push(&mut self, signature: Option<&DenseSignature>) {
-        let (mut row, mut seen, mut unseen) = ([LEVEL; WIDTH], Seen::default(), Points::default());
+        let (mut heights, mut seen, mut unseen) = ([LEVEL; WIDTH], Seen::default(), Points::default());
         seen.there = signature.is_some();
-        let heights = signature.map(|signature| signature.to_bytes().map(|byte| byte as i8));
-        for (point, height) in heights.iter().flatten().enumerate() {
+        let signed = signature.map(|signature| signature.to_bytes().map(|byte| byte as i8));
+        for (point, height) in signed.iter().flatten().enumerate() {
             if *height == UNSEEN {
                 unseen[point / 64] |= 1 << (point % 64);
                 continue;
             }
-            row[point] = (*height as u8).wrapping_add(LEVEL);
+            heights[point] = (*height as u8).wrapping_add(LEVEL);
             seen.sum += i32::from(*height);
             seen.points += 1;
         }
-        self.rows.push(row);
-        self.seen.push(seen);
+        self.rows.push(Row { heights, seen });
         self.unseen.push(unseen);
     }
 
@@ -65,7 +71,6 @@ impl DenseRows {
     pub fn push_from(&mut self, others: &DenseRows, place: u32) {
         let place = place as usize;
         self.rows.push(others.rows[place]);
-        self.seen.push(others.seen[place]);
         self.unseen.push(others.unseen[place]);
     }
 
@@ -75,9 +80,9 @@ impl DenseRows {
         let (row, unseen) = (&self.rows[place], &self.unseen[place]);
         let byte = |point: usize| match unseen[point / 64] >> (point % 64) & 1 {
             1 => UNSEEN as u8,
-            _ => row[point].wrapping_sub(LEVEL),
+            _ => row.heights[point].wrapping_sub(LEVEL),
         };
-        self.seen[place].there.then(|| DenseSignature::from_bytes(std::array::from_fn(byte)))
+        row.seen.there.then(|| DenseSignature::from_bytes(std::array::from_fn(byte)))
     }
 
     /// How many there are, missing ones with them.
@@ -87,18 +92,17 @@ impl DenseRows {
 
     /// How many points of the one at a place are seen.
     pub fn seen_points(&self, place: u32) -> usize {
-        usize::from(self.seen[place as usize].points)
+        usize::from(self.rows[place as usize].seen.points)
     }
 
     /// Whether the model at a place has none.
     pub fn is_missing(&self, place: u32) -> bool {
-        !self.seen[place as usize].there
+        !self.rows[place as usize].seen.there
     }
 
     /// Gives back what was reserved but not used.
     pub fn shrink(&mut self) {
         self.rows.shrink_to_fit();
-        self.seen.shrink_to_fit();
         self.unseen.shrink_to_fit();
     }
 }
@@ -135,7 +139,7 @@ impl DenseProbe {
         let mut counts = [0u16; 2 * MOST_DIFFERENCE + 1];
         let (mut sum, mut points) = (0, 0);
         for point in (0..TEMPLATE_POINTS).filter(|point| gaps[point / 64] >> (point % 64) & 1 == 0) {
-            let difference = i32::from(own.rows[0][point]) - i32::from(rows.rows[other][point]);
+            let difference = i32::from(own.rows[0].heights[point]) - i32::from(rows.rows[other].heights[point]);
             counts[(difference + MOST_DIFFERENCE as i32) as usize] += 1;
             sum += difference;
             points += 1;
@@ -156,8 +160,8 @@ impl DenseProbe {
     /// Whether the distance to the model at a place is surely greater than `reach`. A no says nothing.
     pub fn is_beyond(&self, rows: &DenseRows, place: u32, reach: &Reach) -> bool {
         let place = place as usize;
-        let ([probe], [probe_seen]) = (&self.own.rows[..], &self.own.seen[..]) else { return false };
-        let (row, seen) = (&rows.rows[place], &rows.seen[place]);
+        let (Row { heights: probe, seen: probe_seen }, Row { heights: row, seen }) =
+            (&self.own.rows[0], &rows.rows[place]);
         let (mut sum, mut points) = (seen.sum - probe_seen.sum, TEMPLATE_POINTS);
         let mut gaps = Points::default();
         if !(seen.whole() && probe_seen.whole()) {
