@@ -85,11 +85,6 @@ impl DenseRows {
         row.seen.there.then(|| DenseSignature::from_bytes(std::array::from_fn(byte)))
     }
 
-    /// How many there are, missing ones with them.
-    pub fn len(&self) -> usize {
-        self.rows.len()
-    }
-
     /// How many points of the one at a place are seen.
     pub fn seen_points(&self, place: u32) -> usize {
         usize::from(self.rows[place as usize].seen.points)

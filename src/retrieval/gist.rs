@@ -10,6 +10,8 @@
 //! Heights are taken from the segment's mean face and their own mean, an unseen point lies on the mean face. What that
 //! adds is taken off again: at the most that as many points of the probe can make.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use super::dense_rows::DenseRows;
@@ -36,24 +38,23 @@ pub(super) struct Gists {
 }
 
 impl Gists {
-    /// Those of all rows. Runs inside the caller's rayon pool.
-    pub fn of(rows: &DenseRows) -> Gists {
-        let signatures: Vec<u32> = (0..rows.len() as u32).filter(|place| !rows.is_missing(*place)).collect();
-        if signatures.len() < LEAST_ROWS {
+    /// Those of the signatures at some places, in that order. Runs inside the caller's rayon pool.
+    pub fn of(rows: &DenseRows, places: &[u32]) -> Gists {
+        if places.len() < LEAST_ROWS {
             return Gists::default();
         }
-        let every = signatures.len().div_ceil(SAMPLE);
-        let sample: Vec<_> = signatures.iter().step_by(every).filter_map(|place| rows.signature(*place)).collect();
+        let every = places.len().div_ceil(SAMPLE);
+        let sample: Vec<_> = places.iter().step_by(every).filter_map(|place| rows.signature(*place)).collect();
         let frame = Frame::of(&sample);
-        let coded = |place| match rows.signature(place) {
+        let coded = |place: &u32| match rows.signature(*place) {
             Some(signature) => frame.code(&frame.heights(&signature)),
             None => ([0; SIZE], 0.0),
         };
-        let coded: Vec<(Code, f32)> = (0..rows.len() as u32).into_par_iter().map(coded).collect();
+        let coded: Vec<(Code, f32)> = places.par_iter().map(coded).collect();
         Gists {
             frame: Some(frame),
             rounding: coded.iter().map(|(_, rounding)| *rounding).fold(0.0, f32::max),
-            gaps: (0..rows.len() as u32).map(|place| (TEMPLATE_POINTS - rows.seen_points(place)) as u16).collect(),
+            gaps: places.iter().map(|place| (TEMPLATE_POINTS - rows.seen_points(*place)) as u16).collect(),
             codes: coded.into_iter().map(|(code, _)| code).collect(),
         }
     }
@@ -67,7 +68,6 @@ impl Gists {
         }
         let heights = frame.heights(probe);
         let (code, rounding) = frame.code(&heights);
-        let squares = self.codes.iter().map(|other| square(&code, other)).collect();
         let mut greatest: Vec<f64> = heights.iter().map(|height| f64::from(height.abs())).collect();
         greatest.sort_by(|a, b| b.total_cmp(a));
         let most_gaps = self.gaps.iter().max().map_or(0, |most| usize::from(*most));
@@ -80,7 +80,7 @@ impl Gists {
         }
         Some(GistProbe {
             gists: self,
-            squares,
+            code,
             allowances,
             most_square: 4.0 * f64::from(frame.radius).powi(2),
             rounding: f64::from(rounding + self.rounding),
@@ -93,8 +93,7 @@ impl Gists {
 #[derive(Debug)]
 pub(super) struct GistProbe<'a> {
     gists: &'a Gists,
-    /// Squared distances of the codes.
-    pub squares: Vec<u32>,
+    code: Code,
     /// For so many unseen points: the most that the probe's heights there sum up to, and that their circles add.
     allowances: Vec<(f64, f64)>,
     most_square: f64,
@@ -103,22 +102,28 @@ pub(super) struct GistProbe<'a> {
 }
 
 impl GistProbe<'_> {
-    /// Whether the distance to the signature at a place is surely greater than that of the limits.
-    pub fn is_beyond(&self, place: u32, limits: &[u32]) -> bool {
-        let place = place as usize;
-        self.squares[place] > limits[usize::from(self.gists.gaps[place])]
+    /// Fills in the numbers of a range whose distances are not surely greater than that of the limits, ascending.
+    pub fn within(&self, range: Range<usize>, limits: &[u32], found: &mut Vec<usize>) {
+        let (codes, gaps) = (&self.gists.codes[range.clone()], &self.gists.gaps[range.clone()]);
+        // which ones stay can't be foreseen, so there is no branch: all are written, the next over one that doesn't stay
+        found.resize(codes.len(), 0);
+        let mut count = 0;
+        for ((number, code), gaps) in range.zip(codes).zip(gaps) {
+            found[count] = number;
+            count += usize::from(square(&self.code, code) <= limits[usize::from(*gaps)]);
+        }
+        found.truncate(count);
     }
 
-    /// Where the `count` nearest are, in no order.
-    pub fn nearest(&self, count: usize) -> Vec<u32> {
-        let squares = self.squares.iter().zip(0u32..).zip(&self.gists.gaps);
-        let there = squares.filter(|(_, gaps)| usize::from(**gaps) < TEMPLATE_POINTS);
-        let mut nearest: Vec<(u32, u32)> = there.map(|((square, place), _)| (*square, place)).collect();
+    /// The numbers of the `count` nearest among the first, in no order.
+    pub fn nearest(&self, count: usize, first: usize) -> Vec<usize> {
+        let square = |number: usize| square(&self.code, &self.gists.codes[number]);
+        let mut nearest: Vec<(u32, usize)> = (0..first).map(|number| (square(number), number)).collect();
         if count < nearest.len() {
             nearest.select_nth_unstable(count);
             nearest.truncate(count);
         }
-        nearest.into_iter().map(|(_, place)| place).collect()
+        nearest.into_iter().map(|(_, number)| number).collect()
     }
 
     /// For each number of unseen points the square beyond which a distance is surely greater than `reach_mm`.
@@ -186,20 +191,30 @@ mod tests {
         let mut rows = DenseRows::default();
         rows.push(None);
         faces.iter().for_each(|face| rows.push(Some(face)));
-        let gists = Gists::of(&rows);
+        // backwards, the last left out
+        let places: Vec<u32> = (1..400).rev().collect();
+        let gists = Gists::of(&rows, &places);
         let (mut far, mut ruled_out) = (0, 0);
         for probe in faces.iter().step_by(9) {
             let against = gists.against(probe).expect("whole, and there are enough");
             let dense = DenseProbe::new(probe);
-            let mut distances: Vec<f64> = (1..=400).filter_map(|place| dense.distance_mm(&rows, place)).collect();
-            distances.sort_by(f64::total_cmp);
-            for reach_mm in [0.0, distances[1], distances[40]] {
+            let distance_mm = |place: &u32| dense.distance_mm(&rows, *place).expect("most is seen");
+            let distances_mm: Vec<f64> = places.iter().map(distance_mm).collect();
+            let mut sorted = distances_mm.clone();
+            sorted.sort_by(f64::total_cmp);
+            for reach_mm in [0.0, sorted[1], sorted[40]] {
                 let limits = against.limits(reach_mm);
-                for place in 1..=400 {
-                    let distance_mm = dense.distance_mm(&rows, place).expect("most is seen");
-                    let beyond = against.is_beyond(place, &limits);
-                    assert!(!beyond || distance_mm > reach_mm, "{distance_mm} {reach_mm}");
-                    if reach_mm == distances[1] && distance_mm > 3.0 * reach_mm {
+                let mut within = Vec::new();
+                for range in [0..150, 150..399] {
+                    let mut found = vec![7];
+                    against.within(range, &limits, &mut found);
+                    within.extend(found);
+                }
+                assert!(within.is_sorted());
+                for (number, distance_mm) in distances_mm.iter().enumerate() {
+                    let beyond = within.binary_search(&number).is_err();
+                    assert!(!beyond || *distance_mm > reach_mm, "{distance_mm} {reach_mm}");
+                    if reach_mm == sorted[1] && *distance_mm > 3.0 * reach_mm {
                         far += 1;
                         ruled_out += usize::from(beyond);
                     }
@@ -214,11 +229,13 @@ mod tests {
         let faces = faces(300);
         let mut rows = DenseRows::default();
         faces.iter().for_each(|face| rows.push(Some(face)));
-        let gists = Gists::of(&rows);
+        let places: Vec<u32> = (0..300).collect();
+        let gists = Gists::of(&rows, &places);
         let against = gists.against(&faces[60]).expect("whole, and there are enough");
-        assert!(against.nearest(3).contains(&60) && against.nearest(3).len() == 3);
-        assert_eq!(against.nearest(1000).len(), 300);
+        assert!(against.nearest(3, 300).contains(&60) && against.nearest(3, 300).len() == 3);
+        assert!(against.nearest(3, 60).iter().all(|number| *number < 60));
+        assert_eq!(against.nearest(1000, 300).len(), 300);
         assert!(gists.against(&faces[2]).is_none(), "the probe has gaps");
-        assert!(Gists::of(&DenseRows::default()).against(&faces[0]).is_none());
+        assert!(Gists::of(&DenseRows::default(), &[]).against(&faces[0]).is_none());
     }
 }

@@ -9,7 +9,8 @@
 //! - [`triangle_index`]: those points of many models in one static tree; `triangle_query`: a bare triangle in every way
 //!   it may be met
 //! - `probe`: the search for the models that look like a probe; `likeness`: what that means, put together of profiles,
-//!   `dense_rows` and `region_likeness`; `gist`: what rules out most models before that
+//!   `dense_rows` and `region_likeness`; `scan`, `face_list`: what rules out most models before that, by their `gist`
+//!   and by `capped` squares
 //! - `best`: the best few so far
 //! - [`measures`]: how well a ranking tells two classes apart
 
@@ -19,6 +20,7 @@ pub mod catalogue;
 mod dense_rows;
 mod entry;
 pub mod evidence;
+mod face_list;
 pub mod gallery;
 mod gist;
 mod gist_frame;
@@ -30,6 +32,7 @@ mod part;
 mod probe;
 mod ranking;
 mod region_likeness;
+mod scan;
 mod segment;
 pub mod triangle_index;
 mod triangle_query;

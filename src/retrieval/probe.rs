@@ -1,16 +1,14 @@
 //! The search for the stored models that look like a probe most; what that means is told in [`super::likeness`].
 //!
-//! It goes over everything by what is cheap and measures only what that leaves. Sure faces have bounds on their dense
-//! distance: a loose one by their gists, a close one by their heights ([`super::gist`], [`super::dense_rows`]). Of the others the most that their score can be is told by their profiles; they are looked at from the top,
-//! and only there triangles are compared. So the answer is that of measuring all.
+//! It goes over everything by what is cheap and measures only what that leaves ([`super::scan`]). Of what is not told by
+//! dense signatures alone the most that the score can be is told by the profiles; it is looked at from the top, and only
+//! there triangles are compared. So the answer is that of measuring all.
 
 use rayon::prelude::*;
 
 use super::best::Best;
-use super::capped::Reach;
 use super::dense_rows::DenseProbe;
-use super::gist::GistProbe;
-use super::likeness::{FACE_KINSHIP, Weights, as_things};
+use super::likeness::{Weights, as_things};
 use super::outline::Outlines;
 use super::part::Part;
 use super::region_likeness::{ProbeRegions, RegionLikeness};
@@ -29,13 +27,13 @@ const LOOKED_AT: usize = 16 * BATCH;
 pub(super) struct Probe {
     regions: ProbeRegions,
     profile: ShapeProfile,
-    dense: Option<DenseProbe>,
+    pub dense: Option<DenseProbe>,
     /// How surely it is a face, in [0, 1].
-    face_score: f64,
+    pub face_score: f64,
 }
 
 /// A stored model: part and place.
-type Address = (usize, u32);
+pub(super) type Address = (usize, u32);
 
 /// A model whose score hangs on its triangles, and the most it can be.
 struct Unsure {
@@ -45,42 +43,22 @@ struct Unsure {
 }
 
 /// What a search has found so far. Costs are negative scores.
-struct Found<'a> {
+pub(super) struct Found<'a> {
     best: Best<Address>,
-    wanted: &'a Wanted<'a>,
+    pub wanted: &'a Wanted<'a>,
     threshold: f64,
 }
 
 impl Found<'_> {
     /// The least score with which a model may still come in.
-    fn least(&self) -> f64 {
+    pub fn least(&self) -> f64 {
         let matching = if self.wanted.only_matches { self.threshold } else { f64::NEG_INFINITY };
         matching.max(-self.best.reach())
     }
 
-    fn offer(&mut self, id: ModelId, address: Address, score: f64) {
+    pub fn offer(&mut self, id: ModelId, address: Address, score: f64) {
         if score > 0.0 && self.best.would_take(-score, id, &address) && self.wanted.takes(score, id, self.threshold) {
             self.best.offer(-score, id, address);
-        }
-    }
-}
-
-/// What a model that is surely a face must be near to, to have a likeness of `least`.
-struct Bound {
-    least: f64,
-    reach: Reach,
-    /// The same for gists.
-    limits: Vec<u32>,
-}
-
-impl Bound {
-    fn of(least: f64, gists: Option<&GistProbe>) -> Bound {
-        // two sure faces are weighed so
-        let reach_mm = Weights::new(1.0, 1.0, true).reach_mm(least);
-        Bound {
-            least,
-            reach: DenseProbe::reach(reach_mm),
-            limits: gists.map_or(Vec::new(), |gists| gists.limits(reach_mm)),
         }
     }
 }
@@ -141,53 +119,6 @@ impl Probe {
         ranked.into_par_iter().map(|(cost, id, address)| self.answer(parts, -cost, id, address, threshold)).collect()
     }
 
-    /// Offers all of a part that are told by their dense signatures; adds where the others are that have a chance.
-    fn scan(&self, parts: &[Part], which: usize, found: &mut Found, others: &mut Vec<Address>) {
-        let part = &parts[which];
-        let rows = &part.segment.dense;
-        let gists = self.dense.as_ref().and_then(|dense| part.segment.gists.against(dense.signature()));
-        if let Some(gists) = gists.as_ref().filter(|_| found.least() < FACE_KINSHIP) {
-            // whatever seems near first: all others are held against what that finds
-            for place in gists.nearest(found.wanted.limit) {
-                if part.is_alive(place) && self.is_told(part, place) {
-                    self.offer_face(parts, (which, place), found);
-                }
-            }
-        }
-        let mut known = Bound::of(found.least(), gists.as_ref());
-        for place in part.places() {
-            // most go by this
-            if gists.as_ref().is_some_and(|gists| gists.is_beyond(place, &known.limits)) && self.is_told(part, place) {
-                continue;
-            }
-            let least = found.least();
-            if known.least.to_bits() != least.to_bits() {
-                // changes seldom
-                known = Bound::of(least, gists.as_ref());
-            }
-            match self.dense.as_ref().filter(|_| self.is_told(part, place)) {
-                Some(dense) if dense.is_beyond(rows, place, &known.reach) => {}
-                Some(_) => self.offer_face(parts, (which, place), found),
-                None if self.weights(part, place).likeness(Some(0.0), 1.0) < least => {}
-                None => others.push((which, place)),
-            }
-        }
-    }
-
-    /// Whether a model is told by its dense signature alone: it and the probe are faces for sure.
-    fn is_told(&self, part: &Part, place: u32) -> bool {
-        let score = part.segment.face_scores[place as usize];
-        Weights::are_sure(self.face_score, score) && self.dense.is_some() && !part.segment.dense.is_missing(place)
-    }
-
-    /// Offers a model that is told by its dense signature alone.
-    fn offer_face(&self, parts: &[Part], (which, place): Address, found: &mut Found) {
-        let segment = &parts[which].segment;
-        let weights = self.weights(&parts[which], place);
-        let distance_mm = self.dense.as_ref().and_then(|dense| dense.distance_mm(&segment.dense, place));
-        found.offer(segment.ids[place as usize], (which, place), weights.likeness(distance_mm, 0.0));
-    }
-
     /// Those of the models whose score may be `least`, in no order.
     fn unsure(&self, parts: &[Part], models: Vec<Address>, least: f64) -> Vec<Unsure> {
         let bounded = models.into_par_iter().map(|(which, place)| {
@@ -198,7 +129,7 @@ impl Probe {
         bounded.filter(|model| model.most >= least).collect()
     }
 
-    fn weights(&self, part: &Part, place: u32) -> Weights {
+    pub fn weights(&self, part: &Part, place: u32) -> Weights {
         let segment = &part.segment;
         let both_have_dense = self.dense.is_some() && !segment.dense.is_missing(place);
         Weights::new(self.face_score, segment.face_scores[place as usize], both_have_dense)

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::dense_rows::DenseRows;
 use super::entry::{self, Entry, METHODS, Standing};
-use super::gist::Gists;
+use super::face_list::FaceList;
 use super::outline::Outlines;
 use super::triangle_index::TriangleIndex;
 use super::{MatchMethod, ModelId};
@@ -23,7 +23,7 @@ pub(super) struct Segment {
     pub rankings: [Vec<u32>; 3],
     pub profiles: Vec<ShapeProfile>,
     pub dense: DenseRows,
-    pub gists: Gists,
+    pub faces: FaceList,
 }
 
 /// Some models of another segment, by their places.
@@ -78,10 +78,10 @@ impl Segment {
         self.standings.shrink_to_fit();
         self.profiles.shrink_to_fit();
         self.dense.shrink();
-        self.gists = Gists::of(&self.dense);
         let verified = entry::slot(MatchMethod::Verified);
         self.face_scores = self.standings.iter().map(|standings| standings[verified].score).collect();
         self.rankings = [0, 1, 2].map(|slot| self.ranked(slot));
+        self.faces = FaceList::of(&self.dense, &self.rankings[verified]);
         let shapes: Vec<Vec<_>> = (0..self.outlines.len() as u32)
             .into_par_iter()
             .map(|place| self.outlines.outline(place).triangles().map(|(number, t)| (place, number, t.shape)).collect())
