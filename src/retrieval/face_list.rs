@@ -5,6 +5,7 @@ use std::ops::Range;
 
 use super::capped::Reach;
 use super::dense_rows::{DenseProbe, DenseRows};
+use super::foremost::{Foremost, ForemostProbe};
 use super::gist::{GistProbe, Gists};
 use crate::faces::dense::DenseSignature;
 
@@ -16,16 +17,19 @@ pub(super) struct FaceList {
     /// Where the models without a dense signature are, surest face first.
     pub others: Vec<u32>,
     gists: Gists,
+    foremost: Foremost,
 }
 
 /// A probe held against them.
 pub(super) struct FaceProbe<'a> {
     gists: Option<GistProbe<'a>>,
+    foremost: Option<ForemostProbe<'a>>,
 }
 
 /// A distance to be ruled out, as each bound needs it.
 pub(super) struct Bound {
     limits: Vec<u32>,
+    foremost: Reach,
     pub rows: Reach,
 }
 
@@ -33,12 +37,12 @@ impl FaceList {
     /// Of all models of a segment, given in the order of how surely they are faces. Runs inside the caller's rayon pool.
     pub fn of(rows: &DenseRows, ranking: &[u32]) -> FaceList {
         let (others, places): (Vec<u32>, Vec<u32>) = ranking.iter().partition(|place| rows.is_missing(**place));
-        FaceList { gists: Gists::of(rows, &places), places, others }
+        FaceList { gists: Gists::of(rows, &places), foremost: Foremost::of(rows, &places), places, others }
     }
 
     /// A probe held against all of them.
     pub fn against(&self, probe: &DenseSignature) -> FaceProbe<'_> {
-        FaceProbe { gists: self.gists.against(probe) }
+        FaceProbe { gists: self.gists.against(probe), foremost: self.foremost.against(probe) }
     }
 }
 
@@ -47,6 +51,7 @@ impl FaceProbe<'_> {
     pub fn bound(&self, reach_mm: f64) -> Bound {
         Bound {
             limits: self.gists.as_ref().map_or(Vec::new(), |gists| gists.limits(reach_mm)),
+            foremost: ForemostProbe::reach(reach_mm),
             rows: DenseProbe::reach(reach_mm),
         }
     }
@@ -56,12 +61,16 @@ impl FaceProbe<'_> {
         self.gists.as_ref().map_or(Vec::new(), |gists| gists.nearest(count, first))
     }
 
-    /// The numbers in a range that are not ruled out by their gists, ascending.
+    /// The numbers in a range that are not ruled out by gist or foremost points, ascending.
     pub fn near(&self, range: Range<usize>, bound: &Bound, near: &mut Vec<usize>) {
         near.clear();
         match &self.gists {
             Some(gists) => gists.within(range, &bound.limits, near),
             None => near.extend(range),
+        }
+        if let Some(foremost) = &self.foremost {
+            foremost.fetch(near);
+            near.retain(|number| !foremost.is_beyond(*number, &bound.foremost));
         }
     }
 }

@@ -22,7 +22,7 @@ use crate::faces::template::TEMPLATE_POINTS;
 /// Fewer signatures are gone through without.
 const LEAST_ROWS: usize = if cfg!(test) { 100 } else { 4096 };
 /// Signatures that the axes are found from.
-const SAMPLE: usize = 2048;
+pub(super) const SAMPLE: usize = 2048;
 /// What rounding in single precision may make of a length, at most.
 const SLACK: f64 = 1e-3;
 

@@ -9,8 +9,8 @@
 //! - [`triangle_index`]: those points of many models in one static tree; `triangle_query`: a bare triangle in every way
 //!   it may be met
 //! - `probe`: the search for the models that look like a probe; `likeness`: what that means, put together of profiles,
-//!   `dense_rows` and `region_likeness`; `scan`, `face_list`: what rules out most models before that, by their `gist`
-//!   and by `capped` squares
+//!   `dense_rows` and `region_likeness`; `scan`, `face_list`: what rules out most models before that, by their `gist`,
+//!   their `foremost` points and `capped` squares
 //! - `best`: the best few so far
 //! - [`measures`]: how well a ranking tells two classes apart
 
@@ -21,6 +21,7 @@ mod dense_rows;
 mod entry;
 pub mod evidence;
 mod face_list;
+mod foremost;
 pub mod gallery;
 mod gist;
 mod gist_frame;

@@ -1,7 +1,8 @@
 //! A search's pass over a part of the gallery, which measures few of its models.
 //!
-//! Two sure faces are told by their dense distance alone. Most distances are known to be too great by two bounds, the
-//! second closer and dearer than the first: by gists, by all points ([`super::face_list`], [`super::dense_rows`]). What is no sure face is kept for later if its score may be great enough.
+//! Two sure faces are told by their dense distance alone. Most distances are known to be too great by three bounds, each
+//! closer and dearer than the one before: by gists, by the foremost points, by all points ([`super::face_list`],
+//! [`super::dense_rows`]). What is no sure face is kept for later if its score may be great enough.
 
 use super::dense_rows::DenseProbe;
 use super::likeness::{FACE_KINSHIP, Weights};
@@ -44,6 +45,7 @@ impl Probe {
         for start in (0..sure).step_by(BLOCK) {
             faces.near(start..sure.min(start + BLOCK), &known, &mut near);
             let places = near.iter().map(|number| list.places[*number]).filter(|place| part.is_alive(*place));
+            rows.fetch(places.clone());
             for place in places {
                 if dense.is_beyond(rows, place, &known.rows) {
                     continue;
