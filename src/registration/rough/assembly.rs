@@ -31,7 +31,7 @@ const SAMPLES: usize = 200;
 /// Another way to lay two groups on each other is a rival from this share of the strength on.
 const RIVAL: f64 = 0.85;
 /// Groups are joined if of the points of their strongest pairs that come near each other this share touches,
-const TOUCHING: f64 = 0.75;
+pub(super) const TOUCHING: f64 = 0.75;
 /// looking at this many pairs.
 const WITNESSES: usize = 3;
 /// What came of trying a link.
@@ -41,11 +41,16 @@ enum Attempt {
     Refused,
 }
 
-/// Grows groups until no link joins two of them.
-pub fn assemble(scene: &Scene, links: &[Link], progress: &Progress) -> Result<Assembly, Canceled> {
+/// Joins groups until no link joins two of them: those `begun`, and each other view as one of its own.
+pub fn assemble(scene: &Scene, links: &[Link], begun: Vec<Group>, progress: &Progress) -> Result<Assembly, Canceled> {
     let sketches = scene.sketches;
     let mut groups: Vec<Option<Group>> = (0..sketches.len()).map(|view| Some(Group::of(view))).collect();
     let mut home: Vec<usize> = (0..sketches.len()).collect();
+    for group in begun {
+        let Some(&first) = group.views.first() else { continue };
+        group.views.iter().for_each(|view| (groups[*view], home[*view]) = (None, first));
+        groups[first] = Some(group);
+    }
     let mut waiting: Vec<&Link> = links.iter().filter(|link| link.is_promising()).collect();
     waiting.sort_by(|a, b| scene.strength(b).total_cmp(&scene.strength(a)).then((a.i, a.j).cmp(&(b.i, b.j))));
     let mut ambiguous = vec![false; sketches.len()];
@@ -125,7 +130,7 @@ fn try_join(scene: &Scene, left: &Group, right: &Group, link: &Link, waiting: &[
 }
 
 /// How well the strongest pairs of a join touch at full resolution.
-fn touching(scene: &Scene, measured: &[Link]) -> f64 {
+pub(super) fn touching(scene: &Scene, measured: &[Link]) -> f64 {
     let mut strongest: Vec<&Link> = measured.iter().collect();
     strongest.sort_by(|a, b| scene.strength(b).total_cmp(&scene.strength(a)).then((a.i, a.j).cmp(&(b.i, b.j))));
     let shares: Vec<f64> = strongest
@@ -165,7 +170,7 @@ fn measure_all(sketches: &[Sketch], left: &Group, right: &Group, motion: &Motion
 
 /// What a pair says of an implied motion, drawn onto the surface first if that stays near; `None` if the views are
 /// apart.
-fn measure(sketches: &[Sketch], i: usize, j: usize, implied: &Motion, edge: f64) -> Option<Link> {
+pub(super) fn measure(sketches: &[Sketch], i: usize, j: usize, implied: &Motion, edge: f64) -> Option<Link> {
     if implied.translation.vector.norm() > sketches[i].radius + sketches[j].radius {
         return None;
     }

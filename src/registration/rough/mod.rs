@@ -10,7 +10,10 @@ pub mod assembly;
 pub mod confidence;
 pub mod consensus;
 pub mod descriptor;
+pub mod glance;
+pub mod grid;
 pub mod group;
+pub mod growth;
 pub mod link;
 pub mod matching;
 pub mod placement;
@@ -21,7 +24,9 @@ pub mod sight;
 pub mod sketch;
 pub mod slide;
 pub mod standing;
+pub mod thorough;
 pub mod touch;
+pub mod turning;
 pub mod verification;
 
 use rayon::prelude::*;
@@ -159,10 +164,15 @@ fn rough_at_once(
             Ok(pair_links(&sketches, i, j, told, edge))
         })
         .collect::<Result<_, Canceled>>()?;
-    let links: Vec<Link> = links.into_iter().flatten().collect();
+    let mut links: Vec<Link> = links.into_iter().flatten().collect();
     let noise = noise_level(&links, edge);
     let scene = Scene { views, sketches: &sketches, spacing: multiview::common_spacing(views), edge, noise };
-    let Assembly { groups, ambiguous } = assemble(&scene, &links, progress)?;
+    let assembly = assemble(&scene, &links, Vec::new(), progress)?;
+    let assembly = match thorough::is_settled(&scene, &assembly) {
+        true => assembly,
+        false => thorough::assemble_thoroughly(&scene, &mut links, &assembly, progress)?,
+    };
+    let Assembly { groups, ambiguous } = assembly;
     let search = Search { views: (0..views.len()).collect(), sketches, links, edge, noise };
     Ok(Rough { groups, ambiguous, searches: vec![search] })
 }
@@ -172,15 +182,30 @@ fn pair_links(sketches: &[Sketch], i: usize, j: usize, told: Option<Motion>, edg
     let (a, b) = (&sketches[i], &sketches[j]);
     let matches = matching::matches(a, b, edge);
     let proposals = consensus::proposals(a, b, &matches, edge, PROPOSALS);
-    let mut links: Vec<Link> = Vec::new();
-    for proposed in told.into_iter().chain(proposals.into_iter().map(|proposal| proposal.motion_i_j)) {
-        let motion_i_j = alignment::align(a, b, &proposed, edge);
+    let proposed = told.into_iter().chain(proposals.into_iter().map(|proposal| proposal.motion_i_j));
+    links_of(sketches, (i, j), proposed, Vec::new(), edge)
+}
+
+/// The best of the proposed motions of a pair, drawn onto the surface; those that are `known` already are left out.
+fn links_of(
+    sketches: &[Sketch],
+    (i, j): (usize, usize),
+    proposed: impl IntoIterator<Item = Motion>,
+    known: Vec<Link>,
+    edge: f64,
+) -> Vec<Link> {
+    let (a, b) = (&sketches[i], &sketches[j]);
+    let mut links = known;
+    let count = links.len();
+    for motion in proposed {
+        let motion_i_j = alignment::align(a, b, &motion, edge);
         if links.iter().any(|link| consensus::alike(&link.motion_i_j, &motion_i_j, b.radius, 2.0 * edge)) {
             continue;
         }
         let evidence = verification::verify(a, b, &motion_i_j, edge, SAMPLES);
         links.push(Link { i, j, motion_i_j, evidence });
     }
+    let mut links = links.split_off(count);
     links.sort_by(|a, b| b.strength().total_cmp(&a.strength()));
     links.truncate(LINKS);
     links

@@ -2,6 +2,7 @@
 
 use super::link::Link;
 use super::sketch::Sketch;
+use super::verification::Evidence;
 use crate::registration::view::View;
 
 /// Distances up to this many times the set's noise are nothing to wonder at.
@@ -28,8 +29,13 @@ impl Scene<'_> {
     /// How much speaks for a link in this set: surfaces that are the same lie as near to each other as the noise lets
     /// them, like ones do not.
     pub fn strength(&self, link: &Link) -> f64 {
-        let excess = link.evidence.rms() / (self.edge * TOLERATED_NOISE * self.noise);
-        link.strength() / (excess * excess).max(1.0)
+        link.strength() / self.excess(&link.evidence)
+    }
+
+    /// The mean square distance of surfels that agree, in what the set's noise explains; 1 if that explains it.
+    pub fn excess(&self, evidence: &Evidence) -> f64 {
+        let excess = evidence.rms() / (self.edge * TOLERATED_NOISE * self.noise);
+        (excess * excess).max(1.0)
     }
 }
 

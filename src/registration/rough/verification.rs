@@ -17,6 +17,8 @@ pub struct Testimony {
     pub missed: usize,
     /// Those near the other view's surface that cross it or look another way.
     pub cross: usize,
+    /// Those of them that look the opposite way: as the two sides of a thin wall do.
+    pub opposed: usize,
     /// Sum of the squared distances, along the normal, of those that agree.
     pub squares: f64,
 }
@@ -76,6 +78,11 @@ impl Evidence {
     /// Surfels that cross the other surface, both ways.
     pub fn cross(&self) -> f64 {
         (self.j_in_i.cross + self.i_in_j.cross) as f64
+    }
+
+    /// Those of them that look the opposite way, both ways.
+    pub fn opposed(&self) -> f64 {
+        (self.j_in_i.opposed + self.i_in_j.opposed) as f64
     }
 
     /// Surfels that the other scanner should have seen and did not, both ways.
@@ -143,6 +150,7 @@ fn testify(view: &Sketch, other: &Sketch, motion: &Motion, edge: f32, samples: u
             testimony.squares += f64::from(along * along);
         } else if other.is_inner[target] {
             testimony.cross += 1;
+            testimony.opposed += usize::from(cosine < -0.4);
         }
     }
     testimony

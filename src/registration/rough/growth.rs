@@ -1,0 +1,322 @@
+//! Groups grown view by view from several beginnings, of which the one is kept that all its pairs speak for most.
+//!
+//! Joining the strongest pairs first goes wrong where a wrong pair is stronger than the right ones, as on flat sides and
+//! repeated parts. What such a pair leads to contradicts itself: scanners look through surface that others saw, or miss
+//! it. So several pairs are followed to their ends, and the ends compared.
+
+use rayon::prelude::*;
+
+use super::alignment::align_onto;
+use super::assembly::{TOUCHING, measure, touching};
+use super::consensus::alike;
+use super::group::Group;
+use super::link::Link;
+use super::scene::Scene;
+use super::slide::slides;
+use super::verification::{Evidence, verify};
+use crate::geometry::Motion;
+use crate::progress::{Canceled, Progress};
+
+/// Surfels of a view that are asked of a place,
+const SAMPLES: usize = 100;
+/// and of whether it could slide.
+const SLIDE_SAMPLES: usize = 200;
+/// Links that groups are grown from.
+const SEEDS: usize = 24;
+/// Places nearer to each other than this, in edges, are one.
+const SAME: f64 = 2.5;
+/// A view is taken in if so much speaks for its place,
+const LEAST: f64 = 12.0;
+/// and if another place has less than this share of that.
+const RIVAL: f64 = 0.8;
+/// The agreement of one pair counts up to about so many surfels: views stacked on each other agree much, and a right
+/// set has many pairs that agree a little.
+const ENOUGH: f64 = 60.0;
+/// A surfel that crosses another surface counts as so many that agree. Those that look the opposite way don't count:
+/// they may be the other side of a thin wall.
+const CROSSING: f64 = 2.0;
+/// A surfel that another scanner looked through or missed counts as so many: on right motions there are next to none.
+const NOT_SEEN: f64 = 25.0;
+
+/// Views with their poses in a world of their own, in the order in which they came.
+type Placed = Vec<(usize, Motion)>;
+
+/// A place that a view may have.
+#[derive(Debug, Clone, Copy)]
+struct Place {
+    pose: Motion,
+    /// How much speaks for it.
+    balance: f64,
+}
+
+/// A view that has no place yet, with those that are proposed for it.
+struct Waiting {
+    view: usize,
+    places: Vec<Place>,
+}
+
+/// What came of growing.
+#[derive(Debug, Clone)]
+pub struct Grown {
+    /// Groups of two views or more, no view in two of them.
+    pub groups: Vec<Group>,
+    /// For each view whether it fits its group in several ways.
+    pub ambiguous: Vec<bool>,
+}
+
+/// Grows groups from the best links and from those groups that are `known`, until nothing is left that speaks for more.
+pub fn grow(scene: &Scene, links: &[Link], known: &[Group], progress: &Progress) -> Result<Grown, Canceled> {
+    let growth = Growth { scene, links };
+    let mut free: Vec<usize> = (0..scene.sketches.len()).collect();
+    let mut grown = Grown { groups: Vec::new(), ambiguous: vec![false; free.len()] };
+    while let Some(best) = growth.best(&free, known, progress)? {
+        let settled = growth.settle(&best);
+        settled.ambiguous.iter().for_each(|view| grown.ambiguous[*view] = true);
+        let is_done = |view: &usize| match &settled.group {
+            Some(group) => group.views.contains(view) || settled.ambiguous.contains(view),
+            None => best.iter().any(|(placed, _)| placed == view),
+        };
+        free.retain(|view| !is_done(view));
+        grown.groups.extend(settled.group);
+    }
+    Ok(grown)
+}
+
+/// A grown group without the views that have no clear place in it.
+struct Settled {
+    group: Option<Group>,
+    ambiguous: Vec<usize>,
+}
+
+struct Growth<'a> {
+    scene: &'a Scene<'a>,
+    links: &'a [Link],
+}
+
+impl Growth<'_> {
+    /// The group of free views that most speaks for.
+    fn best(&self, free: &[usize], known: &[Group], progress: &Progress) -> Result<Option<Placed>, Canceled> {
+        let seeds: Vec<Placed> = self
+            .seeds(free)
+            .into_iter()
+            .map(|link| vec![(link.i, Motion::identity()), (link.j, link.motion_i_j)])
+            .chain(
+                known.iter().map(|group| group.views.iter().copied().zip(group.local_poses.iter().copied()).collect()),
+            )
+            .filter(|seed: &Placed| seed.len() > 1 && seed.iter().all(|(view, _)| free.contains(view)))
+            .collect();
+        let grown: Vec<(f64, Placed)> = seeds
+            .into_par_iter()
+            .with_max_len(1)
+            .map(|seed| {
+                progress.check()?;
+                let placed = self.grown(seed, free);
+                Ok((self.total(&placed), placed))
+            })
+            .collect::<Result<_, Canceled>>()?;
+        let best = grown.into_iter().reduce(|best, next| if next.0 > best.0 { next } else { best });
+        Ok(best.filter(|(total, _)| *total >= LEAST).map(|(_, placed)| placed))
+    }
+
+    /// The links between free views that most speaks for.
+    fn seeds(&self, free: &[usize]) -> Vec<&Link> {
+        let between_free = self.links.par_iter().filter(|link| free.contains(&link.i) && free.contains(&link.j));
+        let mut seeds: Vec<(f64, &Link)> = between_free
+            .map(|link| (self.balance(link.i, link.j, &link.motion_i_j), link))
+            .filter(|(balance, _)| *balance >= LEAST)
+            .collect();
+        seeds.sort_by(|a, b| b.0.total_cmp(&a.0).then((a.1.i, a.1.j).cmp(&(b.1.i, b.1.j))));
+        seeds.truncate(SEEDS);
+        seeds.into_iter().map(|(_, link)| link).collect()
+    }
+
+    /// Takes in free views one by one, the clearest first.
+    fn grown(&self, seed: Placed, free: &[usize]) -> Placed {
+        let is_waiting = |view: &&usize| seed.iter().all(|(placed, _)| placed != *view);
+        let mut waiting: Vec<Waiting> =
+            free.iter().filter(is_waiting).map(|view| Waiting { view: *view, places: Vec::new() }).collect();
+        let mut placed = Placed::new();
+        for view in seed {
+            placed.push(view);
+            self.tell(&placed, &mut waiting);
+        }
+        while let Some((index, pose)) = clearest(&waiting) {
+            let view = waiting.remove(index).view;
+            placed.push((view, self.drawn(&placed, view, &pose)));
+            self.tell(&placed, &mut waiting);
+        }
+        placed
+    }
+
+    /// What the view that came last says of the places of those that wait, and the places that it proposes.
+    fn tell(&self, placed: &[(usize, Motion)], waiting: &mut [Waiting]) {
+        let Some(&(last, at)) = placed.last() else { return };
+        for Waiting { view, places } in waiting {
+            for place in places.iter_mut() {
+                place.balance += self.balance(last, *view, &at.inv_mul(&place.pose));
+            }
+            for pose in self.proposed(last, &at, *view) {
+                if !places.iter().any(|other| self.is_same(*view, &other.pose, &pose)) {
+                    places.push(Place { pose, balance: self.balance_at(placed, *view, &pose) });
+                }
+            }
+        }
+    }
+
+    /// The poses of `view` that its links to another at `pose_other` propose.
+    fn proposed(&self, other: usize, pose_other: &Motion, view: usize) -> impl Iterator<Item = Motion> {
+        self.links.iter().filter_map(move |link| match (link.i, link.j) {
+            (i, j) if i == other && j == view => Some(pose_other * link.motion_i_j),
+            (i, j) if i == view && j == other => Some(pose_other * link.motion_i_j.inverse()),
+            _ => None,
+        })
+    }
+
+    fn is_same(&self, view: usize, a: &Motion, b: &Motion) -> bool {
+        alike(a, b, self.scene.sketches[view].radius, SAME * self.scene.edge)
+    }
+
+    /// A pose drawn onto the surface of all that are placed, if that stays near.
+    fn drawn(&self, placed: &[(usize, Motion)], view: usize, pose: &Motion) -> Motion {
+        let others: Vec<_> = placed.iter().map(|(other, at)| (&self.scene.sketches[*other], *at)).collect();
+        let drawn = align_onto(&others, &self.scene.sketches[view], pose, self.scene.edge);
+        if self.is_same(view, &drawn, pose) { drawn } else { *pose }
+    }
+
+    /// How much speaks for a motion between two views.
+    fn balance(&self, i: usize, j: usize, motion_i_j: &Motion) -> f64 {
+        let (a, b) = (&self.scene.sketches[i], &self.scene.sketches[j]);
+        if motion_i_j.translation.vector.norm() > a.radius + b.radius {
+            return 0.0;
+        }
+        let said = verify(a, b, motion_i_j, self.scene.edge, SAMPLES);
+        let agree = ENOUGH * (1.0 - (-said.agree() / self.scene.excess(&said) / ENOUGH).exp());
+        agree - CROSSING * (said.cross() - said.opposed()) - NOT_SEEN * not_seen(&said)
+    }
+
+    /// How much those that are placed speak for a view's pose.
+    fn balance_at(&self, placed: &[(usize, Motion)], view: usize, pose: &Motion) -> f64 {
+        placed.iter().map(|(other, at)| self.balance(*other, view, &at.inv_mul(pose))).sum()
+    }
+
+    /// How much all pairs speak for a group.
+    fn total(&self, placed: &[(usize, Motion)]) -> f64 {
+        (0..placed.len()).map(|k| self.balance_at(&placed[..k], placed[k].0, &placed[k].1)).sum()
+    }
+
+    /// Leaves out the views that could as well stand elsewhere or slide, and those that don't touch the others at full
+    /// resolution.
+    fn settle(&self, placed: &[(usize, Motion)]) -> Settled {
+        let Scene { sketches, edge, .. } = *self.scene;
+        let mut placed = placed.to_vec();
+        placed.sort_by_key(|(view, _)| *view);
+        let pairs: Vec<(usize, usize)> = (0..placed.len()).flat_map(|k| (0..k).map(move |l| (l, k))).collect();
+        let measured: Vec<Link> = pairs
+            .par_iter()
+            .with_max_len(1)
+            .filter_map(|&(k, l)| {
+                let ((i, pose_i), (j, pose_j)) = (placed[k], placed[l]);
+                measure(sketches, i, j, &pose_i.inv_mul(&pose_j), edge)
+            })
+            .collect();
+        let (mut kept, mut ambiguous) = (Placed::new(), Vec::new());
+        for (index, &(view, pose)) in placed.iter().enumerate() {
+            let others: Placed = [&placed[..index], &placed[index + 1..]].concat();
+            let own: Vec<Link> = measured.iter().filter(|link| link.i == view || link.j == view).copied().collect();
+            if self.has_rival(&others, view, &pose) || slides(sketches, &own, edge, SLIDE_SAMPLES) {
+                ambiguous.push(view);
+            } else if touching(self.scene, &own) >= TOUCHING {
+                kept.push((view, pose));
+            }
+        }
+        let group = (kept.len() > 1).then(|| self.group(kept, measured));
+        Settled { group, ambiguous }
+    }
+
+    /// Whether a view could as well stand elsewhere.
+    fn has_rival(&self, others: &[(usize, Motion)], view: usize, pose: &Motion) -> bool {
+        let limit = RIVAL * self.balance_at(others, view, pose);
+        let elsewhere = others.iter().flat_map(|(other, at)| self.proposed(*other, at, view));
+        let mut elsewhere = elsewhere.filter(|rival| !self.is_same(view, rival, pose));
+        elsewhere.any(|rival| self.balance_at(others, view, &rival) > limit)
+    }
+
+    fn group(&self, kept: Placed, measured: Vec<Link>) -> Group {
+        let (views, local_poses): (Vec<usize>, Vec<Motion>) = kept.into_iter().unzip();
+        let holds = |link: &Link| link.is_promising() && views.contains(&link.i) && views.contains(&link.j);
+        let links = measured.into_iter().filter(holds).collect();
+        let mut group = Group { views, local_poses, links, search: 0 };
+        group.average(self.scene.sketches, self.scene.edge);
+        group
+    }
+}
+
+/// The view whose best place is ahead of its next best by most, and that place.
+fn clearest(waiting: &[Waiting]) -> Option<(usize, Motion)> {
+    let mut best: Option<(f64, usize, Motion)> = None;
+    for (index, Waiting { places, .. }) in waiting.iter().enumerate() {
+        let Some(first) = places.iter().max_by(|a, b| a.balance.total_cmp(&b.balance)) else { continue };
+        let others = places.iter().filter(|place| !std::ptr::eq(*place, first));
+        let second = others.map(|place| place.balance).fold(0.0, f64::max);
+        let is_clear = first.balance >= LEAST && second < RIVAL * first.balance;
+        if is_clear && best.is_none_or(|(lead, ..)| first.balance - second > lead) {
+            best = Some((first.balance - second, index, first.pose));
+        }
+    }
+    best.map(|(_, index, pose)| (index, pose))
+}
+
+fn not_seen(said: &Evidence) -> f64 {
+    said.in_sight() + said.missed()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::{Cloud, Point3, Vector3};
+    use crate::registration::rough::sketch::Sketch;
+    use crate::registration::sensor::Sensor;
+    use crate::registration::view::View;
+
+    const EDGE: f64 = 3.0;
+
+    /// Views of a bumpy ball from these directions around it, in degrees.
+    fn views(directions: [f64; 3]) -> Vec<(View, Vector3)> {
+        let toward = |degrees: f64| Vector3::new(degrees.to_radians().cos(), degrees.to_radians().sin(), 0.0);
+        let seen = |direction: &Vector3| {
+            let points = (0..9000).filter_map(|k| {
+                let z = (f64::from(k) + 0.5) / 4500.0 - 1.0;
+                let angle = 2.399963 * f64::from(k);
+                let out = Vector3::new((1.0 - z * z).sqrt() * angle.cos(), (1.0 - z * z).sqrt() * angle.sin(), z);
+                let height =
+                    2.5 * (5.0 * out.x + 2.0).sin() * (6.0 * out.y).cos() + 2.5 * (7.0 * out.z + 4.0 * out.x).sin();
+                (out.dot(direction) > 0.15).then(|| Point3::from(out * (35.0 + height)))
+            });
+            View::new(&Cloud::from_points(points.collect())).expect("half a ball can be used")
+        };
+        directions.map(toward).iter().map(|direction| (seen(direction), *direction)).collect()
+    }
+
+    #[test]
+    fn a_wrong_pair_is_outweighed_by_what_all_pairs_say() {
+        let (views, directions): (Vec<View>, Vec<Vector3>) = views([0.0, 60.0, 120.0]).into_iter().unzip();
+        let sensors = directions.iter().map(|direction| Some(Sensor::Toward(*direction)));
+        let sketches: Vec<Sketch> =
+            views.iter().zip(sensors).map(|(view, sensor)| Sketch::new(view, EDGE, sensor)).collect();
+        let scene = Scene { views: &views, sketches: &sketches, spacing: 1.0, edge: EDGE, noise: 0.05 };
+        let link = |i: usize, j: usize, shift: Vector3| {
+            let motion_i_j = Motion::from(nalgebra::Translation3::from(shift));
+            Link { i, j, motion_i_j, evidence: verify(&sketches[i], &sketches[j], &motion_i_j, EDGE, 400) }
+        };
+        let between = |i: usize, j: usize| views[j].center - views[i].center;
+        // the first and the last laid on each other, and two pairs as they are
+        let links = [link(0, 2, Vector3::zeros()), link(0, 1, between(0, 1)), link(1, 2, between(1, 2))];
+        let grown = grow(&scene, &links, &[], &Progress::silent()).expect("not cancelled");
+        assert_eq!(grown.groups.len(), 1);
+        assert_eq!((grown.groups[0].views.clone(), grown.ambiguous), (vec![0, 1, 2], vec![false; 3]));
+        let group = &grown.groups[0];
+        let found = group.local_poses[0].inv_mul(&group.local_poses[2]).translation.vector;
+        assert!((found - between(0, 2)).norm() < 0.5 * EDGE, "{found} {}", between(0, 2));
+        assert!(grow(&scene, &[], &[], &Progress::silent()).expect("not cancelled").groups.is_empty());
+    }
+}
