@@ -66,11 +66,14 @@ fn measure(index: usize, seed: u64) -> String {
     let turned =
         |(view, scan): (usize, &Surface)| Surface { cloud: scan.cloud.moved(&turn(view)), ..Surface::default() };
     let scans: Vec<Surface> = set.scans.iter().enumerate().map(turned).collect();
-    let Ok(views) = scans.iter().map(View::of).collect::<Result<Vec<View>, _>>() else { return String::new() };
+    let Ok(mut views) = scans.iter().map(View::of).collect::<Result<Vec<View>, _>>() else { return String::new() };
     let truth: Vec<Motion> =
         (0..count).map(|view| views[view].local_pose(&(set.poses[view] * turn(view).inverse()))).collect();
-    let eye = |view: usize| Sensor::At((turn(view) * Point3::origin()).coords - views[view].center);
-    let sensors: Vec<Option<Sensor>> = (0..count).map(|view| scanner_known.then(|| eye(view))).collect();
+    for (index, view) in views.iter_mut().enumerate() {
+        let eye = Sensor::At((turn(index) * Point3::origin()).coords - view.center);
+        view.sensor = scanner_known.then_some(eye);
+    }
+    let sensors: Vec<Option<Sensor>> = views.iter().map(|view| view.sensor).collect();
     let names: Vec<String> = (0..count).map(|view| view.to_string()).collect();
     let given = vec![None; count];
     let set = Set { names: &names, views: &views, given: &given, sensors: &sensors };

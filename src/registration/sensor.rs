@@ -34,7 +34,8 @@ impl Sensor {
         }
     }
 
-    fn reversed(self) -> Self {
+    /// On the other side.
+    pub fn reversed(self) -> Self {
         match self {
             Sensor::At(position) => Sensor::At(-position),
             Sensor::Toward(direction) => Sensor::Toward(-direction),

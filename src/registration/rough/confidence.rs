@@ -49,11 +49,11 @@ impl Grounds {
 }
 
 /// Coefficients of the logistic model; see [`features`].
-pub const MODEL: [f64; FEATURES] = [6.660, -6.430, -8.342, -1.611, -3.651, -1.440, 0.651, -1.451];
+pub const MODEL: [f64; FEATURES] = [6.660, -6.430, -8.342, -1.611, -3.651, -1.440, 0.651, -1.451, 0.0, 0.0, 0.0, 0.0];
 /// A view is called sure from this confidence on.
 pub const SURE: f64 = 0.97;
 /// Numbers that the model looks at.
-pub const FEATURES: usize = 8;
+pub const FEATURES: usize = 12;
 
 /// The probability that a view that stands so is right.
 pub fn confidence(standing: &Standing) -> f64 {
@@ -73,11 +73,16 @@ pub fn features(standing: &Standing) -> [f64; FEATURES] {
         s.rival,
         s.hold.max(0.01).ln(),
         s.rms.max(0.1).ln(),
+        s.held,
+        (s.cut.agree + 1.0).ln(),
+        s.cut.against.sqrt(),
+        (1.0 - s.sharpness).sqrt(),
     ]
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::cut::Cut;
     use super::*;
 
     #[test]
@@ -91,6 +96,9 @@ mod tests {
             rms: 1.0,
             rival: 0.0,
             hold: 0.2,
+            held: 0.8,
+            cut: Cut { agree: 500.0, against: 0.0 },
+            sharpness: 1.0,
         };
         assert!(confidence(&right) > SURE);
         let worse = [

@@ -9,6 +9,7 @@ pub mod alignment;
 pub mod assembly;
 pub mod confidence;
 pub mod consensus;
+pub mod cut;
 pub mod descriptor;
 pub mod glance;
 pub mod grid;
@@ -16,6 +17,7 @@ pub mod group;
 pub mod growth;
 pub mod link;
 pub mod matching;
+pub mod other_side;
 pub mod placement;
 pub mod report;
 pub mod scan_set;
@@ -34,6 +36,7 @@ use rayon::prelude::*;
 use self::assembly::{Assembly, assemble};
 use self::group::Group;
 use self::link::Link;
+use self::other_side::try_other_sides;
 use self::scene::{Scene, noise_level};
 use self::sketch::{Sketch, sketch_all};
 use self::standing::Standing;
@@ -88,6 +91,16 @@ impl Search {
         self.views.iter_mut().for_each(|view| *view = names[*view]);
         self.links.iter_mut().for_each(|link| (link.i, link.j) = (names[link.i], names[link.j]));
         self
+    }
+
+    /// The views of a group that was found here, with the side from which each was seen. A sketch's side is only a
+    /// guess, but where views agree their sides do, too: seen from the wrong one their surfaces would look the other way.
+    pub fn seen(&self, views: &[View], group: &[usize]) -> Vec<View> {
+        let sketch =
+            |view: usize| self.views.iter().position(|other| *other == view).map(|place| &self.sketches[place]);
+        let sensor = |view: usize| views[view].sensor.or_else(|| sketch(view).map(|sketch| sketch.sensor));
+        let seen = |view: &usize| View { sensor: sensor(*view), ..views[*view].clone() };
+        group.iter().map(seen).collect()
     }
 
     /// How the views of a refined group that was found here stand.
@@ -152,7 +165,7 @@ fn rough_at_once(
     progress: &Progress,
 ) -> Result<Rough, Canceled> {
     let edge = edge_of(views);
-    let sketches = sketch_all(views, edge, sensors);
+    let mut sketches = sketch_all(views, edge, sensors);
     progress.report(Stage::Registering, 0.05);
     let pairs: Vec<(usize, usize)> = (0..views.len()).flat_map(|i| (i + 1..views.len()).map(move |j| (i, j))).collect();
     let links: Vec<Vec<Link>> = pairs
@@ -160,18 +173,23 @@ fn rough_at_once(
         .with_max_len(1)
         .map(|&(i, j)| {
             progress.check()?;
-            let told = given[i].zip(given[j]).map(|(pose_i, pose_j)| pose_i.inv_mul(&pose_j));
-            Ok(pair_links(&sketches, i, j, told, edge))
+            Ok(pair_links(&sketches, i, j, told(given, i, j), edge))
         })
         .collect::<Result<_, Canceled>>()?;
     let mut links: Vec<Link> = links.into_iter().flatten().collect();
-    let noise = noise_level(&links, edge);
-    let scene = Scene { views, sketches: &sketches, spacing: multiview::common_spacing(views), edge, noise };
-    let assembly = assemble(&scene, &links, Vec::new(), progress)?;
-    let assembly = match thorough::is_settled(&scene, &assembly) {
-        true => assembly,
-        false => thorough::assemble_thoroughly(&scene, &mut links, &assembly, progress)?,
-    };
+    let mut noise = noise_level(&links, edge);
+    let spacing = multiview::common_spacing(views);
+    let scene = Scene { views, sketches: &sketches, spacing, edge, noise };
+    let mut assembly = assemble(&scene, &links, Vec::new(), progress)?;
+    if !thorough::is_settled(&scene, &assembly) {
+        let is_changed = try_other_sides(views, given, &mut sketches, &mut links, edge, progress)?;
+        noise = noise_level(&links, edge);
+        let scene = Scene { views, sketches: &sketches, spacing, edge, noise };
+        if is_changed {
+            assembly = assemble(&scene, &links, Vec::new(), progress)?;
+        }
+        assembly = thorough::assemble_thoroughly(&scene, &mut links, &assembly, progress)?;
+    }
     let Assembly { groups, ambiguous } = assembly;
     let search = Search { views: (0..views.len()).collect(), sketches, links, edge, noise };
     Ok(Rough { groups, ambiguous, searches: vec![search] })
@@ -184,6 +202,11 @@ fn pair_links(sketches: &[Sketch], i: usize, j: usize, told: Option<Motion>, edg
     let proposals = consensus::proposals(a, b, &matches, edge, PROPOSALS);
     let proposed = told.into_iter().chain(proposals.into_iter().map(|proposal| proposal.motion_i_j));
     links_of(sketches, (i, j), proposed, Vec::new(), edge)
+}
+
+/// The motion of a pair whose poses are given.
+fn told(given: &[Option<Motion>], i: usize, j: usize) -> Option<Motion> {
+    given[i].zip(given[j]).map(|(pose_i, pose_j)| pose_i.inv_mul(&pose_j))
 }
 
 /// The best of the proposed motions of a pair, drawn onto the surface; those that are `known` already are left out.

@@ -84,8 +84,6 @@ pub fn place(set: &Set, refine: &Refine, progress: &Progress) -> Result<Placemen
 
 /// A refined view that is surer to be wrong than this has no place there either.
 const REFUTED: f64 = 0.1;
-/// A refined view of which less than this share of the surface near others touches them has no place there.
-const LEAST_SHARPNESS: f64 = quality::limits::SHARP;
 
 /// Refines a group. A few views that then cross the others, or that the others' scanners refute, were laid there by
 /// mistake: they are left out, and the rest is refined anew. When most are, nothing can be said of any, and the verdict
@@ -96,14 +94,10 @@ fn settle_group(
     search: &Search,
     refine: &Refine,
 ) -> Result<(Group, Multiview, Vec<Standing>), Canceled> {
-    let members: Vec<View> = group.views.iter().map(|view| views[*view].clone()).collect();
+    let members = search.seen(views, &group.views);
     let refined = refine(&members, &group.local_poses)?;
-    let sharpness = quality::sharpness(&members, &refined, multiview::common_spacing(&members));
-    let standings = search.standings(&group.views, &refined.local_poses);
-    let is_kept = |k: &usize| {
-        sharpness[*k].is_some_and(|sharp| sharp >= LEAST_SHARPNESS) && confidence(&standings[*k]) >= REFUTED
-    };
-    let kept: Vec<usize> = (0..members.len()).filter(is_kept).collect();
+    let standings = standings_of(&members, &group.views, &refined, search);
+    let kept: Vec<usize> = (0..members.len()).filter(|k| confidence(&standings[*k]) >= REFUTED).collect();
     if kept.len() == members.len() || kept.len() < 2 || 2 * kept.len() <= members.len() {
         return Ok((group.clone(), refined, standings));
     }
@@ -112,10 +106,20 @@ fn settle_group(
         local_poses: kept.iter().map(|k| refined.local_poses[*k]).collect(),
         ..group.clone()
     };
-    let members: Vec<View> = rest.views.iter().map(|view| views[*view].clone()).collect();
+    let members = search.seen(views, &rest.views);
     let refined = refine(&members, &rest.local_poses)?;
-    let standings = search.standings(&rest.views, &refined.local_poses);
+    let standings = standings_of(&members, &rest.views, &refined, search);
     Ok((rest, refined, standings))
+}
+
+/// How the views of a refined group stand; `members` are its views.
+fn standings_of(members: &[View], views: &[usize], refined: &Multiview, search: &Search) -> Vec<Standing> {
+    let sharpness = quality::sharpness(members, refined, multiview::common_spacing(members));
+    let mut standings = search.standings(views, &refined.local_poses);
+    for (standing, sharpness) in standings.iter_mut().zip(sharpness) {
+        standing.sharpness = sharpness.unwrap_or(0.0);
+    }
+    standings
 }
 
 /// The views of a refined group that still hang together, in the frame of the first.

@@ -6,6 +6,7 @@
 use rayon::prelude::*;
 
 use super::consensus::alike;
+use super::cut::{Cut, Sayings};
 use super::link::Link;
 use super::sketch::Sketch;
 use super::verification::{Evidence, verify};
@@ -32,7 +33,7 @@ pub struct Standing {
     pub overlap: f64,
     /// Share of what all say that is: surface where a scanner saw nothing, or looked through.
     pub through: f64,
-    /// Share of what all say that is: surfaces that cross.
+    /// Share of what all say that is: surfaces that cross, but for those that may be the other side of a thin wall.
     pub crossing: f64,
     /// The same two shares, of the whole group.
     pub group_through: f64,
@@ -44,6 +45,12 @@ pub struct Standing {
     pub rival: f64,
     /// How well the surface holds the view in the direction that holds it least: 0 (it slides) to about 0.3.
     pub hold: f64,
+    /// Share of its surfels that other views hold.
+    pub held: f64,
+    /// The weakest cut between its cluster and the rest.
+    pub cut: Cut,
+    /// Of the points near others the share that touches them at full resolution; see [`crate::registration::quality`].
+    pub sharpness: f64,
 }
 
 /// How a group's views stand at `local_poses`; `links` are their candidates, named by place in the group, and `noise` the
@@ -57,23 +64,33 @@ pub fn standings(sketches: &[&Sketch], local_poses: &[Motion], links: &[Link], e
         .collect();
     let mut whole = Said::default();
     let mut own = vec![Said::default(); n];
+    let mut sayings = Sayings::of(n);
     for (&(i, j), evidence) in pairs.iter().zip(&said) {
         whole.add(evidence);
         own[i].add(evidence);
         own[j].add(evidence);
+        let said = Said::of(evidence);
+        sayings.set(i, j, said.agree, said.through + said.crossing);
     }
+    let cuts = sayings.weakest_cuts();
     (0..n)
         .into_par_iter()
         .with_max_len(1)
-        .map(|view| Standing {
-            overlap: own[view].overlap,
-            through: own[view].share(own[view].through),
-            crossing: own[view].share(own[view].crossing),
-            group_through: whole.share(whole.through),
-            group_crossing: whole.share(whole.crossing),
-            rms: (own[view].squares / own[view].agree.max(1.0)).sqrt() / (edge * noise),
-            rival: rival(sketches, local_poses, links, view, edge),
-            hold: hold(sketches, local_poses, view, edge),
+        .map(|view| {
+            let held = held(sketches, local_poses, view, edge);
+            Standing {
+                overlap: own[view].overlap,
+                through: own[view].share(own[view].through),
+                crossing: own[view].share(own[view].crossing),
+                group_through: whole.share(whole.through),
+                group_crossing: whole.share(whole.crossing),
+                rms: (own[view].squares / own[view].agree.max(1.0)).sqrt() / (edge * noise),
+                rival: rival(sketches, local_poses, links, view, edge),
+                hold: hold(&held),
+                held: held.len() as f64 / sketches[view].inner.len().max(1) as f64,
+                cut: cuts[view],
+                sharpness: 1.0,
+            }
         })
         .collect()
 }
@@ -89,10 +106,16 @@ struct Said {
 }
 
 impl Said {
+    fn of(evidence: &Evidence) -> Said {
+        let mut said = Said::default();
+        said.add(evidence);
+        said
+    }
+
     fn add(&mut self, evidence: &Evidence) {
         self.agree += evidence.agree();
         self.through += evidence.missed() + evidence.in_sight();
-        self.crossing += evidence.cross();
+        self.crossing += evidence.cross() - evidence.opposed();
         self.squares += evidence.squares();
         self.overlap = self.overlap.max(evidence.overlap());
     }
@@ -124,7 +147,7 @@ fn rival(sketches: &[&Sketch], local_poses: &[Motion], links: &[Link], view: usi
         let say = |other: &usize| {
             let motion = local_poses[*other].inv_mul(place);
             let evidence = verify(sketches[*other], sketches[view], &motion, edge, RIVAL_SAMPLES);
-            evidence.agree() - CONTRADICTION * evidence.conflict()
+            evidence.agree() - CONTRADICTION * (evidence.conflict() - evidence.opposed())
         };
         others.iter().map(say).sum()
     };
@@ -133,9 +156,8 @@ fn rival(sketches: &[&Sketch], local_poses: &[Motion], links: &[Link], view: usi
     if own > 0.0 { (best / own).min(2.0) } else { 2.0 }
 }
 
-/// How well the surface that others share with a view holds it: the least eigenvalue's root of its information, about
-/// the middle of what is held and in units of its size, a surfel.
-fn hold(sketches: &[&Sketch], local_poses: &[Motion], view: usize, edge: f64) -> f64 {
+/// The surfels of a view that others hold: position and normal.
+fn held(sketches: &[&Sketch], local_poses: &[Motion], view: usize, edge: f64) -> Vec<(Vector3, Vector3)> {
     let sketch = sketches[view];
     let motions: Vec<nalgebra::Isometry3<f32>> =
         local_poses.iter().map(|pose| pose.inv_mul(&local_poses[view]).cast()).collect();
@@ -147,13 +169,18 @@ fn hold(sketches: &[&Sketch], local_poses: &[Motion], view: usize, edge: f64) ->
         };
         (0..sketches.len()).any(|other| other != view && near(other))
     };
-    let held: Vec<(Vector3, Vector3)> = sketch
+    sketch
         .inner
         .iter()
         .map(|index| *index as usize)
         .filter(|index| is_held(sketch.position(*index)))
         .map(|index| (sketch.position(index).cast(), sketch.normals[index].cast()))
-        .collect();
+        .collect()
+}
+
+/// How well held surfels hold a view: the least eigenvalue's root of their information, about their middle and in units
+/// of their size, a surfel.
+fn hold(held: &[(Vector3, Vector3)]) -> f64 {
     if held.len() < 6 {
         return 0.0;
     }
@@ -161,7 +188,7 @@ fn hold(sketches: &[&Sketch], local_poses: &[Motion], view: usize, edge: f64) ->
     let middle = held.iter().map(|(place, _)| place).sum::<Vector3>() / count;
     let spread = (held.iter().map(|(place, _)| (place - middle).norm_squared()).sum::<f64>() / count).sqrt();
     let mut sums = PairSums::<RIGID>::default();
-    for (place, normal) in &held {
+    for (place, normal) in held {
         sums.add(normal, &((place - middle) / spread), 0.0, 1.0);
     }
     let least = (sums.information() / count).symmetric_eigenvalues().min();

@@ -17,7 +17,7 @@ pub struct Testimony {
     pub missed: usize,
     /// Those near the other view's surface that cross it or look another way.
     pub cross: usize,
-    /// Those of them that look the opposite way: as the two sides of a thin wall do.
+    /// Those of them that look the opposite way and lie behind it: as the far side of a thin wall does.
     pub opposed: usize,
     /// Sum of the squared distances, along the normal, of those that agree.
     pub squares: f64,
@@ -36,7 +36,9 @@ pub struct Evidence {
 const ON: f32 = 0.35;
 /// and this cosine of the normals.
 const LIKE: f32 = 0.85;
-/// It is near a surface within this distance, in edges.
+/// Two sides of a wall have normals of less than this cosine.
+const OPPOSED: f32 = -0.4;
+/// A surfel is near a surface within this distance, in edges.
 const NEAR: f32 = 1.6;
 /// It stands in front of a surface from this distance on, in edges.
 const IN_FRONT: f32 = 1.5;
@@ -80,7 +82,7 @@ impl Evidence {
         (self.j_in_i.cross + self.i_in_j.cross) as f64
     }
 
-    /// Those of them that look the opposite way, both ways.
+    /// Those of them that may be the far side of a thin wall, both ways.
     pub fn opposed(&self) -> f64 {
         (self.j_in_i.opposed + self.i_in_j.opposed) as f64
     }
@@ -150,7 +152,7 @@ fn testify(view: &Sketch, other: &Sketch, motion: &Motion, edge: f32, samples: u
             testimony.squares += f64::from(along * along);
         } else if other.is_inner[target] {
             testimony.cross += 1;
-            testimony.opposed += usize::from(cosine < -0.4);
+            testimony.opposed += usize::from(cosine < OPPOSED && other_normal.dot(&offset) < 0.0);
         }
     }
     testimony
