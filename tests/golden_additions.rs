@@ -2,12 +2,15 @@
 
 use std::collections::BTreeMap;
 
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 use visage::formats::poses;
 use visage::geometry::{Cloud, Motion, Point3, Surface, Unit};
 use visage::pipeline::{self, NamedScan, Options, Outcome, PipelineError, Scale, Start};
 use visage::progress::Progress;
 use visage::synthetic::objects;
 use visage::synthetic::scanner::{ScanSet, Scanner};
+use visage::synthetic::shapes::catalogue;
 use visage::synthetic::truth::{disturb, pose_error};
 
 /// About 5000 points a scan, 2.5 mm apart: coarse, so that these tests stay quick.
@@ -159,4 +162,39 @@ fn the_reference_keeps_its_pose_and_comes_first() {
     assert!((moved.to_homogeneous() - initial[0].to_homogeneous()).amax() > 1e-3, "the first scan is free now");
     let unknown = Options { reference: Some("nobody.ply".to_owned()), ..quick() };
     assert_eq!(code(run(named(&set.scans), &start(&initial), &unknown)), "unknown_reference");
+}
+
+#[test]
+#[ignore = "long: fifty-two registrations"]
+fn scales_of_fifty_two_sets_are_recovered_or_doubted() {
+    let blobs = (1..=20).map(|seed| (format!("blob {seed}"), seed, objects::blob(seed, 20_000).mesh));
+    let names = ["head", "animal", "figure", "teapot", "coral", "gem", "crank", "house"];
+    let shapes = catalogue().into_iter().filter(|shape| names.contains(&shape.name));
+    let shapes =
+        shapes.flat_map(|shape| (1..=4).map(move |seed| (format!("{} {seed}", shape.name), seed, shape.mesh(seed))));
+    let (mut bodies, mut good, mut count): (f64, f64, usize) = (0.0, 0.0, 0);
+    for (name, seed, mesh) in blobs.chain(shapes) {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let factors: Vec<f64> = (0..8).map(|view| if view == 0 { 1.0 } else { rng.random_range(0.8..1.25) }).collect();
+        let set = SCANNER.scan_set(&mesh, seed);
+        let scans = in_other_units(&set, &factors);
+        let options = Options { scale: Scale::PerView, ..quick() };
+        let outcome = run(named(&scans), &start(&disturb(&set.poses, 0.04, 4.0, seed)), &options).expect("a sound set");
+        let views = outcome.report["views"].as_array().expect("views are reported");
+        let error = |(entry, factor): (&serde_json::Value, &f64)| {
+            (entry["scale"].as_f64().expect("scales are reported") / factor - 1.0).abs()
+        };
+        let largest = views.iter().zip(&factors).map(error).fold(0.0, f64::max);
+        println!("{name}: {:.3} %, {}", largest * 100.0, outcome.report["verdict"]["quality"]);
+        count += 1;
+        if name.starts_with("blob") || name.starts_with("head") {
+            bodies = bodies.max(largest);
+        }
+        if outcome.report["verdict"]["quality"] == "good" {
+            good = good.max(largest);
+        }
+    }
+    assert_eq!(count, 52);
+    assert!(bodies < 1e-3, "{:.3} % on rounded bodies", bodies * 100.0);
+    assert!(good < 2e-3, "{:.3} % on what is called good", good * 100.0);
 }

@@ -9,11 +9,15 @@ use rayon::prelude::*;
 use super::normal_equations::SCALED;
 use super::rough_scale::rough_scales;
 use super::surfels::Surfels;
-use super::{PASSES, Run};
+use super::{PASSES, Pass, Run};
 use crate::geometry::Motion;
 use crate::progress::{Canceled, Progress, Stage};
 use crate::registration::multiview::{self, Multiview, MultiviewOptions};
 use crate::registration::view::View;
+
+/// Once more after the last pass: the surfels of a view that has been scaled are not those that its scale was refined
+/// with, and scales settle more slowly than poses.
+const FINISH: Pass = Pass { settled: 0.01, sparing: 1, first_distance: PASSES[1].last_distance, ..PASSES[1] };
 
 /// Registers `views` from the poses of their scans (`pose_world`), and scales all but the `fixed` ones. Answers with the
 /// views as scaled ([`View::scale`] tells by how much) and their registration.
@@ -32,14 +36,15 @@ pub fn joint_scaled(
     views = scaled(views, &growth);
     let initial: Vec<Motion> = views.iter().zip(scan_poses).map(|(view, pose)| view.local_pose(pose)).collect();
     let mut state = Multiview::at(&initial);
-    for (index, pass) in PASSES.iter().enumerate() {
-        progress.report(Stage::Registering, (index + 1) as f64 / (PASSES.len() + 1) as f64);
+    let passes = [&PASSES[0], &PASSES[1], &FINISH, &FINISH];
+    for (index, pass) in passes.into_iter().enumerate() {
+        progress.report(Stage::Registering, (index + 1) as f64 / (passes.len() + 1) as f64);
         let run = Run { options, fixed, spacing: multiview::common_spacing(&views), progress };
         let edge = pass.edge(&views, run.spacing);
         let surfels = surfels(&views, edge);
         let growth = run.pass::<SCALED>(&surfels, index, pass, edge, &mut state)?;
         views = scaled(views, &growth);
-        if index + 1 == PASSES.len() {
+        if index + 1 == passes.len() {
             let run = Run { spacing: multiview::common_spacing(&views), ..run };
             run.measure_pairs(&views, &self::surfels(&views, edge), &mut state)?;
         }
