@@ -181,7 +181,7 @@ fn rough_at_once(
     let spacing = multiview::common_spacing(views);
     let scene = Scene { views, sketches: &sketches, spacing, edge, noise };
     let mut assembly = assemble(&scene, &links, Vec::new(), progress)?;
-    if !thorough::is_settled(&scene, &assembly) {
+    if !thorough::is_settled(&scene, &links, &assembly) {
         let is_changed = try_other_sides(views, given, &mut sketches, &mut links, edge, progress)?;
         noise = noise_level(&links, edge);
         let scene = Scene { views, sketches: &sketches, spacing, edge, noise };
