@@ -269,7 +269,7 @@ fn show(rows: &[&Row], model: &[f64; FEATURES]) {
     println!(
         "\n| threshold | sure | of these right | sure among overlap > 0.4 | with scanner known | unknown | symmetric: placed, right, sure, sure and right, ambiguous |\n| ---: | ---: | ---: | ---: | ---: | ---: | --- |"
     );
-    for threshold in [0.8, 0.9, 0.95, SURE, 0.98, 0.99, 0.995] {
+    for threshold in [0.8, SURE, 0.95, 0.97, 0.98, 0.99, 0.995] {
         let is_sure = |row: &Row| row.placed && row.confidence(model) >= threshold;
         let sure: Vec<&&Row> = rows.iter().filter(|row| is_sure(row)).collect();
         let right = sure.iter().filter(|row| row.right).count();
@@ -304,7 +304,7 @@ fn show_sets(rows: &[&Row], model: &[f64; FEATURES]) {
         sets.entry((row.shape, row.seed)).or_default().push(row);
     }
     println!("\n| all placed views at least so sure | sets | with a wrong view |\n| ---: | ---: | ---: |");
-    for threshold in [0.0, 0.3, 0.5, 0.7, 0.8, 0.9, SURE] {
+    for threshold in [0.0, 0.3, 0.5, 0.7, 0.8, SURE, 0.97] {
         let such: Vec<&Vec<&Row>> =
             sets.values().filter(|set| set.iter().all(|row| row.confidence(model) >= threshold)).collect();
         let wrong = such.iter().filter(|set| set.iter().any(|row| !row.right)).count();

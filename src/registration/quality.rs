@@ -56,7 +56,7 @@ pub(super) mod limits {
     /// How far a view's surface may lie from where the joint cost is least, in spacings.
     pub const UNREST: f64 = 1.0;
     /// Probability that the place of a view is right, where it was found by surface.
-    pub const LEAST_SURE: f64 = 0.8;
+    pub const LEAST_SURE: f64 = 0.9;
     /// Share of a view's points, where another saw something, that may lie before it; and of how many points.
     pub const LOOKED_THROUGH: f64 = 0.03;
     pub const LOOKED_THROUGH_POINTS: usize = 30;

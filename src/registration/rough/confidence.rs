@@ -3,6 +3,7 @@
 use super::link::Link;
 use super::scene::Scene;
 use super::standing::Standing;
+use crate::registration::quality::limits;
 
 /// What a join rests on.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -48,12 +49,12 @@ impl Grounds {
     }
 }
 
-/// Coefficients of the logistic model; see [`features`].
-pub const MODEL: [f64; FEATURES] = [6.660, -6.430, -8.342, -1.611, -3.651, -1.440, 0.651, -1.451, 0.0, 0.0, 0.0, 0.0];
+/// Coefficients of the logistic model; see [`features`] and docs/results/scans_alone.md.
+pub const MODEL: [f64; FEATURES] = [6.928, -4.254, -2.835, -2.573, 0.743, -2.466, -1.753];
 /// A view is called sure from this confidence on.
-pub const SURE: f64 = 0.97;
+pub const SURE: f64 = limits::LEAST_SURE;
 /// Numbers that the model looks at.
-pub const FEATURES: usize = 12;
+pub const FEATURES: usize = 7;
 
 /// The probability that a view that stands so is right.
 pub fn confidence(standing: &Standing) -> f64 {
@@ -67,22 +68,16 @@ pub fn features(standing: &Standing) -> [f64; FEATURES] {
     [
         1.0,
         s.through.sqrt(),
-        s.group_through.sqrt(),
-        s.crossing.sqrt(),
-        s.group_crossing.sqrt(),
-        s.rival,
+        s.crossing.max(s.group_crossing).sqrt(),
+        s.group_rival,
         s.hold.max(0.01).ln(),
         s.rms.max(0.1).ln(),
-        s.held,
-        (s.cut.agree + 1.0).ln(),
-        s.cut.against.sqrt(),
         (1.0 - s.sharpness).sqrt(),
     ]
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::cut::Cut;
     use super::*;
 
     #[test]
@@ -91,21 +86,19 @@ mod tests {
             overlap: 0.6,
             through: 0.0,
             crossing: 0.0,
-            group_through: 0.0,
             group_crossing: 0.0,
             rms: 1.0,
-            rival: 0.0,
             hold: 0.2,
-            held: 0.8,
-            cut: Cut { agree: 500.0, against: 0.0 },
+            group_rival: 0.0,
             sharpness: 1.0,
         };
         assert!(confidence(&right) > SURE);
         let worse = [
             Standing { through: 0.05, ..right },
-            Standing { group_through: 0.05, ..right },
             Standing { crossing: 0.3, ..right },
-            Standing { rival: 1.0, ..right },
+            Standing { group_crossing: 0.1, ..right },
+            Standing { group_rival: 1.0, ..right },
+            Standing { sharpness: 0.7, ..right },
             Standing { rms: 2.0, ..right },
         ];
         for standing in worse {

@@ -9,7 +9,6 @@ pub mod alignment;
 pub mod assembly;
 pub mod confidence;
 pub mod consensus;
-pub mod cut;
 pub mod descriptor;
 pub mod glance;
 pub mod grid;

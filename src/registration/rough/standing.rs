@@ -6,7 +6,6 @@
 use rayon::prelude::*;
 
 use super::consensus::alike;
-use super::cut::{Cut, Sayings};
 use super::link::Link;
 use super::sketch::Sketch;
 use super::verification::{Evidence, verify};
@@ -35,20 +34,14 @@ pub struct Standing {
     pub through: f64,
     /// Share of what all say that is: surfaces that cross, but for those that may be the other side of a thin wall.
     pub crossing: f64,
-    /// The same two shares, of the whole group.
-    pub group_through: f64,
-    /// See `group_through`.
+    /// The same share, of the whole group.
     pub group_crossing: f64,
     /// Root mean square distance of surfels that agree, in the noise of the set.
     pub rms: f64,
-    /// How well the best other place does, in what this one does: 0 (there is none) to 2.
-    pub rival: f64,
+    /// How well the best other place of a view does, in what its own does: 0 (there is none) to 2; mean over the group.
+    pub group_rival: f64,
     /// How well the surface holds the view in the direction that holds it least: 0 (it slides) to about 0.3.
     pub hold: f64,
-    /// Share of its surfels that other views hold.
-    pub held: f64,
-    /// The weakest cut between its cluster and the rest.
-    pub cut: Cut,
     /// Of the points near others the share that touches them at full resolution; see [`crate::registration::quality`].
     pub sharpness: f64,
 }
@@ -64,33 +57,26 @@ pub fn standings(sketches: &[&Sketch], local_poses: &[Motion], links: &[Link], e
         .collect();
     let mut whole = Said::default();
     let mut own = vec![Said::default(); n];
-    let mut sayings = Sayings::of(n);
     for (&(i, j), evidence) in pairs.iter().zip(&said) {
         whole.add(evidence);
         own[i].add(evidence);
         own[j].add(evidence);
-        let said = Said::of(evidence);
-        sayings.set(i, j, said.agree, said.through + said.crossing);
     }
-    let cuts = sayings.weakest_cuts();
+    let views = (0..n).into_par_iter().with_max_len(1);
+    let rivals: Vec<f64> = views.map(|view| rival(sketches, local_poses, links, view, edge)).collect();
+    let group_rival = rivals.iter().sum::<f64>() / n.max(1) as f64;
     (0..n)
         .into_par_iter()
         .with_max_len(1)
-        .map(|view| {
-            let held = held(sketches, local_poses, view, edge);
-            Standing {
-                overlap: own[view].overlap,
-                through: own[view].share(own[view].through),
-                crossing: own[view].share(own[view].crossing),
-                group_through: whole.share(whole.through),
-                group_crossing: whole.share(whole.crossing),
-                rms: (own[view].squares / own[view].agree.max(1.0)).sqrt() / (edge * noise),
-                rival: rival(sketches, local_poses, links, view, edge),
-                hold: hold(&held),
-                held: held.len() as f64 / sketches[view].inner.len().max(1) as f64,
-                cut: cuts[view],
-                sharpness: 1.0,
-            }
+        .map(|view| Standing {
+            overlap: own[view].overlap,
+            through: own[view].share(own[view].through),
+            crossing: own[view].share(own[view].crossing),
+            group_crossing: whole.share(whole.crossing),
+            rms: (own[view].squares / own[view].agree.max(1.0)).sqrt() / (edge * noise),
+            group_rival,
+            hold: hold(&held(sketches, local_poses, view, edge)),
+            sharpness: 1.0,
         })
         .collect()
 }
@@ -106,12 +92,6 @@ struct Said {
 }
 
 impl Said {
-    fn of(evidence: &Evidence) -> Said {
-        let mut said = Said::default();
-        said.add(evidence);
-        said
-    }
-
     fn add(&mut self, evidence: &Evidence) {
         self.agree += evidence.agree();
         self.through += evidence.missed() + evidence.in_sight();
@@ -221,7 +201,7 @@ mod tests {
     fn what_the_other_scanner_did_not_see_speaks_against_a_place() {
         let bumpy = |x: f64, y: f64| 6.0 * (x / 7.0).sin() * (y / 9.0).cos();
         let right = standing(bumpy, &Motion::identity());
-        assert_eq!((right.through, right.rival), (0.0, 0.0));
+        assert_eq!((right.through, right.group_rival), (0.0, 0.0));
         assert!(right.overlap > 0.9 && right.hold > 0.05, "{right:?}");
         let beside = standing(bumpy, &Motion::translation(30.0, 0.0, 0.0));
         assert!(beside.through > 0.1, "{beside:?}");
