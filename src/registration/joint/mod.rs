@@ -68,8 +68,8 @@ pub const PASSES: [Pass; 2] = [
         tolerance: 1.03,
         first_distance: 2.45,
         last_distance: 1.03,
-        settled: 0.1,
-        sparing: 4,
+        settled: 0.05,
+        sparing: 3,
     },
 ];
 
