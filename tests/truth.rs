@@ -107,6 +107,21 @@ fn squared_errors(truth: &Truth, registered: &Registered) -> Vec<f64> {
     registered.known.iter().enumerate().filter_map(error).collect()
 }
 
+/// What a looser end of the last pass costs shows here (it left a gem ten times as far off from another start), not in
+/// figures over surfaces.
+#[test]
+#[ignore = "long: eleven registrations of full size"]
+fn smooth_and_edged_shapes_end_at_their_true_poses() {
+    let names = ["animal", "bean", "blob", "coral", "crank", "figure", "gem", "head", "pebble", "rope", "teapot"];
+    for name in names {
+        let truth = Truth::of(&shape(name), 8, 10_000, 1);
+        let registered = truth.register(&truth.near(1));
+        let off = truth.displacement(&registered);
+        println!("{name}: {off:.4} spacings");
+        assert!(off < 0.1, "{name} is {off} spacings off");
+    }
+}
+
 /// Registers instances of shapes and counts, shape by shape, views, views within their 95 % ellipsoid, and sets whose
 /// verdict is not good: those are said to be doubtful, and their ellipsoids are not counted.
 fn coverage(names: &[&'static str], seeds: std::ops::Range<u64>, points: usize) -> BTreeMap<&'static str, [usize; 3]> {
