@@ -107,8 +107,7 @@ fn squared_errors(truth: &Truth, registered: &Registered) -> Vec<f64> {
     registered.known.iter().enumerate().filter_map(error).collect()
 }
 
-/// What a looser end of the last pass costs shows here (it left a gem ten times as far off from another start), not in
-/// figures over surfaces.
+/// Savings in the last pass or in the choice of pairs may cost what figures over surfaces don't show.
 #[test]
 #[ignore = "long: eleven registrations of full size"]
 fn smooth_and_edged_shapes_end_at_their_true_poses() {

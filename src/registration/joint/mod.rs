@@ -166,8 +166,8 @@ struct Run<'a> {
     progress: &'a Progress,
 }
 
-/// Surfels by which pairs are chosen and reported, at most: a share to about 3 %.
-const OVERLAP_SAMPLES: usize = 300;
+/// Surfels by which pairs are chosen and reported, at most: a share to about 2 %.
+const OVERLAP_SAMPLES: usize = 500;
 
 /// Surfels spread evenly over a view (they are stored along a space-filling curve).
 fn sampled(surfels: &Surfels) -> Vec<LocalPoint> {
