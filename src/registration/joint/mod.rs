@@ -47,11 +47,15 @@ pub struct Pass {
     pub settled: f64,
     /// Before its last steps only every so-manieth surfel asks.
     pub sparing: usize,
+    /// Pairs that a view gets even if they overlap less.
+    pub partners: usize,
 }
 
 /// The passes, coarse to fine. The first reaches as far as rough poses are wrong, some 0.4 of an object's radius; the
 /// second settles what it left. A surfel is a mean, and the mean of a bent patch lies below the surface by a share of
 /// its edge's square, not alike in views from different sides: so the last makes the edges small, and takes few steps.
+/// What flat or thin faces leave loose often hangs on small overlaps: the last takes more of them, since near the truth
+/// they can be believed.
 pub const PASSES: [Pass; 2] = [
     Pass {
         surfels: 500.0,
@@ -61,6 +65,7 @@ pub const PASSES: [Pass; 2] = [
         last_distance: 1.0,
         settled: 0.5,
         sparing: 1,
+        partners: 2,
     },
     Pass {
         surfels: 4000.0,
@@ -70,6 +75,7 @@ pub const PASSES: [Pass; 2] = [
         last_distance: 1.03,
         settled: 0.05,
         sparing: 3,
+        partners: 4,
     },
 ];
 
@@ -117,9 +123,6 @@ const MAX_STEPS: usize = 50;
 /// Pairs take part down to this share of xi_0: less overlap than ICP of one pair needs is still worth having when all
 /// pairs hold each other.
 const OVERLAP_SHARE: f64 = 0.6;
-
-/// Pairs that a view gets even if they overlap less: what flat or thin faces leave loose often hangs on a small overlap.
-const PARTNERS: usize = 4;
 
 /// Registers `views` from `initial` poses (local frame to world). View 0 keeps its pose.
 pub fn joint(
@@ -192,7 +195,7 @@ impl Run<'_> {
         let samples: Vec<Vec<LocalPoint>> = surfels.iter().map(sampled).collect();
         let samples: Vec<&[LocalPoint]> = samples.iter().map(Vec::as_slice).collect();
         state.overlaps = overlaps(&targets, &samples, &state.local_poses, pass.tolerance * edge, self.progress)?;
-        let mut graph = ViewGraph::choose(&state.overlaps, OVERLAP_SHARE * self.options.min_overlap, PARTNERS);
+        let mut graph = ViewGraph::choose(&state.overlaps, OVERLAP_SHARE * self.options.min_overlap, pass.partners);
         graph.pairs.retain(|(i, j)| !(self.fixed.contains(i) && self.fixed.contains(j)));
         let refine_options = RefineOptions {
             first_distance: pass.first_distance * edge,
