@@ -1,9 +1,10 @@
 //! The merged cloud: every point of every placed view in the world frame, with an outward normal.
 
-use crate::geometry::normals::{self, local_planes};
+use crate::geometry::neighbours::LocalPoint;
+use crate::geometry::normals::{self, LocalPlane, local_planes};
 use crate::geometry::{Cloud, Motion};
 use crate::progress::{Canceled, Progress, Stage};
-use crate::registration::sensor::{Sensor, middle_in_view, outer_side, viewing_axis};
+use crate::registration::sensor::{Facet, Sensor, middle_in_view, outer_side, viewing_axis};
 use crate::registration::view::View;
 
 /// The merged cloud of a model, in the world frame.
@@ -32,6 +33,10 @@ pub struct PosedView<'a> {
 
 /// How clearly a side must be the outer one before the normals are called outward.
 const CLEAR: f64 = 0.3;
+
+/// Facets by which a view's axis is told, and the nearest points by which their density is.
+const FACETS: usize = 400;
+const AROUND: usize = 16;
 
 /// Merges the placed views, in their order. Also says for each view whether its normals are known to be outward.
 pub fn merge(posed: &[PosedView], progress: &Progress) -> Result<(ModelCloud, Vec<bool>), Canceled> {
@@ -71,7 +76,7 @@ fn outward_normals(posed: &PosedView, middle: &crate::geometry::Vector3) -> (Vec
         Some(sensor) => (sensor, true),
         None => {
             let samples: Vec<_> = view.points().iter().zip(&planes).map(|(p, plane)| (*p, plane.normal)).collect();
-            let (sensor, clarity) = outer_side(viewing_axis(view), &samples, middle);
+            let (sensor, clarity) = outer_side(viewing_axis(&facets(view, &planes)), &samples, middle);
             (sensor, clarity > CLEAR)
         }
     };
@@ -80,6 +85,17 @@ fn outward_normals(posed: &PosedView, middle: &crate::geometry::Vector3) -> (Vec
         if normal.cast::<f64>().dot(&sensor.direction_from(point)) < 0.0 { -normal } else { normal }
     });
     (oriented.collect(), known)
+}
+
+/// Facets of a view with these planes, spread over it.
+fn facets(view: &View, planes: &[LocalPlane]) -> Vec<Facet> {
+    let mut found = Vec::new();
+    let step = planes.len().div_ceil(FACETS).max(1);
+    let facet = |(point, plane): (&LocalPoint, &LocalPlane)| {
+        view.indexed.tree.k_nearest_unordered(point, AROUND, f32::INFINITY, &mut found);
+        Facet::within(plane.normal, found.iter().map(|n| n.distance2).fold(0.0, f32::max))
+    };
+    view.points().iter().zip(planes).step_by(step).map(facet).collect()
 }
 
 /// An attribute of all placed scans one after the other, or `None` if one of them lacks it.

@@ -25,4 +25,5 @@ pub mod threshold;
 pub mod trimmed_icp;
 pub mod view;
 pub mod view_graph;
+pub mod walls;
 pub mod weak_axes;

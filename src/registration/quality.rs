@@ -10,6 +10,7 @@ use super::covariance::PoseCovariance;
 use super::free_space::intrusions;
 use super::multiview::{Multiview, PairOutcome, common_spacing};
 use super::view::View;
+use super::walls::mixed_faces;
 use super::weak_axes::weak_axes;
 use crate::geometry::Vector3;
 use crate::geometry::neighbours::LocalPoint;
@@ -57,6 +58,8 @@ pub(super) mod limits {
     pub const UNREST: f64 = 1.0;
     /// Probability that the place of a view is right, where it was found by surface.
     pub const LEAST_SURE: f64 = 0.9;
+    /// Share of a view without a side that lies on the other face of a wall than the rest of it.
+    pub const MIXED_FACES: f64 = 0.05;
     /// Share of a view's points, where another saw something, that may lie before it; and of how many points.
     pub const LOOKED_THROUGH: f64 = 0.03;
     pub const LOOKED_THROUGH_POINTS: usize = 30;
@@ -69,6 +72,7 @@ pub fn judge(views: &[View], result: &Multiview, spacing: f64, names: &[String])
     judge_placement(result, names, &mut verdict);
     judge_sharpness(names, &mut verdict);
     judge_pairs(result, spacing, names, &mut verdict);
+    judge_walls(result, names, &mut verdict);
     verdict
 }
 
@@ -175,6 +179,19 @@ fn judge_pairs(result: &Multiview, spacing: f64, names: &[String], verdict: &mut
         if residual > limits::RESIDUAL && !apart(pair) {
             let (a, b) = (&names[pair.i], &names[pair.j]);
             verdict.lower(Quality::Doubtful, format!("{a} and {b} lie {residual:.1} spacings apart"));
+        }
+    }
+}
+
+fn judge_walls(result: &Multiview, names: &[String], verdict: &mut Verdict) {
+    let Some(surfels) = &result.surfels else { return };
+    for (mixed, name) in mixed_faces(result, surfels).into_iter().zip(names) {
+        if mixed.is_some_and(|share| share > limits::MIXED_FACES) {
+            let remedy = "tell where the scanner stood";
+            verdict.lower(
+                Quality::Doubtful,
+                format!("{name} lies on both faces of a thin wall, and which of them it saw is not clear: {remedy}"),
+            );
         }
     }
 }

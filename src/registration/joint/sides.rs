@@ -5,29 +5,20 @@
 
 use rayon::prelude::*;
 
-use super::super::sensor::Sensor;
+use super::super::sensor::{Facet, Sensor, viewing_axis};
 use super::surfels::Surfels;
 use crate::geometry::Motion;
 
-/// Directions tried over the half sphere, then about the best at these angles (degrees).
-const DIRECTIONS: usize = 120;
-const CLOSER: [f32; 3] = [8.0, 4.0, 2.0];
-/// Directions about one.
-const AROUND: usize = 10;
-/// Surfels that an axis is read off.
-const SAMPLES: usize = 256;
-/// A cell of the picture is this wide in distances of the samples.
-const CELL: f32 = 2.2;
 /// Cells of a picture along an edge, at most.
 const LARGEST: usize = 48;
 /// How far before or behind a sheet something must lie, in edges, since starting poses are rough.
-const APART: f32 = 2.0;
+const APART: f32 = 1.0;
 /// Other views that are asked, at most.
 const ASKED: usize = 32;
 /// The rest of the object is seen if so many times the sheet's surfels lie on one side of it,
 const LEAST: f64 = 0.1;
 /// and no more than this share of that on the other.
-const OTHER_SIDE: f64 = 0.15;
+const OTHER_SIDE: f64 = 0.4;
 /// Seen more from the side than this cosine, the axis is too rough to tell.
 const GRAZING: f64 = 0.25;
 
@@ -57,9 +48,8 @@ pub fn find_sides(few: &[Surfels], edge: f64, poses: &[Motion], all: &mut [&mut 
 /// The side from which a view was seen; `None` if that is not clear.
 fn seen_from(few: &[Surfels], edge: f32, poses: &[Motion], view: usize, asked: &[usize]) -> Option<Sensor> {
     let points = &few[view].indexed.points;
-    let step = points.len().div_ceil(SAMPLES).max(1);
-    let samples: Vec<Vector> = points.iter().step_by(step).map(|p| Vector::from(*p)).collect();
-    let axis = sheet_axis(&samples, CELL * edge * (step as f32).sqrt())?;
+    let facets: Vec<Facet> = few[view].inner.iter().map(|index| few[view].facet(*index as usize)).collect();
+    let axis = viewing_axis(&facets).cast::<f32>();
     let all: Vec<Vector> = points.iter().map(|p| Vector::from(*p)).collect();
     let picture = Picture::new(&all, &axis, 1.5 * edge);
     let (mut before, mut behind) = (0, 0);
@@ -77,29 +67,6 @@ fn seen_from(few: &[Surfels], edge: f32, poses: &[Motion], view: usize, asked: &
     let is_clear = more >= LEAST * points.len() as f64 && less <= OTHER_SIDE * more;
     let axis = axis.cast::<f64>();
     is_clear.then_some(Sensor::Toward(if before > behind { -axis } else { axis }))
-}
-
-/// The axis along which the samples are most nearly one sheet.
-fn sheet_axis(samples: &[Vector], cell: f32) -> Option<Vector> {
-    let cost = |axis: Vector| (Picture::new(samples, &axis, cell).mean_range(samples.len()), axis);
-    let cheapest = |axes: &mut dyn Iterator<Item = Vector>| axes.map(cost).min_by(|a, b| a.0.total_cmp(&b.0));
-    let golden = std::f32::consts::PI * (3.0 - 5f32.sqrt());
-    let on_half_sphere = |k: usize| {
-        let z = 1.0 - (k as f32 + 0.5) / DIRECTIONS as f32;
-        let (sine, cosine) = (golden * k as f32).sin_cos();
-        Vector::new((1.0 - z * z).sqrt() * cosine, (1.0 - z * z).sqrt() * sine, z)
-    };
-    let (_, mut best) = cheapest(&mut (0..DIRECTIONS).map(on_half_sphere))?;
-    for degrees in CLOSER {
-        let (across, upward) = square_to(&best);
-        let (sine, cosine) = degrees.to_radians().sin_cos();
-        let about = (0..AROUND).map(|k| {
-            let (up, along) = (std::f32::consts::TAU * k as f32 / AROUND as f32).sin_cos();
-            best * cosine + (across * along + upward * up) * sine
-        });
-        best = cheapest(&mut std::iter::once(best).chain(about))?.1;
-    }
-    Some(best)
 }
 
 /// Two unit vectors square to `axis` and to each other.
@@ -153,12 +120,6 @@ impl Picture {
         let (place, depth) = self.project(point)?;
         let (low, high) = self.depths[place];
         (self.counts[place] > 0).then_some((low, high, depth))
-    }
-
-    /// The mean over the points of the range of depths in their cell.
-    fn mean_range(&self, points: usize) -> f32 {
-        let seen = self.depths.iter().zip(&self.counts).filter(|(_, count)| **count > 0);
-        seen.map(|((low, high), count)| (high - low) * *count as f32).sum::<f32>() / points.max(1) as f32
     }
 }
 

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::super::sensor::Sensor;
+use super::super::sensor::{Facet, Sensor};
 use super::super::view::View;
 use crate::geometry::neighbours::{IndexedPoints, LocalPoint, Neighbour};
 use crate::geometry::normals::least_spread;
@@ -17,6 +17,8 @@ pub struct Surfels {
     pub normals: Vec<[f32; 3]>,
     /// Whether it is known from which side the surface was seen.
     pub is_sided: Vec<bool>,
+    /// Points there for a unit of area, in a unit of the view's own: see [`Facet`](super::super::sensor::Facet).
+    pub densities: Vec<f32>,
     /// Whether the surface goes on all around. What lies beyond a rim was not seen, and the nearest point that was
     /// seen is no counterpart.
     pub is_inner: Vec<bool>,
@@ -52,21 +54,23 @@ impl Surfels {
     /// One surfel for each voxel of edge `edge`.
     pub fn new(view: &View, edge: f64) -> Self {
         let centroids = thin(view.points(), edge as f32).centroids;
-        let fitted: Vec<([f32; 3], bool)> = centroids
+        let fitted: Vec<(Facet, bool)> = centroids
             .par_chunks(CHUNK)
             .flat_map_iter(|centroids| {
                 // neighbours on the curve have their points about as near: a good guess, the same for any threads
                 let (mut found, mut guess2) = (Vec::new(), 0.0f32);
                 centroids.iter().map(move |centroid| {
                     view.indexed.tree.k_nearest_unordered(centroid, NEIGHBOURS, guess2, &mut found);
-                    guess2 = GUESS * found.iter().map(|n| n.distance2).fold(0.0, f32::max);
-                    fit(&view.indexed.points, centroid, &found)
+                    let farthest2 = found.iter().map(|n| n.distance2).fold(0.0, f32::max);
+                    guess2 = GUESS * farthest2;
+                    let (normal, is_inner) = fit(&view.indexed.points, centroid, &found);
+                    (Facet::within(normal, farthest2), is_inner)
                 })
             })
             .collect();
-        let (normals, is_inner): (Vec<_>, Vec<bool>) = fitted.into_iter().unzip();
+        let (facets, is_inner): (Vec<Facet>, Vec<bool>) = fitted.into_iter().unzip();
         let is_sided = vec![false; centroids.len()];
-        let mut surfels = Surfels::of(centroids, normals, is_sided, is_inner);
+        let mut surfels = Surfels::of(centroids, facets, is_sided, is_inner);
         if let Some(sensor) = &view.sensor {
             surfels.turn_towards(sensor, GRAZING);
         }
@@ -79,16 +83,23 @@ impl Surfels {
         let kept = || kept.iter().map(|index| *index as usize);
         Surfels::of(
             kept().map(|index| self.indexed.points[index]).collect(),
-            kept().map(|index| self.normals[index]).collect(),
+            kept().map(|index| self.facet(index)).collect(),
             kept().map(|index| self.is_sided[index]).collect(),
             kept().map(|index| self.is_inner[index]).collect(),
         )
     }
 
-    fn of(points: Vec<LocalPoint>, normals: Vec<[f32; 3]>, is_sided: Vec<bool>, is_inner: Vec<bool>) -> Self {
+    /// The surface at a surfel.
+    pub fn facet(&self, index: usize) -> Facet {
+        Facet { normal: self.normals[index].into(), density: self.densities[index] }
+    }
+
+    fn of(points: Vec<LocalPoint>, facets: Vec<Facet>, is_sided: Vec<bool>, is_inner: Vec<bool>) -> Self {
+        let normals = facets.iter().map(|facet| facet.normal.into()).collect();
+        let densities = facets.iter().map(|facet| facet.density).collect();
         let inner = (0..is_inner.len() as u32).filter(|index| is_inner[*index as usize]).collect();
         let radius = points.iter().map(|c| nalgebra::Vector3::from(*c).norm()).fold(0.0f32, f32::max).into();
-        Surfels { indexed: IndexedPoints::new(points), normals, is_sided, is_inner, inner, radius }
+        Surfels { indexed: IndexedPoints::new(points), normals, densities, is_sided, is_inner, inner, radius }
     }
 
     /// Turns the normals towards the scanner; those more from the side than the cosine `grazing` have no clear side.

@@ -8,7 +8,7 @@ use crate::geometry::Vector3;
 use crate::geometry::neighbours::{IndexedPoints, LocalPoint};
 use crate::geometry::normals::{Patch, patch_within};
 use crate::geometry::thinning::thin;
-use crate::registration::sensor::{Sensor, outer_side, sheet_axis};
+use crate::registration::sensor::{Facet, Sensor, outer_side, viewing_axis};
 use crate::registration::view::View;
 
 /// A view's sketch, in its local frame.
@@ -39,10 +39,6 @@ const NORMAL_REACH: f64 = 1.2;
 /// A surfel lies on a rim if the mean of its neighbourhood is farther off than this share of its radius: half a disc
 /// has its mean at 0.42.
 const RIM_OFFSET: f32 = 0.3;
-/// Directions tried for the viewing axis, over the half sphere.
-const DIRECTIONS: usize = 150;
-/// Side of the cells in which a sheet is told from two, in edges.
-const SHEET_CELL: f64 = 2.0;
 /// Side of the cells of a depth picture, in edges.
 const SIGHT_CELL: f64 = 1.3;
 /// Voxels with less than this share of the median number of points, or with a neighbourhood of less than the second
@@ -55,10 +51,11 @@ impl Sketch {
     pub fn new(view: &View, edge: f64, sensor: Option<Sensor>) -> Self {
         let reach = (NORMAL_REACH * edge) as f32;
         let (centroids, fitted) = supported(view, edge, reach);
+        let facets: Vec<Facet> = fitted.iter().filter(|f| f.is_inner).map(Fitted::facet).collect();
         let (mut normals, is_inner): (Vec<_>, Vec<bool>) = fitted.into_iter().map(|f| (f.normal, f.is_inner)).unzip();
         let (sensor, side_clarity) = match sensor {
             Some(sensor) => (sensor, 1.0),
-            None => own_side(&centroids, &normals, edge),
+            None => own_side(&centroids, &normals, &facets),
         };
         for (normal, point) in normals.iter_mut().zip(&centroids) {
             if normal.cast::<f64>().dot(&sensor.direction_from(point)) < 0.0 {
@@ -85,12 +82,10 @@ pub fn sketch_all(views: &[View], edge: f64, sensors: &[Option<Sensor>]) -> Vec<
 }
 
 /// The scanner's side, read off the scan alone: what a scanner sees of a body bulges towards it.
-fn own_side(points: &[LocalPoint], normals: &[nalgebra::Vector3<f32>], edge: f64) -> (Sensor, f64) {
-    let positions: Vec<Vector3> = points.iter().map(|p| nalgebra::Vector3::from(*p).cast::<f64>()).collect();
-    let axis = sheet_axis(&positions, SHEET_CELL * edge, DIRECTIONS);
+fn own_side(points: &[LocalPoint], normals: &[nalgebra::Vector3<f32>], facets: &[Facet]) -> (Sensor, f64) {
     let samples: Vec<(LocalPoint, [f32; 3])> = points.iter().zip(normals).map(|(p, n)| (*p, (*n).into())).collect();
-    let middle = positions.iter().sum::<Vector3>() / positions.len().max(1) as f64;
-    outer_side(axis, &samples, &middle)
+    let sum: Vector3 = points.iter().map(|p| nalgebra::Vector3::from(*p).cast::<f64>()).sum();
+    outer_side(viewing_axis(facets), &samples, &(sum / points.len().max(1) as f64))
 }
 
 /// The surface at a place.
@@ -101,6 +96,12 @@ struct Fitted {
     is_inner: bool,
     /// Points within reach.
     count: usize,
+}
+
+impl Fitted {
+    fn facet(&self) -> Facet {
+        Facet { normal: self.normal, density: self.count as f32 }
+    }
 }
 
 /// The means of the voxels with the surface there, strays left out.
