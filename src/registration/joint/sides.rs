@@ -1,7 +1,7 @@
 //! From which side each view's surface was seen, read off the scans where nobody told.
 //!
-//! A range scan is one sheet as seen from its scanner: along the right axis, points side by side lie at one depth. A sheet
-//! looks the same from behind, but between it and its scanner there was nothing: the rest of the object lies behind it.
+//! The axis is told by how densely points lie on the surface. A range scan looks the same from behind, but between it and
+//! its scanner there was nothing: the rest of the object lies behind it.
 
 use rayon::prelude::*;
 
