@@ -5,9 +5,8 @@
 
 use rayon::prelude::*;
 
-use super::joint::surfels::{FineSurfels, Surfels};
+use super::joint::surfels::FineSurfels;
 use super::multiview::Multiview;
-use super::sensor::{Facet, viewing_axis};
 
 /// Surfels of a view that are asked, at most.
 const SAMPLES: usize = 400;
@@ -26,17 +25,16 @@ pub fn mixed_faces(result: &Multiview, surfels: &FineSurfels) -> Vec<Option<f64>
 
 fn mixed(result: &Multiview, surfels: &FineSurfels, view: usize) -> Option<f64> {
     let own = &surfels.views[view];
-    if !result.placed[view] || is_sided(own) {
+    if !result.placed[view] || own.has_side() {
         return None;
     }
-    let facets: Vec<Facet> = own.inner.iter().map(|index| own.facet(*index as usize)).collect();
-    let axis = viewing_axis(&facets).cast::<f32>();
+    let axis = own.viewing_axis();
     let step = own.inner.len().div_ceil(SAMPLES).max(1);
     let reach2 = (surfels.reach * surfels.reach) as f32;
     let mut counts = [0usize; 2];
     let others = surfels.views.iter().enumerate();
     for (other, seen) in others.filter(|(other, seen)| {
-        *other != view && result.placed[*other] && result.overlaps.directed(view, *other) > 0.0 && is_sided(seen)
+        *other != view && result.placed[*other] && result.overlaps.directed(view, *other) > 0.0 && seen.has_side()
     }) {
         let motion = result.local_poses[other].inv_mul(&result.local_poses[view]).cast::<f32>();
         for index in own.inner.iter().step_by(step).map(|index| *index as usize) {
@@ -57,10 +55,6 @@ fn mixed(result: &Multiview, surfels: &FineSurfels, view: usize) -> Option<f64> 
     }
     let all = counts[0] + counts[1];
     (all >= LEAST).then(|| counts[0].min(counts[1]) as f64 / all as f64)
-}
-
-fn is_sided(surfels: &Surfels) -> bool {
-    surfels.is_sided.contains(&true)
 }
 
 #[cfg(test)]

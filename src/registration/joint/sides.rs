@@ -5,7 +5,7 @@
 
 use rayon::prelude::*;
 
-use super::super::sensor::{Facet, Sensor, viewing_axis};
+use super::super::sensor::Sensor;
 use super::surfels::Surfels;
 use crate::geometry::Motion;
 
@@ -31,10 +31,7 @@ pub fn find_sides(few: &[Surfels], edge: f64, poses: &[Motion], all: &mut [&mut 
     let sides: Vec<Option<Sensor>> = (0..few.len())
         .into_par_iter()
         .with_max_len(1)
-        .map(|view| {
-            let is_told = few[view].is_sided.iter().any(|is_sided| *is_sided);
-            (!is_told).then(|| seen_from(few, edge as f32, poses, view, &asked)).flatten()
-        })
+        .map(|view| (!few[view].has_side()).then(|| seen_from(few, edge as f32, poses, view, &asked)).flatten())
         .collect();
     for surfels in all {
         for (surfels, side) in surfels.iter_mut().zip(&sides) {
@@ -48,8 +45,7 @@ pub fn find_sides(few: &[Surfels], edge: f64, poses: &[Motion], all: &mut [&mut 
 /// The side from which a view was seen; `None` if that is not clear.
 fn seen_from(few: &[Surfels], edge: f32, poses: &[Motion], view: usize, asked: &[usize]) -> Option<Sensor> {
     let points = &few[view].indexed.points;
-    let facets: Vec<Facet> = few[view].inner.iter().map(|index| few[view].facet(*index as usize)).collect();
-    let axis = viewing_axis(&facets).cast::<f32>();
+    let axis = few[view].viewing_axis();
     let all: Vec<Vector> = points.iter().map(|p| Vector::from(*p)).collect();
     let picture = Picture::new(&all, &axis, 1.5 * edge);
     let (mut before, mut behind) = (0, 0);

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::super::sensor::{Facet, Sensor};
+use super::super::sensor::{Facet, Sensor, viewing_axis};
 use super::super::view::View;
 use crate::geometry::neighbours::{IndexedPoints, LocalPoint, Neighbour};
 use crate::geometry::normals::least_spread;
@@ -90,8 +90,19 @@ impl Surfels {
     }
 
     /// The surface at a surfel.
-    pub fn facet(&self, index: usize) -> Facet {
+    fn facet(&self, index: usize) -> Facet {
         Facet { normal: self.normals[index].into(), density: self.densities[index] }
+    }
+
+    /// The axis along which the view was seen, its sign arbitrary, read off the inner surfels.
+    pub fn viewing_axis(&self) -> nalgebra::Vector3<f32> {
+        let facets: Vec<Facet> = self.inner.iter().map(|index| self.facet(*index as usize)).collect();
+        viewing_axis(&facets).cast::<f32>()
+    }
+
+    /// Whether it is known from which side some of the surface was seen.
+    pub fn has_side(&self) -> bool {
+        self.is_sided.contains(&true)
     }
 
     fn of(points: Vec<LocalPoint>, facets: Vec<Facet>, is_sided: Vec<bool>, is_inner: Vec<bool>) -> Self {
