@@ -1,5 +1,7 @@
 //! The commands of the binary.
 
+#![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used))]
+
 pub mod bench;
 pub mod demo;
 mod healthcheck;

@@ -8,6 +8,8 @@
 //! - [`pcd`]: scans, organised or not, read
 //! - [`poses`]: Stanford `.conf`, JSON and text blocks, read and written
 
+#![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used))]
+
 pub mod obj;
 pub mod pcd;
 pub mod ply;

@@ -8,6 +8,8 @@
 //! - `verdicts`: how models were judged, as queries and models show it
 //! - `extract`, `idempotency`, `state`: parts of requests, repeated requests, what handlers share
 
+#![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used))]
+
 mod assets;
 mod describe;
 mod digest;

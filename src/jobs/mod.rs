@@ -12,6 +12,8 @@
 //!
 //! A job's row is the truth (`store`); memory only holds what is newer than the last heartbeat.
 
+#![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used))]
+
 pub mod admission;
 pub mod artifacts;
 pub mod board;

@@ -13,6 +13,8 @@
 //! statements take the write lock at their start (`BEGIN IMMEDIATE`): a transaction that begins by reading
 //! and then writes would be refused at once when another one has written meanwhile.
 
+#![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used))]
+
 mod evaluations;
 mod ids;
 mod job_kind;
