@@ -3,7 +3,7 @@
 use super::modes::Weights;
 use super::similarity::Similarity;
 use super::target::Target;
-use super::template::{TEMPLATE_POINTS, Template};
+use super::template::{Shaped, TEMPLATE_POINTS, Template};
 use super::verification::Placement;
 use crate::geometry::{Point3, Vector3};
 
@@ -18,24 +18,34 @@ pub const STEP_MM: f64 = 0.1;
 /// Surface farther than this from the standard's is not the face's, mm on the standard.
 const MOST_HEIGHT_MM: f64 = 12.0;
 /// A point's height is the mean over the samples this near to its normal, mm on the standard.
-const FOOTPRINT_MM: f64 = 3.0;
+const FOOTPRINT_MM: f64 = 4.0;
 /// Two signatures are compared with at least this share of the points seen by both.
 pub const LEAST_COMMON: f64 = 0.4;
 /// The greatest differences, which hair and holes make, are left out.
 pub const KEPT_SHARE: f64 = 0.9;
+/// How often the plain standard is laid anew.
+const SETTLING_ROUNDS: usize = 4;
+/// Heights beyond this are hair, holes or what else stands on the face, mm on the standard.
+const ORDINARY_MM: f64 = 4.0;
+/// Turns and growth are counted at this distance, mm on the standard: about half of the face.
+const LEVER_MM: f64 = 40.0;
 
 impl DenseSignature {
     /// The signature of the face at `placement`.
     ///
     /// Heights are measured from the plain standard, laid as well as turn, place and size allow onto the standard as
-    /// it was fitted: what the fit deformed is part of what tells faces apart.
+    /// it was fitted, then onto the surface: what the fit deformed is part of what tells faces apart, where it happened
+    /// to end is not.
     pub fn new(target: &Target, template: &Template, placement: &Placement) -> DenseSignature {
         let plain = template.shaped(&Weights::zeros(), TEMPLATE_POINTS);
         let fitted = template.shaped(&placement.weights, TEMPLATE_POINTS);
         let posed: Vec<Point3> = fitted.points.iter().map(|p| placement.pose.point(p)).collect();
-        let pose = Similarity::of_points(&plain.points, &posed);
-        let heights: Vec<Option<f64>> =
-            plain.points.iter().zip(&plain.normals).map(|(p, n)| height(target, &pose, p, n)).collect();
+        let mut pose = Similarity::of_points(&plain.points, &posed);
+        let mut heights = heights_over(target, &plain, &pose);
+        for _ in 0..SETTLING_ROUNDS {
+            pose = settled(&plain, &heights, &pose);
+            heights = heights_over(target, &plain, &pose);
+        }
         let seen = heights.iter().flatten();
         let mean = seen.clone().sum::<f64>() / seen.count().max(1) as f64;
         let step =
@@ -71,6 +81,34 @@ impl DenseSignature {
         let squares: f64 = differences.iter().map(|d| (f64::from(*d) - mean).powi(2)).sum();
         Some(STEP_MM * (squares / differences.len() as f64).sqrt())
     }
+}
+
+/// How high the surface stands over each point.
+fn heights_over(target: &Target, plain: &Shaped, pose: &Similarity) -> Vec<Option<f64>> {
+    plain.points.iter().zip(&plain.normals).map(|(p, n)| height(target, pose, p, n)).collect()
+}
+
+/// The pose over which the heights are least.
+fn settled(plain: &Shaped, heights: &[Option<f64>], pose: &Similarity) -> Similarity {
+    let center = Point3::from(plain.points.iter().map(|p| p.coords).sum::<Vector3>() / plain.points.len() as f64);
+    let mut matrix = nalgebra::SMatrix::<f64, 7, 7>::zeros();
+    let mut right = nalgebra::SVector::<f64, 7>::zeros();
+    for ((point, normal), height) in plain.points.iter().zip(&plain.normals).zip(heights) {
+        let Some(height) = height else { continue };
+        let arm = (point - center) / LEVER_MM;
+        let turn = arm.cross(normal);
+        let row = nalgebra::SVector::<f64, 7>::from_iterator(
+            turn.iter().chain(normal.iter()).copied().chain([arm.dot(normal)]),
+        );
+        let weight = (1.0 + (height / ORDINARY_MM).powi(2)).powi(-2);
+        matrix += row * row.transpose() * weight;
+        right += row * (weight * height);
+    }
+    let Some(step) = matrix.cholesky().map(|c| c.solve(&right)) else { return *pose };
+    let rotation = pose.motion.rotation;
+    let turn = rotation * Vector3::new(step[0], step[1], step[2]) / LEVER_MM;
+    let shift = rotation * Vector3::new(step[3], step[4], step[5]) * pose.scale;
+    pose.nudged(&center, &turn, &Vector3::repeat(1.0 + step[6] / LEVER_MM), &shift)
 }
 
 /// How high the surface stands over a point of the standard, along its normal, mm on the standard.

@@ -75,7 +75,7 @@ const MOST_ENTRIES: usize = 4096;
 
 impl Signature {
     /// The version of the operator that makes signatures; stored beside each.
-    pub const VERSION: u32 = 4;
+    pub const VERSION: u32 = 5;
 
     /// The signature of a model with this box and radius (see [`Signature::radius`]), these regions and facial triangles.
     pub fn new(bounds: Bounds, radius: f64, unit: Unit, regions: &[Region], detection: &Detection) -> Signature {

@@ -3,8 +3,10 @@
 //! Two faces are compared by their dense signatures alone: the places where a face is salient are the same on
 //! everyone. Things are compared by their shape as a whole ([`ShapeProfile`](crate::faces::ShapeProfile)) and a little
 //! by their triangles of salient regions ([`super::region_likeness`]), which come and go with noise and the mesh.
-//! Between the two it is weighed by how surely both are faces, and a face and a thing that is none are less alike for
-//! that.
+//! What both are judged to be faces by ([`MATCH_SCORE`]) is enough for the first; below, the two ways are weighed by the
+//! lesser of the scores, and a face and a thing that is none are less alike for that.
+
+use crate::faces::judgement::MATCH_SCORE;
 
 /// What the shape as a whole counts between things, against the triangles.
 const SHAPE_SHARE: f64 = 0.9;
@@ -38,14 +40,14 @@ pub(super) struct Weights {
 impl Weights {
     /// Given how surely either is a face, in [0, 1].
     pub fn new(probe_score: f64, score: f64, both_have_dense: bool) -> Weights {
-        let dense = if both_have_dense { (2.0 * probe_score * score).min(1.0) } else { 0.0 };
+        let dense = if both_have_dense { (probe_score.min(score) / MATCH_SCORE).min(1.0) } else { 0.0 };
         let kinship = 1.0 - FACE_KINSHIP * (probe_score - score).abs();
         Weights { dense, things: (1.0 - dense) * kinship }
     }
 
     /// Whether two models with dense signatures are weighed by these alone.
     pub fn are_sure(probe_score: f64, score: f64) -> bool {
-        2.0 * probe_score * score >= 1.0
+        probe_score.min(score) >= MATCH_SCORE
     }
 
     /// The likeness; without a distance the faces have nothing to be told apart by.
@@ -74,7 +76,7 @@ mod tests {
         let sure = Weights::new(0.9, 0.95, true);
         assert_eq!((sure.dense, sure.things), (1.0, 0.0));
         for score in [0.0, 0.4, 0.5, 0.55, 0.6, 1.0] {
-            assert_eq!(Weights::are_sure(0.9, score), Weights::new(0.9, score, true).dense == 1.0);
+            assert_eq!(Weights::are_sure(0.55, score), Weights::new(0.55, score, true).dense == 1.0);
         }
         assert!(sure.likeness(Some(0.3), 0.0) > sure.likeness(Some(0.7), 1.0));
         assert_eq!(sure.likeness(None, 1.0), FACE_KINSHIP);

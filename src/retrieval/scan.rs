@@ -9,11 +9,10 @@ use super::likeness::{FACE_KINSHIP, Weights};
 use super::part::Part;
 use super::probe::{Address, Found, Probe};
 use super::segment::Segment;
+use crate::faces::judgement::MATCH_SCORE;
 
 /// Faces that are held against one bound after the other together, so that memory is read for many at once.
 const BLOCK: usize = if cfg!(test) { 32 } else { 1024 };
-/// A probe from this on is more surely a face than any model that is not told by its dense signature alone.
-const SURER: f64 = 0.708;
 /// More than rounding makes of a score.
 const HAIR: f64 = 1e-12;
 
@@ -77,15 +76,15 @@ impl Probe {
     fn unsure_places(&self, part: &Part, least: f64) -> Vec<u32> {
         let (scores, faces) = (&part.segment.face_scores, &part.segment.faces);
         let may_come_in = |place: &u32| self.weights(part, *place).likeness(Some(0.0), 1.0) >= least;
-        if self.face_score < SURER {
+        if self.face_score < MATCH_SCORE {
             let unsure = part.places().filter(|place| !self.is_told(part, *place));
             return unsure.filter(may_come_in).collect();
         }
-        // of models that are less surely faces than the probe, the more surely one is, the more it may score
+        // all that are not told are less surely faces than the probe; the more surely one is, the more it may score
         let is_worth_it = |place: &&u32| {
             let score = scores[**place as usize];
             let most = Weights::new(self.face_score, score, true).likeness(Some(0.0), 1.0);
-            score > self.face_score || most >= least - HAIR
+            most >= least - HAIR
         };
         let lists = [&faces.places[self.sure_faces(&part.segment)..], &faces.others];
         let unsure = lists.into_iter().flat_map(|places| places.iter().take_while(is_worth_it)).copied();
