@@ -141,7 +141,8 @@ pub(super) fn annotated(
     progress.report(Stage::Describing, 0.0);
     check_names(annotation)?;
     let bounds = faces::checked_bounds(surface)?;
-    let diagonal = bounds.diagonal();
+    // the box that a search goes by lies along the principal axes
+    let diagonal = faces::checked_bounds(&faces::in_own_frame(surface).0)?.diagonal();
     let size = spread(annotation);
     if size < LEAST_SIZE_OF_DIAGONAL * diagonal {
         return Err(ClassError::TooClose { percent: 100.0 * size / diagonal });

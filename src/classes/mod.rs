@@ -41,7 +41,7 @@ pub struct Class {
     pub origin: Point3,
     /// The length that curvatures are measured at, mm on the standard.
     pub expected_mm: f64,
-    /// That length as a share of the diagonal of the standard's own bounding box.
+    /// That length as a share of the diagonal of the standard's own bounding box along its principal axes.
     pub share_of_diagonal: f64,
     /// The triangles that its place is found by, the most telling first.
     pub triangles: Vec<SelectiveTriangle>,
@@ -81,12 +81,14 @@ impl Class {
         progress: &Progress,
     ) -> Result<Vec<Option<Found>>, DescribeError> {
         progress.report(Stage::Describing, 0.0);
-        let bounds = faces::checked_bounds(surface)?;
-        let prepared = faces::Prepared::new(surface, bounds.diagonal());
+        let (surface, motion_file_own) = faces::in_own_frame(surface);
+        let bounds = faces::checked_bounds(&surface)?;
+        let prepared = faces::Prepared::new(&surface, bounds.diagonal());
         progress.check()?;
         let oriented = prepared.oriented(bounds);
+        let in_file = |found: Found| Found { pose: found.pose.moved(&motion_file_own), ..found };
         let found: Result<Vec<_>, Canceled> =
-            classes.iter().map(|class| search::find(&oriented, unit, class, progress)).collect();
+            classes.iter().map(|class| Ok(search::find(&oriented, unit, class, progress)?.map(in_file))).collect();
         Ok(found?)
     }
 

@@ -3,7 +3,7 @@
 use super::features::{Place, Places};
 use super::standard::{INNER_EYE_DISTANCE_MM, Standard};
 use super::triangle::Triangle;
-use crate::geometry::{Point3, Vector3};
+use crate::geometry::{Motion, Point3, Vector3};
 
 /// The most triangles that are kept of one scale level.
 const MOST_PER_LEVEL: usize = 16;
@@ -63,6 +63,15 @@ impl Cost {
 }
 
 impl Candidate {
+    /// The same triangle on the moved surface.
+    pub fn moved(&self, motion: &Motion) -> Candidate {
+        Candidate {
+            corners: self.corners.map(|corner| motion * corner),
+            normals: self.normals.map(|normal| motion.rotation * normal),
+            ..*self
+        }
+    }
+
     /// The labelled triangle.
     pub fn triangle(&self) -> Triangle {
         Triangle::new(self.corners)

@@ -11,13 +11,13 @@ use super::standard::{INNER_EYE_DISTANCE_MM, Standard};
 use super::target::Target;
 use super::template::{self, TEMPLATE_POINTS};
 use super::verification::{Fit, KEPT_SHARE, PROPORTION_WEIGHT, Placement, RIGID_PROPORTIONS, Search, fit_pose, score};
-use crate::geometry::{Bounds, Mesh, Point3, Unit};
+use crate::geometry::{Bounds, Mesh, Motion, Point3, Unit};
 use crate::progress::{Canceled, Progress};
 use crate::saliency::{CellGrid, Patches, Samples, Side};
 
 /// Expected inner-eye distances as shares of the bounding box's diagonal, for files of unknown unit: from a
-/// face alone down to a torso (the faces of the public set: 0.048 to 0.16).
-const LEVELS_OF_DIAGONAL: [f64; 5] = [0.045, 0.06, 0.08, 0.106, 0.141];
+/// torso up to a mask from brow to mouth (the faces of the public set: 0.048 to 0.16).
+const LEVELS_OF_DIAGONAL: [f64; 6] = [0.045, 0.06, 0.08, 0.106, 0.141, 0.188];
 /// The same where the unit is known, as shares of the standard's inner-eye distance: people differ, and a nose or an
 /// eye corner that is missed at one scale is met at the next.
 const LEVELS_OF_TRUE_SIZE: [f64; 3] = [0.85, 1.0, 1.18];
@@ -104,6 +104,27 @@ pub struct FoundFace {
     pub landmarks: Landmarks,
     /// What tells this face from others.
     pub dense: DenseSignature,
+}
+
+impl Detection {
+    /// The same on the moved surface.
+    pub fn moved(&self, motion: &Motion) -> Detection {
+        Detection {
+            candidates: self.candidates.iter().map(|candidate| candidate.moved(motion)).collect(),
+            face: self.face.as_ref().map(|face| face.moved(motion)),
+        }
+    }
+}
+
+impl FoundFace {
+    /// The same on the moved surface.
+    pub fn moved(&self, motion: &Motion) -> FoundFace {
+        FoundFace {
+            fit: Fit { pose: self.fit.pose.moved(motion), ..self.fit },
+            landmarks: self.landmarks.map(|place| motion * place),
+            dense: self.dense.clone(),
+        }
+    }
 }
 
 /// A fit that may be looked at again, with the side it was found on.

@@ -2,7 +2,8 @@
 
 use rayon::prelude::*;
 
-use crate::geometry::{Point3, Vector3};
+use crate::geometry::neighbours::LocalPoint;
+use crate::geometry::{Point3, Vector3, thinning};
 use crate::saliency::quadric::{QuadricFit, fit_around, fitted_normal};
 use crate::saliency::{CellGrid, Principal, Samples};
 
@@ -13,8 +14,9 @@ const EYE_RADIUS: f64 = 0.27;
 /// Least neighbours of either fit.
 const NOSE_NEIGHBOURS: u32 = 18;
 const EYE_NEIGHBOURS: u32 = 11;
-/// Curvature is fitted at every third sample: the fits overlap so much that it hardly changes from one to the next.
-const EVERY: usize = 3;
+/// Curvature is fitted at one sample of each cube of so many sample spacings, about every third or fourth, and around what may be a
+/// corner at all of them: the fits overlap so much that it hardly changes from one to the next.
+const FITTED_CUBE_IN_SPACINGS: f64 = 1.9;
 /// A place is a candidate if nothing stronger lies within this radius, in expected inner-eye distances.
 const SUPPRESSION_RADIUS: f64 = 0.3;
 /// A place is centred over its neighbours within this share of that radius.
@@ -54,83 +56,127 @@ pub struct Places {
     pub eyes: Vec<Place>,
 }
 
-/// Fits both quadrics everywhere; `expected` is the expected inner-eye distance in the file's unit.
+/// Fits both quadrics all over the surface; `expected` is the expected inner-eye distance in the file's unit.
 pub fn features(samples: &Samples, grid: &CellGrid, expected: f64) -> Features {
     let radii = [NOSE_RADIUS * expected, EYE_RADIUS * expected];
-    let fits: Vec<_> = (0..samples.points.len())
-        .into_par_iter()
-        .map(|index| {
-            if index % EVERY != 0 {
-                return (None, None);
-            }
-            let [nose, eye] = fit_around(samples, grid, index, radii);
-            let enough = |fit: &QuadricFit, least| {
-                if fit.neighbours >= least { fit.principal() } else { None }
-            };
-            (enough(&nose, NOSE_NEIGHBOURS), enough(&eye, EYE_NEIGHBOURS))
+    let fitted = spread_out(&samples.points, FITTED_CUBE_IN_SPACINGS * samples.spacing);
+    let fits: Vec<_> = fitted
+        .par_iter()
+        .map(|&index| {
+            let [nose, eye] = fit_around(samples, grid, index as usize, radii);
+            (principal(&nose, NOSE_NEIGHBOURS), principal(&eye, EYE_NEIGHBOURS))
         })
         .collect();
-    let (nose, eye) = fits.into_iter().unzip();
-    Features { nose, eye }
+    let mut features = Features { nose: vec![None; samples.points.len()], eye: vec![None; samples.points.len()] };
+    for (index, (nose, eye)) in fitted.into_iter().zip(fits) {
+        features.nose[index as usize] = nose;
+        features.eye[index as usize] = eye;
+    }
+    features
 }
 
-/// One kind of place: where its strength is above `least`, at most `most` of them.
-struct Kind<'a> {
-    strengths: &'a [f64],
-    least: f64,
-    most: usize,
-    /// The radius of the fit that found it, for its normal.
-    fit_radius: f64,
+/// One point of each cube.
+fn spread_out(points: &[Point3], edge: f64) -> Vec<u32> {
+    let Some(first) = points.first() else { return Vec::new() };
+    let local: Vec<LocalPoint> = points.iter().map(|p| (p - first).cast::<f32>().into()).collect();
+    thinning::representatives(&local, edge as f32)
+}
+
+fn principal(fit: &QuadricFit, least_neighbours: u32) -> Option<Principal> {
+    if fit.neighbours >= least_neighbours { fit.principal() } else { None }
 }
 
 /// The strongest caps and pits when normals are multiplied by `sign` (which swaps and negates curvatures).
 pub fn places(samples: &Samples, grid: &CellGrid, features: &Features, expected: f64, sign: f64) -> Places {
-    let strengths = |curvatures: &[Option<Principal>], of: &dyn Fn(&Principal) -> f64| -> Vec<f64> {
-        curvatures.iter().map(|c| c.as_ref().map_or(f64::NEG_INFINITY, |c| of(c) * expected)).collect()
+    let nose = Kind {
+        bulges: sign > 0.0,
+        fit_radius: NOSE_RADIUS * expected,
+        least_neighbours: NOSE_NEIGHBOURS,
+        least_strength: LEAST_CAP,
+        most: MOST_NOSES,
+        expected,
     };
-    let caps = strengths(&features.nose, &|c| if sign > 0.0 { c.k2 } else { -c.k1 });
-    let pits = strengths(&features.eye, &|c| if sign > 0.0 { -c.k1 } else { c.k2 });
-    let noses = Kind { strengths: &caps, least: LEAST_CAP, most: MOST_NOSES, fit_radius: NOSE_RADIUS * expected };
-    let eyes = Kind { strengths: &pits, least: LEAST_PIT, most: MOST_EYES, fit_radius: EYE_RADIUS * expected };
-    let radius = SUPPRESSION_RADIUS * expected;
-    Places {
-        noses: strongest(samples, grid, &noses, radius, sign),
-        eyes: strongest(samples, grid, &eyes, radius, sign),
-    }
+    let eye = Kind {
+        bulges: sign < 0.0,
+        fit_radius: EYE_RADIUS * expected,
+        least_neighbours: EYE_NEIGHBOURS,
+        least_strength: LEAST_PIT,
+        most: MOST_EYES,
+        expected,
+    };
+    let outward = |place: Place| Place { normal: place.normal * sign, ..place };
+    let strongest = |kind: &Kind, fitted: &[Option<Principal>]| {
+        kind.strongest(samples, grid, fitted).into_iter().map(outward).collect()
+    };
+    Places { noses: strongest(&nose, &features.nose), eyes: strongest(&eye, &features.eye) }
 }
 
-/// The places of a kind with nothing stronger within `radius`, strongest first, ties by index.
-fn strongest(samples: &Samples, grid: &CellGrid, kind: &Kind, radius: f64, sign: f64) -> Vec<Place> {
-    let strengths = kind.strengths;
-    let mut order: Vec<usize> = (0..strengths.len()).filter(|&i| strengths[i] > kind.least).collect();
-    order.sort_by(|&a, &b| strengths[b].total_cmp(&strengths[a]).then(a.cmp(&b)));
-    let mut suppressed = vec![false; strengths.len()];
-    let mut kept = Vec::new();
-    for index in order {
-        if suppressed[index] {
-            continue;
-        }
-        let normal = fitted_normal(samples, grid, index, kind.fit_radius) * sign;
-        let point = peak_center(samples, grid, strengths, index, CENTERING_SHARE * radius);
-        kept.push(Place { point, normal, strength: strengths[index] });
-        if kept.len() == kind.most {
-            break;
-        }
-        grid.for_each_within(&samples.points[index], radius, |other, _| suppressed[other] = true);
-    }
-    kept
+/// What is looked for at one scale, for normals as they are.
+struct Kind {
+    /// Whether the surface bulges towards its normals there.
+    bulges: bool,
+    /// The radius of the fit that shows it, and that fit's least neighbours.
+    fit_radius: f64,
+    least_neighbours: u32,
+    least_strength: f64,
+    /// At most so many are kept.
+    most: usize,
+    /// The expected inner-eye distance.
+    expected: f64,
 }
 
-/// The mean position of the samples around a peak, weighted by how far they rise above the half of it: steadier
-/// than the one sample that happens to be the strongest.
-fn peak_center(samples: &Samples, grid: &CellGrid, strengths: &[f64], peak: usize, radius: f64) -> Point3 {
-    let (mut sum, mut weights) = (Vector3::zeros(), 0.0);
-    grid.for_each_within(&samples.points[peak], radius, |other, _| {
-        let weight = (strengths[other] - 0.5 * strengths[peak]).max(0.0);
-        sum += (samples.points[other] - samples.points[peak]) * weight;
-        weights += weight;
-    });
-    if weights > 0.0 { samples.points[peak] + sum / weights } else { samples.points[peak] }
+impl Kind {
+    /// Below every other where nothing was fitted.
+    fn strength(&self, fitted: &Option<Principal>) -> f64 {
+        let towards_normals = |c: &Principal| if self.bulges { c.k2 } else { -c.k1 };
+        fitted.as_ref().map_or(f64::NEG_INFINITY, |c| towards_normals(c) * self.expected)
+    }
+
+    /// The places with nothing stronger within the suppression radius, the strongest fit first, ties by index.
+    fn strongest(&self, samples: &Samples, grid: &CellGrid, fitted: &[Option<Principal>]) -> Vec<Place> {
+        let strengths: Vec<f64> = fitted.iter().map(|fitted| self.strength(fitted)).collect();
+        let mut order: Vec<usize> = (0..strengths.len()).filter(|&i| strengths[i] > self.least_strength).collect();
+        order.sort_by(|&a, &b| strengths[b].total_cmp(&strengths[a]).then(a.cmp(&b)));
+        let mut suppressed = vec![false; strengths.len()];
+        let mut peaks = Vec::new();
+        for index in order {
+            if suppressed[index] {
+                continue;
+            }
+            peaks.push(index);
+            if peaks.len() == self.most {
+                break;
+            }
+            let radius = SUPPRESSION_RADIUS * self.expected;
+            grid.for_each_within(&samples.points[index], radius, |other, _| suppressed[other] = true);
+        }
+        peaks.into_par_iter().map(|peak| self.place(samples, grid, &strengths, peak)).collect()
+    }
+
+    /// A peak as all the samples around it show it: their greatest strength, and their mean position, weighted by how far
+    /// they rise above the half of that, which is steadier than the one that happens to be the strongest.
+    fn place(&self, samples: &Samples, grid: &CellGrid, strengths: &[f64], peak: usize) -> Place {
+        let center = samples.points[peak];
+        let mut around = Vec::new();
+        grid.for_each_within(&center, CENTERING_SHARE * SUPPRESSION_RADIUS * self.expected, |other, _| {
+            let known = strengths[other].is_finite();
+            around.push((other, if known { strengths[other] } else { self.strength_at(samples, grid, other) }));
+        });
+        let strength = around.iter().map(|(_, strength)| *strength).fold(strengths[peak], f64::max);
+        let (mut sum, mut weights) = (Vector3::zeros(), 0.0);
+        for (other, of_other) in around {
+            let weight = (of_other - 0.5 * strength).max(0.0);
+            sum += (samples.points[other] - center) * weight;
+            weights += weight;
+        }
+        let point = if weights > 0.0 { center + sum / weights } else { center };
+        Place { point, normal: fitted_normal(samples, grid, peak, self.fit_radius), strength }
+    }
+
+    fn strength_at(&self, samples: &Samples, grid: &CellGrid, index: usize) -> f64 {
+        let [fit] = fit_around(samples, grid, index, [self.fit_radius]);
+        self.strength(&principal(&fit, self.least_neighbours))
+    }
 }
 
 #[cfg(test)]

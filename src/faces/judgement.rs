@@ -45,9 +45,9 @@ pub const MATCH_SCORE: f64 = 0.5;
 // of the public set at once (39 faces, 47 others), every one described as if its unit were unknown.
 
 /// The cost at which a face and another thing are equally likely.
-pub const COST_AT_HALF: f64 = 2.0;
+pub const COST_AT_HALF: f64 = 2.05;
 /// How fast the score falls with the cost.
-const COST_SLOPE: f64 = 3.2;
+const COST_SLOPE: f64 = 4.9;
 /// The dense residual at which the verified method says "face", mm on the standard: the geometric mean of the worst
 /// face's and the best other thing's on the public set, which it splits without error.
 pub const RESIDUAL_AT_HALF_MM: f64 = 2.5;

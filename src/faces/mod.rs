@@ -30,14 +30,14 @@ pub use candidates::{Candidate, Cost};
 pub use dense::DenseSignature;
 pub use judgement::{MatchMethod, Verdict, judge};
 pub use landmarks::Landmarks;
-pub use signature::{Signature, SignatureError, SignatureSummary};
+pub use signature::{Signature, SignatureError, SignatureSummary, Size};
 pub use standard::Standard;
 pub use triangle::{Shape, Triangle};
 
-use crate::geometry::{Bounds, Mesh, Surface, Unit, Vector3};
+use crate::geometry::{Bounds, Mesh, Motion, Surface, Unit, Vector3, own_frame};
 use crate::progress::{Canceled, Progress, Stage};
 use crate::saliency::orientation::OrientedCloud;
-use crate::saliency::{self, CurvedSurface, Patches, RegionOptions, Side};
+use crate::saliency::{self, CurvedSurface, Patches, Region, RegionOptions, Side};
 
 /// Why a surface has no signature.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -58,10 +58,13 @@ const MOST_FACIAL_TRIANGLES: usize = 16;
 const CLOUD_CELL_OF_DIAGONAL: f64 = 0.003;
 
 /// Computes the signature of a mesh or of a cloud. Runs inside the caller's rayon pool.
+///
+/// Everything is found in the surface's own frame, since grids and boxes lie along axes, and moved to the file's.
 pub fn describe(surface: &Surface, unit: Unit, progress: &Progress) -> Result<Signature, DescribeError> {
     progress.report(Stage::Describing, 0.0);
-    let bounds = checked_bounds(surface)?;
-    let prepared = Prepared::new(surface, bounds.diagonal());
+    let (surface, motion_file_own) = in_own_frame(surface);
+    let bounds = checked_bounds(&surface)?;
+    let prepared = Prepared::new(&surface, bounds.diagonal());
     progress.check()?;
     progress.report(Stage::Describing, 0.1);
     let curved = prepared.curved();
@@ -76,7 +79,15 @@ pub fn describe(surface: &Surface, unit: Unit, progress: &Progress) -> Result<Si
     let radius = rms_radius(&curved);
     let profile = ShapeProfile::of(&curved, radius, oriented.side != Side::Unknown);
     progress.report(Stage::Describing, 1.0);
-    Ok(Signature::new(bounds, radius, unit, &regions, &detection).with_profile(profile))
+    let regions: Vec<Region> = regions.iter().map(|region| region.moved(&motion_file_own)).collect();
+    let size = Size { origin: motion_file_own * bounds.center(), diagonal: bounds.diagonal(), radius, unit };
+    Ok(Signature::new(&size, &regions, &detection.moved(&motion_file_own)).with_profile(profile))
+}
+
+/// The surface in its own frame, and the motion back to the file's.
+pub(crate) fn in_own_frame(surface: &Surface) -> (Surface, Motion) {
+    let motion_own_file = own_frame::motion_own_file(surface);
+    (surface.moved(&motion_own_file), motion_own_file.inverse())
 }
 
 /// A surface with consistent unit normals, and what is known of their side.
@@ -137,7 +148,7 @@ fn rms_radius(surface: &CurvedSurface) -> f64 {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use crate::geometry::{Cloud, Motion, Point3};
+    use crate::geometry::{Cloud, Point3};
 
     /// The height of a face-like relief over (x, y), mm: a brow-to-chin vault with a nose and two eye pits, at the
     /// places of the standard but 8 % broader.

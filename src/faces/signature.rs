@@ -7,12 +7,12 @@ use super::landmarks::Landmarks;
 use super::modes::{LANDMARKS, MODES, Weights};
 use super::similarity::Similarity;
 use super::verification::Fit;
-use crate::geometry::{Bounds, Motion, Point3, Unit, Vector3};
+use crate::geometry::{Motion, Point3, Unit, Vector3};
 use crate::saliency::{Region, ShapeProfile};
 
 /// What is stored of a model for retrieval: its salient regions, its facial triangles, its shape as a whole.
 ///
-/// Positions are kept as f32 relative to the middle of the bounding box, which is kept in f64: a model far from
+/// Positions are kept as f32 relative to a place in the model's middle, which is kept in f64: a model far from
 /// its origin loses no digits.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Signature {
@@ -43,6 +43,19 @@ type StoredTriangle = [f32; 22];
 type StoredFit = [f32; 13 + MODES];
 /// Relative to the origin, in the order of [`LANDMARKS`].
 type StoredLandmarks = [f32; 3 * LANDMARKS.len()];
+
+/// Where a model lies and how large it is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Size {
+    /// A place in the middle of it, in the file's frame.
+    pub origin: Point3,
+    /// See [`Signature::diagonal`].
+    pub diagonal: f64,
+    /// See [`Signature::radius`].
+    pub radius: f64,
+    /// The file's unit.
+    pub unit: Unit,
+}
 
 /// What the API shows of a signature.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -77,9 +90,9 @@ impl Signature {
     /// The version of the operator that makes signatures; stored beside each.
     pub const VERSION: u32 = 5;
 
-    /// The signature of a model with this box and radius (see [`Signature::radius`]), these regions and facial triangles.
-    pub fn new(bounds: Bounds, radius: f64, unit: Unit, regions: &[Region], detection: &Detection) -> Signature {
-        let origin = bounds.center();
+    /// The signature of a model of this size with these regions and facial triangles, all in the file's frame.
+    pub fn new(size: &Size, regions: &[Region], detection: &Detection) -> Signature {
+        let origin = size.origin;
         let relative = |p: &Point3| (p - origin).cast::<f32>();
         let regions = regions
             .iter()
@@ -104,9 +117,9 @@ impl Signature {
             .collect();
         Signature {
             origin: origin.into(),
-            diagonal: bounds.diagonal() as f32,
-            radius: radius as f32,
-            unit_mm: unit.in_mm().unwrap_or(0.0) as f32,
+            diagonal: size.diagonal as f32,
+            radius: size.radius as f32,
+            unit_mm: size.unit.in_mm().unwrap_or(0.0) as f32,
             regions,
             triangles,
             faces: detection.face.iter().map(|face| StoredFace::new(face, &origin)).collect(),
@@ -171,7 +184,7 @@ impl Signature {
         self.faces.first().map(|face| &face.dense)
     }
 
-    /// The diagonal of the model's bounding box, in its unit.
+    /// The diagonal of the model's bounding box along its principal axes, in its unit.
     pub fn diagonal(&self) -> f64 {
         f64::from(self.diagonal)
     }
@@ -344,7 +357,7 @@ pub(crate) mod tests {
             strengths: [2.5, 2.6, 4.0],
             expected: 4.0,
         };
-        let bounds = Bounds { min: Point3::new(-10.0, -10.0, -10.0), max: Point3::new(10.0, 10.0, 10.0) };
+        let size = Size { origin: Point3::origin(), diagonal: 1200f64.sqrt(), radius: 8.0, unit: Unit::Cm };
         let pose = Similarity {
             scale: 0.1,
             stretch: Vector3::repeat(1.0),
@@ -358,7 +371,7 @@ pub(crate) mod tests {
             dense: DenseSignature::from_bytes(heights),
         };
         let roots = std::array::from_fn(|k| (128.0 + 40.0 * (seed + 0.7 * k as f64).sin()) as u8);
-        Signature::new(bounds, 8.0, Unit::Cm, &regions, &Detection { candidates: vec![candidate], face: Some(face) })
+        Signature::new(&size, &regions, &Detection { candidates: vec![candidate], face: Some(face) })
             .with_profile(ShapeProfile::from_bytes(&roots))
     }
 
@@ -374,9 +387,8 @@ pub(crate) mod tests {
     fn far_from_the_origin_nothing_is_lost() {
         let far = Point3::new(4.5e6, -7.1e6, 1.0e6);
         let region = Region { center: far, normal: Vector3::x(), strength: 1.0, mean_curvature: 0.1 };
-        let bounds = Bounds { min: far, max: far + Vector3::new(0.1, 0.1, 0.1) };
-        let signature =
-            Signature::new(bounds, 0.05, Unit::M, &[region], &Detection { candidates: Vec::new(), face: None });
+        let size = Size { origin: far + Vector3::repeat(0.05), diagonal: 0.17, radius: 0.05, unit: Unit::M };
+        let signature = Signature::new(&size, &[region], &Detection { candidates: Vec::new(), face: None });
         let back = signature.regions().next().expect("one region");
         assert!((back.center - far).norm() < 1e-8);
     }

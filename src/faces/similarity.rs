@@ -29,6 +29,11 @@ impl Similarity {
         Similarity { scale, stretch: Vector3::repeat(1.0), motion: Motion::from_parts(translation.into(), rotation) }
     }
 
+    /// Where the standard lies in the moved model.
+    pub fn moved(&self, motion: &Motion) -> Similarity {
+        Similarity { motion: motion * self.motion, ..*self }
+    }
+
     /// A place of the standard in the model.
     pub fn point(&self, p: &Point3) -> Point3 {
         let stretched = p.coords.component_mul(&self.stretch) * self.scale;

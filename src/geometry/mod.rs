@@ -5,6 +5,7 @@ pub mod mesh;
 pub mod neighbours;
 pub mod normals;
 pub mod organised;
+pub mod own_frame;
 pub mod se3;
 pub mod surface;
 pub mod thinning;

@@ -1,6 +1,6 @@
 //! What one file describes: points on a surface, perhaps with triangles and what the scanner knew.
 
-use super::{Cloud, Mesh, Point3};
+use super::{Cloud, Mesh, Motion, Point3};
 
 /// A scan or a model as it came from a file, in the file's frame and unit.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -35,6 +35,16 @@ impl Surface {
     /// The triangles as a mesh of its own, or `None` for a bare cloud.
     pub fn mesh(&self) -> Option<Mesh> {
         (!self.faces.is_empty()).then(|| Mesh { vertices: self.cloud.points.clone(), faces: self.faces.clone() })
+    }
+
+    /// The same surface moved by `motion`.
+    pub fn moved(&self, motion: &Motion) -> Surface {
+        Surface {
+            cloud: self.cloud.moved(motion),
+            faces: self.faces.clone(),
+            grid: self.grid.clone(),
+            sensor: self.sensor.map(|place| motion * place),
+        }
     }
 
     /// The surface of the points for which `kept` holds, in order; triangles that lose a corner go, pixels become empty.

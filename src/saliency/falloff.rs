@@ -21,6 +21,13 @@ pub fn falloff_lane(x: f32) -> f32 {
     squared * squared
 }
 
+/// `exp(-x)` for x in [0, 1/2], in f32, relative error below 2e-6: all that a Gaussian cut off at its sigma needs. The
+/// polynomial of degree 4 with the least greatest relative error there.
+#[inline(always)]
+pub fn near_falloff_lane(x: f32) -> f32 {
+    0.999_999_5 + x * (-0.999_952_87 + x * (0.499_275_7 + x * (-0.162_670_94 + x * 0.032_365_627)))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -36,5 +43,9 @@ mod tests {
             assert!((f64::from(falloff_lane(x as f32)) / (-x).exp() - 1.0).abs() < 1e-5, "{x}");
         }
         assert_eq!(falloff(0.0), 1.0);
+        for k in 0..=200 {
+            let x = 0.5 * f64::from(k) / 200.0;
+            assert!((f64::from(near_falloff_lane(x as f32)) / (-x).exp() - 1.0).abs() < 2e-6, "{x}");
+        }
     }
 }

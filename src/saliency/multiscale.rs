@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::CurvedSurface;
 use super::cells::CellGrid;
-use super::falloff::{falloff, falloff_lane};
+use super::falloff::{falloff, near_falloff_lane};
 
 /// The paper's sigmas, in xi.
 pub const SIGMAS_IN_XI: [f64; 5] = [2.0, 3.0, 4.0, 5.0, 6.0];
@@ -96,7 +96,7 @@ fn add_filters(distance2: f32, halves: &[f32], area: f32, curvature: f32, sums: 
     let mut falloffs = [0.0f32; 4];
     for filter in 0..4 {
         let x = distance2 * halves[filter];
-        let weight = falloff_lane(x);
+        let weight = near_falloff_lane(x);
         falloffs[filter] = if x < 0.5 { weight } else { 0.0 };
     }
     for filter in 0..4 {

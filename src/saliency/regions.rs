@@ -2,7 +2,7 @@
 
 use super::CurvedSurface;
 use super::cells::CellGrid;
-use crate::geometry::{Point3, Vector3};
+use crate::geometry::{Motion, Point3, Vector3};
 
 /// How regions are cut out of a saliency map. The paper names the two thresholds and gives no numbers.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -41,6 +41,13 @@ pub struct Region {
     pub strength: f64,
     /// The mean of l(v), weighted alike: caps positive, pits negative.
     pub mean_curvature: f64,
+}
+
+impl Region {
+    /// The same region on the moved surface.
+    pub fn moved(&self, motion: &Motion) -> Region {
+        Region { center: motion * self.center, normal: motion.rotation * self.normal, ..*self }
+    }
 }
 
 /// The strongest regions of a saliency map, strongest first; ties by the lowest point index inside.

@@ -14,8 +14,8 @@ use rayon::prelude::*;
 use crate::faces::dense::{DenseSignature, UNSEEN};
 use crate::faces::detection::{Detection, FoundFace};
 use crate::faces::template::TEMPLATE_POINTS;
-use crate::faces::{self, Candidate, ShapeProfile, Signature};
-use crate::geometry::{Bounds, Cloud, Mesh, Point3, Surface, Unit, Vector3};
+use crate::faces::{self, Candidate, ShapeProfile, Signature, Size};
+use crate::geometry::{Cloud, Mesh, Point3, Surface, Unit};
 use crate::progress::Progress;
 use crate::synthetic::head::{Proportions, head};
 use crate::synthetic::shapes;
@@ -96,11 +96,10 @@ impl Population {
             fit.residual_mm *= (0.15 * noise(&mut rng)).exp();
             FoundFace { fit, landmarks, dense: self.dense(&mut rng) }
         });
-        let half = Vector3::repeat(base.diagonal() / 12f64.sqrt());
-        let bounds = Bounds { min: Point3::from(-half), max: Point3::from(half) };
         let profile = between(base.profile(), other.profile(), rng.random_range(0.0..MOST_OF_OTHER), &mut rng);
-        Signature::new(bounds, base.radius(), Unit::Unknown, &regions, &Detection { candidates, face })
-            .with_profile(profile)
+        let size =
+            Size { origin: Point3::origin(), diagonal: base.diagonal(), radius: base.radius(), unit: Unit::Unknown };
+        Signature::new(&size, &regions, &Detection { candidates, face }).with_profile(profile)
     }
 
     fn dense(&self, rng: &mut ChaCha8Rng) -> DenseSignature {

@@ -1,8 +1,8 @@
 //! Registration of real scans, scored at full resolution. Needs the data folder in VISAGE_DATA; run in release:
-//! `cargo test --release --test registration_real -- --ignored --nocapture`.
+//! `cargo test --release --test real registration -- --ignored --nocapture`.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use rayon::prelude::*;
 use visage::formats::{self, ReadLimits};
@@ -16,6 +16,8 @@ use visage::registration::overlap::overlaps;
 use visage::registration::quality::{self, Quality};
 use visage::registration::view::View;
 use visage::synthetic::truth::pose_error;
+
+use crate::{data, read};
 
 /// A set whose scans are in metres; figures are in millimetres.
 struct StanfordSet {
@@ -63,15 +65,6 @@ const GROUND_TRUTH_MM: [[f64; 3]; 3] = [
     [0.22326619089027713, 0.27404125237232396, 0.19508723430819774],
 ];
 
-fn data() -> PathBuf {
-    let folder = std::env::var_os("VISAGE_DATA").expect("VISAGE_DATA names the folder with the scans");
-    PathBuf::from(folder)
-}
-
-fn read(path: &Path) -> Vec<u8> {
-    std::fs::read(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
-}
-
 fn read_view(path: &Path) -> View {
     let name = path.to_string_lossy();
     let surface = formats::read_surface(&name, &read(path), &ReadLimits::default()).expect("a sound scan");
@@ -91,7 +84,7 @@ struct Loaded {
 
 /// Reads a set and fixes the scored pairs by the overlaps at the true poses, within two spacings.
 fn load(set: &StanfordSet) -> Loaded {
-    let folder = data().join("stanford").join(set.name);
+    let folder = data("stanford").join(set.name);
     let posed = read_poses(&folder.join(set.conf));
     let names: Vec<String> = posed.iter().map(|(name, _)| name.clone()).collect();
     let views: Vec<View> = names.iter().map(|name| read_view(&folder.join(name))).collect();
@@ -132,7 +125,7 @@ fn in_mm(o: Objective) -> Objective {
 }
 
 fn register_only(loaded: &Loaded, set: &StanfordSet, method: Method, level: &str, seed: u32) -> Multiview {
-    let file = data().join("init").join(format!("{}_a{level}_o_s{seed}.json", set.name));
+    let file = data("init").join(format!("{}_a{level}_o_s{seed}.json", set.name));
     let initial: BTreeMap<String, Motion> = read_poses(&file).into_iter().collect();
     let initial: Vec<Motion> =
         loaded.names.iter().zip(&loaded.views).map(|(name, view)| view.local_pose(&initial[name])).collect();
@@ -236,7 +229,7 @@ fn simulated_heads_are_placed_within_half_a_millimetre_of_the_truth() {
         [(Method::Joint, &["head_a", "head_b", "real_maxplanck", "nonface_owl"][..]), (Method::MaAticp, &heads)];
     for (method, names) in cases {
         for name in names {
-            let folder = data().join("faces/scansets").join(name);
+            let folder = data("faces/scansets").join(name);
             let truth = read_poses(&folder.join("poses_gt.txt"));
             let start: BTreeMap<String, Motion> = read_poses(&folder.join("poses_init.txt")).into_iter().collect();
             let views: Vec<View> = truth.iter().map(|(scan, _)| read_view(&folder.join(scan))).collect();
@@ -266,10 +259,10 @@ fn the_bunny_as_a_whole_process_takes_under_ten_cpu_seconds_and_500_mb() {
         let before = children();
         let status = std::process::Command::new(env!("CARGO_BIN_EXE_visage"))
             .args(["register", "--unit", "m", "--method", method.name(), "--poses"])
-            .arg(data().join("init/bunny_a0.04_o_s0.json"))
+            .arg(data("init/bunny_a0.04_o_s0.json"))
             .arg("--out")
             .arg(out.path())
-            .arg(data().join("stanford/bunny"))
+            .arg(data("stanford/bunny"))
             .status()
             .expect("the binary runs");
         assert!(status.success());

@@ -1,28 +1,20 @@
 //! Scales and additions on real scans. Needs the data folder in VISAGE_DATA; run in release:
-//! `cargo test --release --test additions_real -- --ignored --nocapture`.
+//! `cargo test --release --test real additions -- --ignored --nocapture`.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
 
 use visage::formats::{self, ReadLimits, poses};
 use visage::geometry::{Motion, Unit};
 use visage::pipeline::{self, NamedScan, Options, Outcome, Scale, Start};
 use visage::progress::Progress;
 
-fn data(path: &str) -> PathBuf {
-    PathBuf::from(std::env::var_os("VISAGE_DATA").expect("VISAGE_DATA names the folder with the scans")).join(path)
-}
-
-fn read(path: &str) -> Vec<u8> {
-    let path = data(path);
-    std::fs::read(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
-}
+use crate::{data, read};
 
 /// The bunny's scans, their coordinates divided by `factors`, in the order of the names.
 fn bunny(factors: impl Fn(usize) -> f64) -> (Vec<NamedScan>, BTreeMap<String, Motion>) {
     let start = poses::read("init", &read("init/bunny_a0.02_o_s0.json")).expect("sound poses").to_map();
     let scan = |(view, name): (usize, &String)| {
-        let bytes = read(&format!("stanford/bunny/{name}"));
+        let bytes = read(data(&format!("stanford/bunny/{name}")));
         let mut surface = formats::read_surface(name, &bytes, &ReadLimits::default()).expect("a sound scan");
         surface.cloud.points.iter_mut().for_each(|point| *point /= factors(view));
         NamedScan { name: name.clone(), surface }

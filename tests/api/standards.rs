@@ -1,12 +1,10 @@
 //! Standards over a real connection: made, asked for, learned from examples, kept, deleted; and what becomes of the models
 //! that are there already.
 
-mod common;
-
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-use common::{Mode, TestServer, expect_json, expect_problem, files, text};
+use crate::common::{Mode, TestServer, expect_json, expect_problem, files, text};
 use reqwest::StatusCode;
 use reqwest::multipart::{Form, Part};
 use serde_json::{Value, json};

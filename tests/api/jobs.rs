@@ -1,11 +1,9 @@
 //! Jobs over a real connection: from queued to each of the named ends, waiting, events, repeated requests.
 
-mod common;
-
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-use common::{Mode, TestServer, expect_json, expect_problem, files, scan_form, text};
+use crate::common::{Mode, TestServer, expect_json, expect_problem, files, scan_form, text};
 use reqwest::StatusCode;
 use reqwest::multipart::{Form, Part};
 use serde_json::{Value, json};

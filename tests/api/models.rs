@@ -1,8 +1,6 @@
 //! Models and queries over a real connection: files with ETag and ranges, the gallery, deletion of all that is derived.
 
-mod common;
-
-use common::{TestServer, expect_json, expect_problem, files, text};
+use crate::common::{TestServer, expect_json, expect_problem, files, text};
 use reqwest::StatusCode;
 use reqwest::multipart::{Form, Part};
 use serde_json::{Value, json};

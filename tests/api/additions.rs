@@ -1,8 +1,6 @@
 //! Adding scans to a finished model over a real connection.
 
-mod common;
-
-use common::{TestServer, expect_json, expect_problem, files, text};
+use crate::common::{TestServer, expect_json, expect_problem, files, text};
 use reqwest::StatusCode;
 use serde_json::{Value, json};
 

@@ -1,5 +1,5 @@
 //! From scans without poses to faces with landmarks, over a real connection with the real algorithms. Needs the data
-//! folder in VISAGE_DATA; run in release: `cargo test --release --test queries_real -- --ignored --nocapture`.
+//! folder in VISAGE_DATA; run in release: `cargo test --release --test real queries -- --ignored --nocapture`.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -12,16 +12,13 @@ use visage::formats::poses;
 use visage::geometry::{Motion, Point3};
 use visage::http::{Server, ServerHandle};
 
+use crate::{data, read};
+
 /// Landmarks must be this near to the true ones, mm, on average over a face.
 const MOST_ERROR_MM: f64 = 4.0;
 
 fn scan_sets() -> PathBuf {
-    let data = std::env::var_os("VISAGE_DATA").expect("VISAGE_DATA names the folder with the scans");
-    Path::new(&data).join("faces").join("scansets")
-}
-
-fn read(path: &Path) -> Vec<u8> {
-    std::fs::read(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
+    data("faces/scansets")
 }
 
 async fn json_of(response: Response) -> Value {
@@ -35,7 +32,7 @@ async fn json_of(response: Response) -> Value {
 fn form(folder: &Path) -> Form {
     let scans = (0..8).map(|index| format!("scan_{index:02}.ply"));
     scans.fold(Form::new().text("unit", "mm"), |form, name| {
-        form.part("scans", Part::bytes(read(&folder.join(&name))).file_name(name))
+        form.part("scans", Part::bytes(read(folder.join(&name))).file_name(name))
     })
 }
 
@@ -72,7 +69,7 @@ impl Service {
     async fn motion_to_truth(&self, name: &str, model: &str) -> Motion {
         let found = self.get(&format!("/v1/models/{model}/poses.json")).await;
         let found = poses::read("poses.json", found.to_string().as_bytes()).expect("sound poses");
-        let truth = poses::read("poses.txt", &read(&scan_sets().join(name).join("poses_gt.txt"))).expect("sound poses");
+        let truth = poses::read("poses.txt", &read(scan_sets().join(name).join("poses_gt.txt"))).expect("sound poses");
         let (first, true_pose) = &truth.poses[0];
         let pose = found.poses.iter().find(|(name, _)| name == first).expect("the first scan has a place").1;
         true_pose * pose.inverse()
@@ -115,7 +112,7 @@ async fn heads_come_out_of_their_scans_as_faces_with_landmarks_and_the_owl_does_
             continue;
         }
         let motion_to_truth = service.motion_to_truth(name, model).await;
-        let info: Value = serde_json::from_slice(&read(&scan_sets().join(name).join("info.json"))).expect("JSON");
+        let info: Value = serde_json::from_slice(&read(scan_sets().join(name).join("info.json"))).expect("JSON");
         let truth = info["landmarks_world"].as_object().expect("landmarks");
         let places = found["landmarks"].as_object().expect("landmarks");
         let errors: Vec<(&str, f64)> = truth

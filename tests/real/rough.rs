@@ -1,8 +1,8 @@
 //! Registration of real scans from the scans alone. Needs the data folder in VISAGE_DATA; run in release:
-//! `cargo test --release --test rough_real -- --ignored --nocapture`. One order and one turn of each scan a set.
+//! `cargo test --release --test real rough -- --ignored --nocapture`. One order and one turn of each scan a set.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -12,18 +12,12 @@ use visage::pipeline::{self, NamedScan, Options};
 use visage::progress::Progress;
 use visage::synthetic::truth::pose_error;
 
-fn data() -> PathBuf {
-    PathBuf::from(std::env::var_os("VISAGE_DATA").expect("VISAGE_DATA names the folder with the scans"))
-}
-
-fn read(path: &Path) -> Vec<u8> {
-    std::fs::read(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
-}
+use crate::{data, read};
 
 /// Reads the scans that a pose file names; shuffles them, turns each at random and gives them neutral names. Also gives
 /// the true poses of the turned scans.
 fn strangers(folder: &Path, pose_file: &str, seed: u64) -> (Vec<NamedScan>, Vec<Motion>) {
-    let poses = formats::poses::read(pose_file, &read(&folder.join(pose_file))).expect("a sound pose file").poses;
+    let poses = formats::poses::read(pose_file, &read(folder.join(pose_file))).expect("a sound pose file").poses;
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut order: Vec<usize> = (0..poses.len()).collect();
     for last in (1..order.len()).rev() {
@@ -33,7 +27,7 @@ fn strangers(folder: &Path, pose_file: &str, seed: u64) -> (Vec<NamedScan>, Vec<
     let scans = order.iter().enumerate().map(|(place, &k)| {
         let (name, pose) = &poses[k];
         let surface =
-            formats::read_surface(name, &read(&folder.join(name)), &ReadLimits::default()).expect("a sound scan");
+            formats::read_surface(name, &read(folder.join(name)), &ReadLimits::default()).expect("a sound scan");
         let mut number = || rng.random_range(-1.0..1.0);
         let turn = Motion::new(Vector3::zeros(), Vector3::new(number(), number(), number()) * 3.0);
         truth.push(pose * turn.inverse());
@@ -47,7 +41,7 @@ fn strangers(folder: &Path, pose_file: &str, seed: u64) -> (Vec<NamedScan>, Vec<
 
 /// Places a set from its scans alone; gives the root mean square error of the points.
 fn place(folder: &str, pose_file: &str, seed: u64) -> f64 {
-    let (scans, truth) = strangers(&data().join(folder), pose_file, seed);
+    let (scans, truth) = strangers(&data(folder), pose_file, seed);
     let samples: Vec<Vec<Point3>> =
         scans.iter().map(|scan| scan.surface.cloud.points.iter().step_by(20).copied().collect()).collect();
     let options = Options { cloud: false, signature: false, ..Options::default() };
@@ -99,7 +93,7 @@ fn groups(outcome: &pipeline::Outcome, objects: &[usize]) -> Vec<Vec<usize>> {
 fn mixture(parts: &[(&str, &str, usize)]) -> (pipeline::Outcome, Vec<usize>) {
     let (mut scans, mut objects) = (Vec::new(), Vec::new());
     for (object, (folder, pose_file, count)) in parts.iter().enumerate() {
-        for scan in strangers(&data().join(folder), pose_file, 5).0.into_iter().take(*count) {
+        for scan in strangers(&data(folder), pose_file, 5).0.into_iter().take(*count) {
             scans.push(NamedScan { name: format!("s{}.ply", scans.len()), ..scan });
             objects.push(object);
         }

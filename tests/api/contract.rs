@@ -1,8 +1,6 @@
 //! The contract: what is committed is what is served, and errors are problems everywhere.
 
-mod common;
-
-use common::{TestServer, expect_json, expect_problem};
+use crate::common::{TestServer, expect_json, expect_problem};
 use reqwest::{Method, StatusCode};
 
 #[test]

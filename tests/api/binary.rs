@@ -1,14 +1,12 @@
 //! The real binary: what it prints, how it stops, and that it survives being killed.
 #![cfg(unix)]
 
-mod common;
-
 use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use common::{expect_json, files, text};
+use crate::common::{expect_json, files, text};
 use reqwest::multipart::{Form, Part};
 use reqwest::{Client, StatusCode};
 use serde_json::{Value, json};

@@ -5,10 +5,7 @@ use std::path::{Path, PathBuf};
 use visage::formats::{ReadLimits, poses, read_surface};
 use visage::geometry::{RangeGrid, Surface};
 
-fn data(path: &str) -> PathBuf {
-    let root = std::env::var("VISAGE_DATA").expect("VISAGE_DATA names the data folder");
-    Path::new(&root).join(path)
-}
+use crate::{data, read};
 
 fn surface(path: &Path) -> Surface {
     let bytes = std::fs::read(path).expect("the file is there");
@@ -83,7 +80,7 @@ fn the_text_blocks_of_the_head_sets_are_read() {
     for set in ["head_a", "head_b", "nonface_owl", "real_maxplanck"] {
         for file in ["poses_gt.txt", "poses_init.txt"] {
             let path = data(&format!("faces/scansets/{set}/{file}"));
-            let poses = poses::read(file, &std::fs::read(&path).expect("the file is there")).expect("text blocks");
+            let poses = poses::read(file, &read(path)).expect("text blocks");
             let names: Vec<&str> = poses.poses.iter().map(|(name, _)| name.as_str()).collect();
             let expected: Vec<String> = (0..8).map(|i| format!("scan_{i:02}.ply")).collect();
             assert_eq!(names, expected);

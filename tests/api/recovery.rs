@@ -1,11 +1,9 @@
 //! Crashes, shutdowns, restarts.
 
-mod common;
-
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-use common::{Mode, TestServer, config, expect_json, text};
+use crate::common::{Mode, TestServer, config, expect_json, text};
 use reqwest::StatusCode;
 use visage::http::{Server, StartError};
 

@@ -1,8 +1,6 @@
 //! The gallery while it is being loaded: refused for now, and nothing that happens meanwhile is lost.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use reqwest::StatusCode;
 use reqwest::multipart::{Form, Part};
 use serde_json::{Value, json};

@@ -1,6 +1,5 @@
 //! Faces against everything else on the public set: `VISAGE_DATA=... cargo test --release -- --ignored`.
 
-use std::path::PathBuf;
 use std::sync::OnceLock;
 use std::time::Instant;
 
@@ -14,6 +13,8 @@ use visage::geometry::{Cloud, Motion, Point3, Surface, Unit, Vector3};
 use visage::progress::Progress;
 use visage::retrieval::{Gallery, Wanted, measures};
 
+use crate::{data, read};
+
 struct Row {
     file: String,
     face: bool,
@@ -23,14 +24,10 @@ struct Row {
     landmarks: Vec<Option<Point3>>,
 }
 
-fn data() -> PathBuf {
-    PathBuf::from(std::env::var("VISAGE_DATA").expect("VISAGE_DATA names the data folder")).join("faces")
-}
-
 /// The rows of the manifest with ambiguous = 0. No field before the landmarks holds a comma outside of quotes that
 /// matters here: quoted commas are taken out first.
 fn public_set() -> Vec<Row> {
-    let text = std::fs::read_to_string(data().join("manifest.csv")).expect("the manifest is there");
+    let text = std::fs::read_to_string(data("faces/manifest.csv")).expect("the manifest is there");
     let plain: String = text
         .split('"')
         .enumerate()
@@ -62,7 +59,7 @@ fn public_set() -> Vec<Row> {
 }
 
 fn load(file: &str) -> Surface {
-    let bytes = std::fs::read(data().join(file)).expect("the model is there");
+    let bytes = read(data("faces").join(file));
     read_surface(file, &bytes, &ReadLimits::default()).expect("a sound model")
 }
 

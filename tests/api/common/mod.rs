@@ -1,6 +1,4 @@
 //! A really started server on a free port and a temporary folder, with algorithms that do what a test tells them.
-#![allow(dead_code, unused_imports, reason = "each test file uses a part of it")]
-
 pub mod engine;
 pub mod files;
 

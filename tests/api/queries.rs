@@ -1,9 +1,7 @@
 //! Queries over a real connection: triangles, verdicts on probes, filters, pages, explanations, the evaluation of the
 //! gallery, and what a deletion leaves.
 
-mod common;
-
-use common::{TestServer, expect_json, expect_problem, files, text};
+use crate::common::{TestServer, expect_json, expect_problem, files, text};
 use reqwest::StatusCode;
 use reqwest::multipart::{Form, Part};
 use serde_json::{Value, json};

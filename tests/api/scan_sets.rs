@@ -1,9 +1,7 @@
 //! Scan sets over a real connection: uploads, single scans, poses, hostile first contacts, deletion.
 
-mod common;
-
+use crate::common::{TestServer, expect_json, expect_problem, files, scan_form, text};
 use base64::Engine as _;
-use common::{TestServer, expect_json, expect_problem, files, scan_form, text};
 use reqwest::StatusCode;
 use reqwest::multipart::{Form, Part};
 use serde_json::json;

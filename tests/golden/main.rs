@@ -1,0 +1,5 @@
+//! The whole of an algorithm on code-made input whose answer is known exactly.
+
+mod additions;
+mod faces;
+mod registration;
