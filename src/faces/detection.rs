@@ -163,10 +163,7 @@ impl Oriented<'_> {
     pub(crate) fn sampled_around(&self, center: &Point3, reach: f64, spacing: f64) -> Samples {
         let near = |p: &Point3| (p - center).norm_squared() < reach * reach;
         match self.form {
-            Form::Mesh(mesh) => {
-                let kept = |face: &[u32; 3]| face.iter().any(|&v| near(&mesh.vertices[v as usize]));
-                Samples::from_faces(mesh, spacing, kept)
-            }
+            Form::Mesh(mesh) => Samples::from_part(mesh, spacing, near),
             Form::Cloud(patches) => patches.sampled(spacing, near),
         }
     }

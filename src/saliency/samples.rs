@@ -39,13 +39,14 @@ impl Samples {
     /// those of the faces in a cell, weighted by area, so that they don't depend on where the faces have their
     /// vertices. Cells where the surface passes twice with opposite normals (a thin wall) give two samples.
     pub fn from_mesh(mesh: &Mesh, spacing: f64) -> Samples {
-        Samples::from_faces(mesh, spacing, |_| true)
+        Samples::from_part(mesh, spacing, |_| true)
     }
 
-    /// Samples of those faces of a mesh that `keep` takes; see [`Samples::from_mesh`].
-    pub fn from_faces(mesh: &Mesh, spacing: f64, keep: impl Fn(&[u32; 3]) -> bool) -> Samples {
+    /// Samples of that part of a mesh where `keep` holds, of faces with a corner there; see [`Samples::from_mesh`].
+    pub fn from_part(mesh: &Mesh, spacing: f64, keep: impl Fn(&Point3) -> bool) -> Samples {
         let mut cells = Cells::new(spacing, mesh.bounds());
-        for (index, _) in mesh.faces.iter().enumerate().filter(|(_, face)| keep(face)) {
+        let touches = |face: &[u32; 3]| face.iter().any(|&v| keep(&mesh.vertices[v as usize]));
+        for (index, _) in mesh.faces.iter().enumerate().filter(|(_, face)| touches(face)) {
             let across = mesh.area_normal(index);
             let double_area = across.norm();
             if double_area > 0.0 {
@@ -54,6 +55,7 @@ impl Samples {
                     &(across / double_area),
                     0.5 * double_area,
                     PIECE_IN_CELLS * spacing,
+                    &keep,
                 );
             }
         }
@@ -156,8 +158,16 @@ impl Cells {
         slot
     }
 
-    /// Cuts a face into pieces no longer than `longest`, in rows along its longest edge; each counts by its area.
-    fn add_face(&mut self, corners: &[Point3; 3], normal: &Vector3, area: f64, longest: f64) {
+    /// Cuts a face into pieces no longer than `longest`, in rows along its longest edge; each that is kept counts by its
+    /// area.
+    fn add_face(
+        &mut self,
+        corners: &[Point3; 3],
+        normal: &Vector3,
+        area: f64,
+        longest: f64,
+        keep: impl Fn(&Point3) -> bool,
+    ) {
         let length2 = |k: usize| (corners[(k + 1) % 3] - corners[k]).norm_squared();
         let k = (0..3).fold(0, |best, k| if length2(k) > length2(best) { k } else { best });
         let (a, b, c) = (corners[k], corners[(k + 1) % 3], corners[(k + 2) % 3]);
@@ -173,7 +183,10 @@ impl Cells {
             let share = area * (lower * lower - upper * upper) / count;
             for piece in 0..count as usize {
                 let u = (piece as f64 + 0.5) / count * (1.0 - v);
-                self.add(&(a + along * u + up * v), normal, share);
+                let piece = a + along * u + up * v;
+                if keep(&piece) {
+                    self.add(&piece, normal, share);
+                }
             }
         }
     }
