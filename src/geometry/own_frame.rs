@@ -9,26 +9,21 @@ use super::{Motion, Surface, Vector3};
 ///
 /// Moments of a mesh are those of its area, exact for every triangle, so that subdivision does not change them; those of a
 /// cloud are its points'. Where two variances agree, as a ball's do, rounding has its say. The identity for a surface
-/// without extent.
+/// without extent, or one so large that its moments are no finite numbers.
 pub fn motion_own_file(surface: &Surface) -> Motion {
-    let mut pieces = pieces(surface);
-    let total: f64 = pieces.iter().map(|piece| piece.weight).sum();
-    let center =
-        pieces.iter().map(|piece| piece.corners.iter().sum::<Vector3>() * (piece.weight / 3.0)).sum::<Vector3>()
-            / total;
-    if !center.iter().all(|x| x.is_finite()) {
+    let origin = Vector3::zeros();
+    let total: f64 = pieces(surface, origin).map(|piece| piece.weight).sum();
+    let center = pieces(surface, origin).map(|piece| piece.first_moment()).sum::<Vector3>() / total;
+    let scatter: Matrix3<f64> = pieces(surface, center).map(|piece| piece.second_moment()).sum();
+    if !center.iter().chain(&scatter).all(|x| x.is_finite()) {
         return Motion::identity();
     }
-    for piece in &mut pieces {
-        piece.corners = piece.corners.map(|corner| corner - center);
-    }
-    let scatter: Matrix3<f64> = pieces.iter().map(Piece::second_moment).sum();
     let eigen = scatter.symmetric_eigen();
     let mut order = [0, 1, 2];
     order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
     let [x, y] = [order[0], order[1]].map(|axis| {
         let direction = eigen.eigenvectors.column(axis).into_owned();
-        let skew: f64 = pieces.iter().map(|piece| piece.third_moment(&direction)).sum();
+        let skew: f64 = pieces(surface, center).map(|piece| piece.third_moment(&direction)).sum();
         if skew < 0.0 { -direction } else { direction }
     });
     let axes = Matrix3::from_rows(&[x.transpose(), y.transpose(), x.cross(&y).transpose()]);
@@ -42,19 +37,25 @@ struct Piece {
     weight: f64,
 }
 
-fn pieces(surface: &Surface) -> Vec<Piece> {
-    let at = |index: u32| surface.cloud.points[index as usize].coords;
-    if surface.faces.is_empty() {
-        return surface.cloud.points.iter().map(|p| Piece { corners: [p.coords; 3], weight: 1.0 }).collect();
-    }
-    let triangle = |face: &[u32; 3]| {
-        let corners = face.map(at);
-        Piece { corners, weight: 0.5 * (corners[1] - corners[0]).cross(&(corners[2] - corners[0])).norm() }
-    };
-    surface.faces.iter().map(triangle).collect()
+/// What a surface is made of, about `center`. Made anew for each sum: stored, they would outweigh the surface.
+fn pieces(surface: &Surface, center: Vector3) -> impl Iterator<Item = Piece> + '_ {
+    let at = move |index: usize| surface.cloud.points[index].coords - center;
+    let count = if surface.faces.is_empty() { surface.cloud.len() } else { surface.faces.len() };
+    (0..count).map(move |index| match surface.faces.get(index) {
+        None => Piece { corners: [at(index); 3], weight: 1.0 },
+        Some(face) => {
+            let [a, b, c] = face.map(|vertex| at(vertex as usize));
+            Piece { corners: [a, b, c], weight: 0.5 * (b - a).cross(&(c - a)).norm() }
+        }
+    })
 }
 
 impl Piece {
+    /// Of the positions: the integral of `p`.
+    fn first_moment(&self) -> Vector3 {
+        self.corners.iter().sum::<Vector3>() * (self.weight / 3.0)
+    }
+
     /// Of the positions: the integral of `p pᵀ`.
     fn second_moment(&self) -> Matrix3<f64> {
         let sum: Vector3 = self.corners.iter().sum();
@@ -127,5 +128,15 @@ mod tests {
         assert_eq!(motion_own_file(&Surface::default()), Motion::identity());
         let line = Surface { faces: vec![[0, 0, 1]], ..tetrahedron() };
         assert_eq!(motion_own_file(&line), Motion::identity());
+    }
+
+    #[test]
+    fn what_is_too_large_for_its_moments_stays() {
+        let mut huge = tetrahedron();
+        huge.cloud.points.iter_mut().for_each(|p| *p *= 1e160);
+        let cloud = Surface { faces: Vec::new(), ..huge.clone() };
+        for surface in [huge, cloud] {
+            assert_eq!(motion_own_file(&surface), Motion::identity());
+        }
     }
 }
