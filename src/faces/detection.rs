@@ -25,7 +25,8 @@ const LEVELS_OF_TRUE_SIZE: [f64; 3] = [0.85, 1.0, 1.18];
 const TRUE_SIZES: std::ops::RangeInclusive<f64> = 0.75..=1.3;
 /// Samples a level: their spacing as a share of the expected inner-eye distance.
 const SPACING: f64 = 0.1;
-/// A level that would need more samples than this is skipped: such a face would be a detail of the object.
+/// A level that would need more samples than this is skipped: such a face would be a detail of the object. A closer look
+/// at a solid full of walls makes do with coarser ones.
 const MOST_SAMPLES: usize = 80_000;
 
 /// Triangles dearer than this are not worth a closer look (the cheapest of every face of the public set: below 3).
@@ -293,7 +294,40 @@ fn around(
     let spacing = spacing_mm * pose.scale;
     let center = pose.point(&Point3::from(middle));
     let mut samples = surface.sampled_around(&center, reach_mm * pose.scale, spacing);
-    let grid = CellGrid::new(&samples.points, 2.0 * spacing);
+    while samples.points.len() > MOST_SAMPLES {
+        samples = samples.coarser(2.0 * samples.spacing);
+    }
+    let grid = CellGrid::new(&samples.points, 2.0 * samples.spacing);
     samples.smooth_normals(&grid, SMOOTHING_MM * pose.scale);
     (samples, grid)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::{Motion, Vector3};
+
+    /// Square sheets of 300 mm, 10 mm apart, each of four triangles about its middle.
+    fn sheets() -> Mesh {
+        let mut mesh = Mesh::default();
+        for layer in 0..21u32 {
+            let z = 10.0 * f64::from(layer);
+            let rim = [[-150.0, -150.0], [150.0, -150.0], [150.0, 150.0], [-150.0, 150.0]];
+            mesh.vertices.push(Point3::new(0.0, 0.0, z));
+            mesh.vertices.extend(rim.map(|[x, y]| Point3::new(x, y, z)));
+            mesh.faces.extend((0..4).map(|k| [0, 1 + k, 1 + (k + 1) % 4].map(|v| 5 * layer + v)));
+        }
+        mesh
+    }
+
+    #[test]
+    fn a_solid_full_of_walls_is_looked_at_more_coarsely() {
+        let mesh = sheets();
+        let bounds = mesh.bounds().expect("it has vertices");
+        let surface = Oriented { form: Form::Mesh(&mesh), bounds, side: Side::Unknown };
+        let pose = Similarity { scale: 1.0, stretch: Vector3::repeat(1.0), motion: Motion::identity() };
+        let (samples, _) = around(&surface, &pose, CLOSE_MIDDLE, CLOSE_SPACING_MM, CLOSE_REACH_MM);
+        assert!(samples.points.len() > 10_000 && samples.points.len() <= MOST_SAMPLES, "{}", samples.points.len());
+        assert_eq!(samples.spacing, 2.0 * CLOSE_SPACING_MM);
+    }
 }

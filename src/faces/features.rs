@@ -14,8 +14,8 @@ const EYE_RADIUS: f64 = 0.27;
 /// Least neighbours of either fit.
 const NOSE_NEIGHBOURS: u32 = 18;
 const EYE_NEIGHBOURS: u32 = 11;
-/// Curvature is fitted at one sample of each cube of so many sample spacings, about every third or fourth, and around what may be a
-/// corner at all of them: the fits overlap so much that it hardly changes from one to the next.
+/// Curvature is fitted at one sample of each cube of so many sample spacings, about every third or fourth, and around
+/// what may be a corner at all of them: the fits overlap so much that it hardly changes from one to the next.
 const FITTED_CUBE_IN_SPACINGS: f64 = 1.9;
 /// A place is a candidate if nothing stronger lies within this radius, in expected inner-eye distances.
 const SUPPRESSION_RADIUS: f64 = 0.3;
