@@ -141,11 +141,11 @@ mod tests {
     }
 
     fn moved(surface: &Surface, motion: &Motion, scale: f64) -> Surface {
-        let mut cloud = surface.cloud.moved(motion);
-        for point in &mut cloud.points {
+        let mut moved = surface.moved(motion);
+        for point in &mut moved.cloud.points {
             *point *= scale;
         }
-        Surface { cloud, faces: surface.faces.clone(), ..Surface::default() }
+        moved
     }
 
     fn inside_out(mut surface: Surface) -> Surface {

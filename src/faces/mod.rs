@@ -195,8 +195,7 @@ pub(crate) mod tests {
             crate::geometry::Vector3::new(400.0, -20.0, 7.0),
             crate::geometry::Vector3::new(2.0, 1.0, -0.4),
         );
-        let mut moved =
-            Surface { cloud: surface.cloud.moved(&motion), faces: surface.faces.clone(), ..Surface::default() };
+        let mut moved = surface.moved(&motion);
         for face in &mut moved.faces {
             face.swap(0, 1);
         }

@@ -200,7 +200,7 @@ fn disturbed(surface: &Surface, seed: u64) -> Surface {
     let axis = Vector3::from_fn(|_, _| random.random_range(-3.0..3.0));
     let motion = Motion::new(Vector3::new(30.0, -7.0, 2.0), axis);
     let noise = 0.0005 * surface.cloud.bounds().expect("a sound model").diagonal();
-    let mut copy = Surface { cloud: surface.cloud.moved(&motion), faces: surface.faces.clone(), ..Surface::default() };
+    let mut copy = surface.moved(&motion);
     for point in &mut copy.cloud.points {
         *point = Point3::from((point.coords + Vector3::from_fn(|_, _| random.random_range(-noise..noise))) * 3.7);
     }

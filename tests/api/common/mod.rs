@@ -1,4 +1,5 @@
 //! A really started server on a free port and a temporary folder, with algorithms that do what a test tells them.
+
 pub mod engine;
 pub mod files;
 
