@@ -12,7 +12,7 @@ use crate::{data, read};
 
 /// The bunny's scans, their coordinates divided by `factors`, in the order of the names.
 fn bunny(factors: impl Fn(usize) -> f64) -> (Vec<NamedScan>, BTreeMap<String, Motion>) {
-    let start = poses::read("init", &read("init/bunny_a0.02_o_s0.json")).expect("sound poses").to_map();
+    let start = poses::read("init", &read(data("init/bunny_a0.02_o_s0.json"))).expect("sound poses").to_map();
     let scan = |(view, name): (usize, &String)| {
         let bytes = read(data(&format!("stanford/bunny/{name}")));
         let mut surface = formats::read_surface(name, &bytes, &ReadLimits::default()).expect("a sound scan");
