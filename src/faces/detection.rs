@@ -11,7 +11,7 @@ use super::standard::{INNER_EYE_DISTANCE_MM, Standard};
 use super::target::Target;
 use super::template::{self, TEMPLATE_POINTS};
 use super::verification::{Fit, KEPT_SHARE, PROPORTION_WEIGHT, Placement, RIGID_PROPORTIONS, Search, fit_pose, score};
-use crate::geometry::{Bounds, Mesh, Motion, Point3, Unit};
+use crate::geometry::{Bounds, Mesh, Motion, Point3, Unit, Vector3};
 use crate::progress::{Canceled, Progress};
 use crate::saliency::{CellGrid, Patches, Samples, Side};
 
@@ -53,11 +53,16 @@ const SECOND_LOOK: Search = Search {
 const FINALISTS: usize = 4;
 /// A first look this many times worse than the best gets none.
 const HOPELESS: f64 = 1.6;
+/// A standard so many times too small or too large can come to rest on a face, its eyes on the face's: the best place is
+/// looked at from these sizes as well.
+const OTHER_SIZES: [f64; 2] = [0.8, 1.25];
+/// What stays in place then: the sellion, about.
+const BETWEEN_THE_EYES: [f64; 3] = [0.0, 36.0, 112.0];
 /// Fits whose corners lie this near to each other stand at one place, mm on the standard.
 const SAME_PLACE_MM: f64 = 6.0;
 /// The spacing of the finer samples, mm on the standard, and how far around the face they reach.
 const FINE_SPACING_MM: f64 = 3.0;
-const FINE_REACH_MM: f64 = 110.0;
+const FINE_REACH_MM: f64 = 90.0;
 /// Normals are averaged over this radius, mm on the standard: about an edge of a head of 5000 vertices.
 const SMOOTHING_MM: f64 = 6.0;
 /// The same for the last look, at one place: landmarks and heights.
@@ -141,6 +146,15 @@ impl Finalist {
         let apart = |p: &Point3| (self.fit.pose.point(p) - other.fit.pose.point(p)).norm();
         let most = SAME_PLACE_MM * self.fit.pose.scale;
         self.sign == other.sign && standard.annotated.corners.iter().all(|corner| apart(corner) < most)
+    }
+
+    /// The plain standard at the same place, larger. Its proportions are taken back about the middle of the head: a
+    /// surface that had been flattened then starts before the face, not inside it.
+    fn grown(&self, growth: f64) -> Finalist {
+        let (center, still) = (Point3::from(BETWEEN_THE_EYES), Vector3::zeros());
+        let grown = self.fit.pose.nudged(&center, &still, &Vector3::repeat(growth), &still);
+        let pose = Similarity { stretch: Vector3::repeat(1.0), ..grown };
+        Finalist { fit: Fit { pose, weights: Weights::zeros(), ..self.fit }, ..*self }
     }
 }
 
@@ -256,12 +270,18 @@ fn distinct(mut finalists: Vec<Finalist>, standard: &Standard) -> Vec<Finalist> 
     kept
 }
 
-/// The best of the second looks at the best of the first, ties by order.
+/// The best of the second looks at the best of the first.
 fn verified(surface: &Oriented, finalists: Vec<Finalist>, standard: &Standard) -> Option<FoundFace> {
     let finalists = distinct(finalists, standard);
     let looks = finalists.iter().map(|finalist| second_look(surface, finalist));
-    let best = looks.reduce(|best, next| if next.fit.residual_mm < best.fit.residual_mm { next } else { best })?;
-    Some(closest_look(surface, &best))
+    let best = looks.reduce(better)?;
+    let others = OTHER_SIZES.map(|growth| second_look(surface, &best.grown(growth)));
+    Some(closest_look(surface, &others.into_iter().fold(best, better)))
+}
+
+/// The first, if they are equal.
+fn better(first: Finalist, second: Finalist) -> Finalist {
+    if second.fit.residual_mm < first.fit.residual_mm { second } else { first }
 }
 
 fn second_look(surface: &Oriented, finalist: &Finalist) -> Finalist {
@@ -305,7 +325,6 @@ fn around(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::{Motion, Vector3};
 
     /// Square sheets of 300 mm, 10 mm apart, each of four triangles about its middle.
     fn sheets() -> Mesh {
