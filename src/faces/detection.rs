@@ -216,12 +216,15 @@ pub fn detect(surface: &Oriented, unit: Unit, standard: &Standard, progress: &Pr
         }
     }
     progress.check()?;
-    if let Some(mm) = unit.in_mm() {
-        found.retain(|c| TRUE_SIZES.contains(&(c.triangle().size() * mm / standard.detected.size())));
-        finalists.retain(|f| TRUE_SIZES.contains(&(f.fit.pose.scale * mm)));
-    }
+    found.retain(|c| is_true_size(c.triangle().size() / standard.detected.size(), unit));
+    finalists.retain(|f| is_true_size(f.fit.pose.scale, unit));
     found.sort_by(|a, b| a.cost(standard).total().total_cmp(&b.cost(standard).total()));
-    Ok(Detection { candidates: found, face: verified(surface, finalists, standard) })
+    Ok(Detection { candidates: found, face: verified(surface, unit, finalists, standard) })
+}
+
+/// Whether a face may be so many model units a millimetre of the standard; any will do where the unit is unknown.
+fn is_true_size(scale: f64, unit: Unit) -> bool {
+    unit.in_mm().is_none_or(|mm| TRUE_SIZES.contains(&(scale * mm)))
 }
 
 /// Adds a level's triangles and their first fits.
@@ -271,12 +274,13 @@ fn distinct(mut finalists: Vec<Finalist>, standard: &Standard) -> Vec<Finalist> 
 }
 
 /// The best of the second looks at the best of the first.
-fn verified(surface: &Oriented, finalists: Vec<Finalist>, standard: &Standard) -> Option<FoundFace> {
+fn verified(surface: &Oriented, unit: Unit, finalists: Vec<Finalist>, standard: &Standard) -> Option<FoundFace> {
     let finalists = distinct(finalists, standard);
     let looks = finalists.iter().map(|finalist| second_look(surface, finalist));
     let best = looks.reduce(better)?;
     let others = OTHER_SIZES.map(|growth| second_look(surface, &best.grown(growth)));
-    Some(closest_look(surface, &others.into_iter().fold(best, better)))
+    let possible = others.into_iter().filter(|other| is_true_size(other.fit.pose.scale, unit));
+    Some(closest_look(surface, &possible.fold(best, better)))
 }
 
 /// The first, if they are equal.
@@ -337,6 +341,27 @@ mod tests {
             mesh.faces.extend((0..4).map(|k| [0, 1 + k, 1 + (k + 1) % 4].map(|v| 5 * layer + v)));
         }
         mesh
+    }
+
+    #[test]
+    fn other_sizes_are_tried_only_where_the_unit_allows_them() {
+        assert!(is_true_size(1.25, Unit::Mm) && is_true_size(0.125, Unit::Cm));
+        assert!(!is_true_size(1.25 * 1.25, Unit::Mm) && !is_true_size(0.8 * 0.8, Unit::Mm));
+        assert!(is_true_size(40.0, Unit::Unknown));
+    }
+
+    #[test]
+    fn a_larger_standard_is_plain_and_keeps_its_scale_to_the_growth() {
+        let stretch = Vector3::new(1.25, 0.8, 1.0);
+        let pose = Similarity { scale: 2.0, stretch, motion: Motion::translation(1.0, 2.0, 3.0) };
+        let fit = Fit { pose, weights: Weights::repeat(1.0), residual_mm: 2.0, observed: 1.0 };
+        let grown = Finalist { fit, sign: -1.0 }.grown(1.25);
+        assert!((grown.fit.pose.scale - 2.5).abs() < 1e-12 && grown.sign == -1.0);
+        assert_eq!((grown.fit.pose.stretch, grown.fit.weights), (Vector3::repeat(1.0), Weights::zeros()));
+        let between = Point3::from(BETWEEN_THE_EYES);
+        let factors = grown.fit.pose.scale * (Vector3::repeat(1.0) - stretch);
+        let moved = grown.fit.pose.point(&between) - pose.point(&between);
+        assert!((moved - factors.component_mul(&between.coords)).norm() < 1e-9);
     }
 
     #[test]
