@@ -23,10 +23,13 @@ const FOOTPRINT_MM: f64 = 4.0;
 pub const LEAST_COMMON: f64 = 0.4;
 /// The greatest differences, which hair and holes make, are left out.
 pub const KEPT_SHARE: f64 = 0.9;
-/// How often the plain standard is laid anew.
-const SETTLING_ROUNDS: usize = 4;
-/// Heights beyond this are hair, holes or what else stands on the face, mm on the standard.
-const ORDINARY_MM: f64 = 4.0;
+/// How often the plain standard is laid anew at most, and how short a step, mm on the standard, is the last: a face
+/// must come to lie at the same place wherever its fit ended.
+const SETTLING_ROUNDS: usize = 20;
+const SETTLED_MM: f64 = 0.03;
+/// Heights beyond this are hair, holes or what else stands on the face, mm on the standard. A face itself differs from
+/// the standard by up to 6 mm: with 4 here, two looks at one head could settle at different places.
+const ORDINARY_MM: f64 = 8.0;
 /// Turns and growth are counted at this distance, mm on the standard: about half of the face.
 const LEVER_MM: f64 = 40.0;
 
@@ -43,8 +46,12 @@ impl DenseSignature {
         let mut pose = Similarity::of_points(&plain.points, &posed);
         let mut heights = heights_over(target, &plain, &pose);
         for _ in 0..SETTLING_ROUNDS {
-            pose = settled(&plain, &heights, &pose);
+            let Some(step) = settling_step(&plain, &heights) else { break };
+            pose = step.applied_to(&pose);
             heights = heights_over(target, &plain, &pose);
+            if step.unknowns.norm() < SETTLED_MM {
+                break;
+            }
         }
         let seen = heights.iter().flatten();
         let mean = seen.clone().sum::<f64>() / seen.count().max(1) as f64;
@@ -88,8 +95,24 @@ fn heights_over(target: &Target, plain: &Shaped, pose: &Similarity) -> Vec<Optio
     plain.points.iter().zip(&plain.normals).map(|(p, n)| height(target, pose, p, n)).collect()
 }
 
-/// The pose over which the heights are least.
-fn settled(plain: &Shaped, heights: &[Option<f64>], pose: &Similarity) -> Similarity {
+/// How the plain standard is to be moved about its centre: turn, shift and growth, each as what it moves at
+/// [`LEVER_MM`], mm on the standard.
+struct Step {
+    center: Point3,
+    unknowns: nalgebra::SVector<f64, 7>,
+}
+
+impl Step {
+    fn applied_to(&self, pose: &Similarity) -> Similarity {
+        let rotation = pose.motion.rotation;
+        let turn = rotation * self.unknowns.fixed_rows::<3>(0).into_owned() / LEVER_MM;
+        let shift = rotation * self.unknowns.fixed_rows::<3>(3).into_owned() * pose.scale;
+        pose.nudged(&self.center, &turn, &Vector3::repeat(1.0 + self.unknowns[6] / LEVER_MM), &shift)
+    }
+}
+
+/// One Gauss-Newton step towards the pose over which the heights are least; `None` if they don't determine it.
+fn settling_step(plain: &Shaped, heights: &[Option<f64>]) -> Option<Step> {
     let center = Point3::from(plain.points.iter().map(|p| p.coords).sum::<Vector3>() / plain.points.len() as f64);
     let mut matrix = nalgebra::SMatrix::<f64, 7, 7>::zeros();
     let mut right = nalgebra::SVector::<f64, 7>::zeros();
@@ -104,11 +127,7 @@ fn settled(plain: &Shaped, heights: &[Option<f64>], pose: &Similarity) -> Simila
         matrix += row * row.transpose() * weight;
         right += row * (weight * height);
     }
-    let Some(step) = matrix.cholesky().map(|c| c.solve(&right)) else { return *pose };
-    let rotation = pose.motion.rotation;
-    let turn = rotation * Vector3::new(step[0], step[1], step[2]) / LEVER_MM;
-    let shift = rotation * Vector3::new(step[3], step[4], step[5]) * pose.scale;
-    pose.nudged(&center, &turn, &Vector3::repeat(1.0 + step[6] / LEVER_MM), &shift)
+    Some(Step { center, unknowns: matrix.cholesky()?.solve(&right) })
 }
 
 /// How high the surface stands over a point of the standard, along its normal, mm on the standard.
@@ -136,6 +155,9 @@ fn height(target: &Target, pose: &Similarity, point: &Point3, normal: &Vector3) 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::faces::template;
+    use crate::geometry::Motion;
+    use crate::saliency::{CellGrid, Samples};
 
     fn example(bump: i8) -> DenseSignature {
         let mut steps = [0; TEMPLATE_POINTS];
@@ -163,5 +185,34 @@ mod tests {
         assert_eq!(partly.distance_mm(&example(10)), Some(0.0));
         steps[..200].fill(UNSEEN);
         assert_eq!(DenseSignature(steps).distance_mm(&example(10)), None);
+    }
+
+    /// The built-in face with waves of 5 mm on it, as samples 3 mm apart.
+    fn wavy_face() -> Samples {
+        let mut samples = Samples { spacing: 3.0, ..Samples::default() };
+        for k in 0..46 * 50 {
+            let (x, y) = (f64::from(k % 46) * 3.0 - 67.5, f64::from(k / 46) * 3.0 - 50.0);
+            let (point, normal) = template::at(x, y);
+            samples.points.push(point + normal * (5.0 * (0.07 * x + 0.4).sin() * (0.06 * y).cos()));
+            samples.normals.push(normal);
+            samples.areas.push(9.0);
+        }
+        samples
+    }
+
+    #[test]
+    fn where_the_fit_ended_does_not_matter() {
+        let samples = wavy_face();
+        let grid = CellGrid::new(&samples.points, 6.0);
+        let target = Target { samples: &samples, grid: &grid, sign: 1.0 };
+        let signature = |scale: f64, motion: Motion| {
+            let pose = Similarity { scale, stretch: Vector3::repeat(1.0), motion };
+            DenseSignature::new(&target, template::face(), &Placement { pose, weights: Weights::zeros() })
+        };
+        let one = signature(1.0, Motion::identity());
+        let shift = Vector3::new(0.0, -7.0, 3.0);
+        let other = signature(1.12, Motion::new(shift, Vector3::new(0.08, 0.0, 0.0)));
+        let apart = one.distance_mm(&other).expect("all is seen");
+        assert!(apart < 0.1, "{apart}");
     }
 }
