@@ -39,7 +39,12 @@ enum Command {
 
 /// Runs the command that the arguments name.
 pub fn main() -> ExitCode {
-    let done = match Cli::parse().command {
+    let command = Cli::parse().command;
+    // `visage bench ... | head` ends quietly when its reader does; a server must outlive its clients
+    if !matches!(command, Command::Serve(_) | Command::Demo(_)) {
+        sigpipe::reset();
+    }
+    let done = match command {
         Command::Serve(args) => serve::run(args),
         Command::Register(args) => register::run(args),
         Command::Demo(args) => demo::run(args),

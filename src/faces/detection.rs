@@ -30,7 +30,7 @@ const SPACING: f64 = 0.1;
 const MOST_SAMPLES: usize = 80_000;
 
 /// Triangles dearer than this are not worth a closer look (the cheapest of every face of the public set: below 3).
-const MOST_COST: f64 = 5.0;
+const MOST_COST: f64 = 4.0;
 /// The first look, on the level's samples.
 const FIRST_LOOK: Search = Search {
     points: 90,
@@ -56,6 +56,8 @@ const HOPELESS: f64 = 1.6;
 /// A standard so many times too small or too large can come to rest on a face, its eyes on the face's: the best place is
 /// looked at from these sizes as well.
 const OTHER_SIZES: [f64; 2] = [0.8, 1.25];
+/// Where the standard fits worse than this, mm, it does not lie on a face.
+const FAR_FROM_A_FACE_MM: f64 = 5.0;
 /// What stays in place then: the sellion, about.
 const BETWEEN_THE_EYES: [f64; 3] = [0.0, 36.0, 112.0];
 /// Fits whose corners lie this near to each other stand at one place, mm on the standard.
@@ -65,6 +67,8 @@ const FINE_SPACING_MM: f64 = 3.0;
 const FINE_REACH_MM: f64 = 90.0;
 /// Normals are averaged over this radius, mm on the standard: about an edge of a head of 5000 vertices.
 const SMOOTHING_MM: f64 = 6.0;
+/// Samples nearer to each other than this share of that radius are averaged by way of coarser ones: a quarter of the work.
+const LEAST_SPACING_OF_MEANS: f64 = 0.4;
 /// The same for the last look, at one place: landmarks and heights.
 const CLOSE_SPACING_MM: f64 = 1.5;
 const CLOSE_REACH_MM: f64 = 105.0;
@@ -278,6 +282,9 @@ fn verified(surface: &Oriented, unit: Unit, finalists: Vec<Finalist>, standard: 
     let finalists = distinct(finalists, standard);
     let looks = finalists.iter().map(|finalist| second_look(surface, finalist));
     let best = looks.reduce(better)?;
+    if best.fit.residual_mm > FAR_FROM_A_FACE_MM {
+        return Some(closest_look(surface, &best));
+    }
     let others = OTHER_SIZES.map(|growth| second_look(surface, &best.grown(growth)));
     let possible = others.into_iter().filter(|other| is_true_size(other.fit.pose.scale, unit));
     Some(closest_look(surface, &possible.fold(best, better)))
@@ -322,7 +329,13 @@ fn around(
         samples = samples.coarser(2.0 * samples.spacing);
     }
     let grid = CellGrid::new(&samples.points, 2.0 * samples.spacing);
-    samples.smooth_normals(&grid, SMOOTHING_MM * pose.scale);
+    let radius = SMOOTHING_MM * pose.scale;
+    samples.normals = if samples.spacing < LEAST_SPACING_OF_MEANS * radius {
+        let coarser = samples.coarser(2.0 * samples.spacing);
+        samples.smoothed_normals(&coarser, &CellGrid::new(&coarser.points, radius), radius)
+    } else {
+        samples.smoothed_normals(&samples, &grid, radius)
+    };
     (samples, grid)
 }
 

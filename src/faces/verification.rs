@@ -96,13 +96,16 @@ pub fn fit_pose(target: &Target, template: &Template, start: &Placement, search:
     let rest = template.shaped(&Weights::zeros(), search.points);
     let middle = Point3::from(rest.points.iter().map(|p| p.coords).sum::<Vector3>() / rest.points.len().max(1) as f64);
     for round in 0..search.rounds {
-        let Some(step) = pose_step(target, template, search, &middle, &now, round) else { break };
+        let Some(mut step) = pose_step(target, template, search, &middle, &now, round) else { break };
         let turn = step.fixed_rows::<3>(0).into_owned();
         let growth = step.fixed_rows::<3>(3).map(|g| 1.0 + g.clamp(-0.2, 0.2));
         let shift = step.fixed_rows::<3>(6).into_owned() * lever(&now.pose);
         let grown = now.pose.nudged(&middle, &turn, &growth, &shift);
         let allowed = grown.scale.clamp(start.pose.scale / search.most_growth, start.pose.scale * search.most_growth);
-        now.pose = grown.nudged(&middle, &Vector3::zeros(), &Vector3::repeat(allowed / grown.scale), &Vector3::zeros());
+        let cut = allowed / grown.scale;
+        now.pose = grown.nudged(&middle, &Vector3::zeros(), &Vector3::repeat(cut), &Vector3::zeros());
+        // at the limit of size the same step would be taken, and undone, over and over
+        step.fixed_rows_mut::<3>(3).add_scalar_mut(cut - 1.0);
         now.weights = (now.weights + step.fixed_rows::<MODES>(9)).map(|w| w.clamp(-MOST_WEIGHT, MOST_WEIGHT));
         if round >= search.rigid_rounds && step.norm() < SETTLED {
             break;

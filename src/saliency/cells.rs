@@ -104,6 +104,20 @@ impl CellGrid {
         }
     }
 
+    /// Whether `accept(index)` holds for a point nearer to `center` than `radius`; asks no further than the first.
+    pub fn any_within(&self, center: &Point3, radius: f64, accept: impl Fn(usize) -> bool) -> bool {
+        let (low, high) = self.cells_around(center, radius);
+        let radius2 = radius * radius;
+        (low[2]..=high[2]).any(|z| {
+            (low[1]..=high[1]).any(|y| {
+                let first = self.starts[self.cell_index([low[0], y, z])] as usize;
+                let end = self.starts[self.cell_index([high[0], y, z]) + 1] as usize;
+                let mut run = self.sorted[first..end].iter().zip(&self.order[first..end]);
+                run.any(|(point, &index)| (point - center).norm_squared() < radius2 && accept(index as usize))
+            })
+        })
+    }
+
     /// The nearest of the points that `accept(index)` takes and that lie nearer to `center` than `radius`, with its
     /// squared distance; ties by the order of visiting, which is always the same. Rows of cells are visited from the
     /// middle outward and left out when they can hold nothing nearer.
@@ -206,7 +220,10 @@ mod tests {
             found.sort_unstable();
             let expected: Vec<usize> =
                 (0..points.len()).filter(|&i| (points[i] - center).norm_squared() < radius * radius).collect();
-            prop_assert_eq!(found, expected);
+            prop_assert_eq!(&found, &expected);
+            let beyond = |i: usize| i > 60;
+            let any = CellGrid::new(&points, cell).any_within(&center, radius, beyond);
+            prop_assert_eq!(any, expected.into_iter().any(beyond));
             let odd = |i: usize| i % 2 == 1;
             let nearest = CellGrid::new(&points, cell).nearest_where(&center, radius, odd).map(|(_, d)| d);
             let distances = (0..points.len()).filter(|&i| odd(i)).map(|i| (points[i] - center).norm_squared());

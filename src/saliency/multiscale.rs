@@ -119,11 +119,9 @@ fn mean_of_other_maxima(surface: &CurvedSurface, grid: &CellGrid, map: &[f64], r
     let is_maximum: Vec<bool> = (0..map.len())
         .into_par_iter()
         .map(|vertex| {
-            let mut greatest = map[vertex] > 0.0 && surface.areas[vertex] > 0.0;
-            if greatest {
-                grid.for_each_within(&surface.points[vertex], radius, |x, _| greatest &= map[x] <= map[vertex]);
-            }
-            greatest
+            let higher = |x: usize| map[x] > map[vertex];
+            let counts = map[vertex] > 0.0 && surface.areas[vertex] > 0.0;
+            counts && !grid.any_within(&surface.points[vertex], radius, higher)
         })
         .collect();
     let maxima: Vec<f64> = map.iter().zip(&is_maximum).filter(|(v, is)| **is && **v < 1.0).map(|(v, _)| *v).collect();

@@ -1,4 +1,4 @@
-//! Which side of a surface is outside: from the volume of a closed mesh, from a cloud's own normals, from the
+//! Which side of a surface is outside: from the volume of a mesh, from a cloud's own normals, from the
 //! scanner's place, or left open.
 
 use std::cmp::Reverse;
@@ -39,24 +39,48 @@ impl Side {
     }
 }
 
-/// A mesh is taken as closed if at most this share of its edges is open or runs the wrong way: scanned and
-/// decimated models have a few such edges, one that misses a neck has more.
-const CLOSED_TOLERANCE: f64 = 1e-3;
+/// At most this share of a mesh's edges may lie between faces that are wound against each other, or belong to more than
+/// two: scanned and decimated models have a few such edges.
+const MOST_WRONG_EDGES: f64 = 1e-3;
+/// At most this share may belong to one face only: of loose triangles no one knows whether they agree.
+const MOST_OPEN_EDGES: f64 = 0.1;
+/// The openings may be as large as this share of the surface: a bust's neck, but not a mask's back.
+const MOST_OPENING: f64 = 0.3;
 
-/// The outer side of a mesh: by the sign of its volume if it is closed, else unknown.
+/// The outer side of a mesh by the sign of its volume, if its faces agree and its openings leave no doubt of the sign.
+///
+/// Closing every opening by a cone to some place gives a volume that hangs on the place linearly, by a third of the sum of the
+/// faces' area vectors, which is nothing for a closed mesh. The side is known if no place in the bounding box changes
+/// the sign.
 pub fn side_of_mesh(mesh: &Mesh) -> Side {
-    let edges = sorted_edges(mesh);
-    let (mut count, mut sound) = (0usize, 0usize);
-    for group in edges.chunk_by(|a, b| a[..2] == b[..2]) {
-        count += 1;
-        sound += usize::from(group.len() == 2 && group[0][2] != group[1][2]);
+    let (area, opening) = (0..mesh.faces.len()).fold((0.0, Vector3::zeros()), |(area, opening), face| {
+        let across = 0.5 * mesh.area_normal(face);
+        (area + across.norm(), opening + across)
+    });
+    if !faces_agree(mesh) || opening.norm() > MOST_OPENING * area {
+        return Side::Unknown;
     }
-    let closed = count > 0 && (count - sound) as f64 <= CLOSED_TOLERANCE * count as f64;
-    match mesh.signed_volume_6() {
-        volume if closed && volume > 0.0 => Side::Outward,
-        volume if closed && volume < 0.0 => Side::Inward,
+    let extent = mesh.bounds().map_or(Vector3::zeros(), |bounds| bounds.max - bounds.min);
+    // the volume is that of cones to the middle of the box
+    let doubt = opening.abs().dot(&extent) / 6.0;
+    match mesh.signed_volume_6() / 6.0 {
+        volume if volume > doubt => Side::Outward,
+        volume if volume < -doubt => Side::Inward,
         _ => Side::Unknown,
     }
+}
+
+/// Whether nearly all neighbours among the faces are wound alike.
+fn faces_agree(mesh: &Mesh) -> bool {
+    let edges = sorted_edges(mesh);
+    let (mut count, mut open, mut wrong) = (0usize, 0usize, 0usize);
+    for group in edges.chunk_by(|a, b| a[..2] == b[..2]) {
+        count += 1;
+        open += usize::from(group.len() == 1);
+        wrong += usize::from(group.len() > 2 || (group.len() == 2 && group[0][2] == group[1][2]));
+    }
+    let at_most = |number: usize, share: f64| number as f64 <= share * count as f64;
+    count > 0 && at_most(wrong, MOST_WRONG_EDGES) && at_most(open, MOST_OPEN_EDGES)
 }
 
 /// A cloud with unit normals, what is known of their side, and its neighbours.
@@ -170,15 +194,41 @@ mod tests {
     use crate::geometry::Cloud;
 
     #[test]
-    fn closed_meshes_tell_their_side_and_open_ones_do_not() {
+    fn a_vessel_tells_its_side_and_a_dish_does_not() {
+        let mut vessel = sphere(1.0, 4);
+        let below =
+            |mesh: &Mesh, face: &[u32; 3], height: f64| face.iter().all(|&v| mesh.vertices[v as usize].z < height);
+        let whole = vessel.clone();
+        vessel.faces.retain(|face| below(&whole, face, 0.8));
+        assert_eq!(side_of_mesh(&vessel), Side::Outward);
+        for face in &mut vessel.faces {
+            face.swap(1, 2);
+        }
+        assert_eq!(side_of_mesh(&vessel), Side::Inward);
+        let mut dish = whole.clone();
+        dish.faces.retain(|face| below(&whole, face, -0.3));
+        assert_eq!(side_of_mesh(&dish), Side::Unknown);
+    }
+
+    #[test]
+    fn faces_that_disagree_or_hang_together_nowhere_tell_no_side() {
+        let mut twisted = sphere(1.0, 3);
+        twisted.faces.iter_mut().step_by(10).for_each(|face| face.swap(1, 2));
+        assert_eq!(side_of_mesh(&twisted), Side::Unknown);
+        let whole = sphere(1.0, 3);
+        let vertices = whole.faces.iter().flatten().map(|&v| whole.vertices[v as usize]).collect();
+        let faces = (0..whole.faces.len() as u32).map(|face| [3 * face, 3 * face + 1, 3 * face + 2]).collect();
+        assert_eq!(side_of_mesh(&Mesh { vertices, faces }), Side::Unknown);
+    }
+
+    #[test]
+    fn closed_meshes_tell_their_side() {
         let mut mesh = sphere(1.0, 3);
         assert_eq!(side_of_mesh(&mesh), Side::Outward);
         for face in &mut mesh.faces {
             face.swap(1, 2);
         }
         assert_eq!(side_of_mesh(&mesh), Side::Inward);
-        mesh.faces.truncate(300);
-        assert_eq!(side_of_mesh(&mesh), Side::Unknown);
         assert_eq!(side_of_mesh(&Mesh::default()), Side::Unknown);
     }
 

@@ -62,19 +62,20 @@ impl Samples {
         cells.finish()
     }
 
-    /// Averages normals over the samples nearer than `radius` that look the same way: the edges of coarse faces are
-    /// no feature of the surface. `grid` is of these samples.
-    pub fn smooth_normals(&mut self, grid: &CellGrid, radius: f64) {
+    /// Averages normals over the parts of `surface` (these samples, or coarser ones of the same surface) that are nearer
+    /// than `radius` and look the same way: the edges of coarse faces are no feature of it. `grid` is of `surface`.
+    pub fn smoothed_normals(&self, surface: &Samples, grid: &CellGrid, radius: f64) -> Vec<Vector3> {
         let smoothed = |index: usize| {
             let (normal, mut sum) = (self.normals[index], Vector3::zeros());
             grid.for_each_within(&self.points[index], radius, |other, distance2| {
-                if self.normals[other].dot(&normal) > 0.0 {
-                    sum += self.normals[other] * (self.areas[other] * (1.0 - distance2 / (radius * radius)).powi(2));
+                if surface.normals[other].dot(&normal) > 0.0 {
+                    let weight = surface.areas[other] * (1.0 - distance2 / (radius * radius)).powi(2);
+                    sum += surface.normals[other] * weight;
                 }
             });
             sum.try_normalize(f64::MIN_POSITIVE).unwrap_or(normal)
         };
-        self.normals = (0..self.points.len()).into_par_iter().map(smoothed).collect();
+        (0..self.points.len()).into_par_iter().map(smoothed).collect()
     }
 
     /// The same surface with a wider spacing: samples gathered into larger cells.
@@ -271,7 +272,7 @@ mod tests {
         }
         let smooth = |mesh: &Mesh| {
             let mut samples = Samples::from_mesh(mesh, 0.1);
-            samples.smooth_normals(&CellGrid::new(&samples.points, 0.2), 0.3);
+            samples.normals = samples.smoothed_normals(&samples, &CellGrid::new(&samples.points, 0.2), 0.3);
             samples
         };
         let (one, other) = (smooth(&coarse), smooth(&fine));

@@ -87,6 +87,15 @@ async fn a_second_server_on_the_same_folder_is_refused() {
 }
 
 #[test]
+fn a_reader_that_has_seen_enough_ends_the_command_quietly() {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_visage"));
+    let mut child = command.arg("openapi").stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("it runs");
+    drop(child.stdout.take());
+    let output = child.wait_with_output().expect("it ends");
+    assert_eq!(String::from_utf8_lossy(&output.stderr), "");
+}
+
+#[test]
 fn it_prints_its_contract() {
     let output = Command::new(env!("CARGO_BIN_EXE_visage")).arg("openapi").output().expect("it runs");
     assert!(output.status.success());
