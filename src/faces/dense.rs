@@ -27,6 +27,9 @@ pub const KEPT_SHARE: f64 = 0.9;
 /// must come to lie at the same place wherever its fit ended.
 const SETTLING_ROUNDS: usize = 20;
 const SETTLED_MM: f64 = 0.03;
+/// It stays where it is rather than grow more than this in all, or lose half of what it lay on: there is no face, or too
+/// little of one.
+const MOST_GROWTH: f64 = 1.3;
 /// Heights beyond this are hair, holes or what else stands on the face, mm on the standard. A face itself differs from
 /// the standard by up to 6 mm: with 4 here, two looks at one head could settle at different places.
 const ORDINARY_MM: f64 = 8.0;
@@ -45,10 +48,16 @@ impl DenseSignature {
         let posed: Vec<Point3> = fitted.points.iter().map(|p| placement.pose.point(p)).collect();
         let mut pose = Similarity::of_points(&plain.points, &posed);
         let mut heights = heights_over(target, &plain, &pose);
+        let sizes = pose.scale / MOST_GROWTH..=pose.scale * MOST_GROWTH;
         for _ in 0..SETTLING_ROUNDS {
             let Some(step) = settling_step(&plain, &heights) else { break };
-            pose = step.applied_to(&pose);
-            heights = heights_over(target, &plain, &pose);
+            let next_pose = step.applied_to(&pose);
+            let next_heights = heights_over(target, &plain, &next_pose);
+            let seen = |heights: &[Option<f64>]| heights.iter().flatten().count();
+            if !sizes.contains(&next_pose.scale) || 2 * seen(&next_heights) < seen(&heights) {
+                break;
+            }
+            (pose, heights) = (next_pose, next_heights);
             if step.unknowns.norm() < SETTLED_MM {
                 break;
             }
@@ -214,5 +223,26 @@ mod tests {
         let other = signature(1.12, Motion::new(shift, Vector3::new(0.08, 0.0, 0.0)));
         let apart = one.distance_mm(&other).expect("all is seen");
         assert!(apart < 0.1, "{apart}");
+    }
+
+    #[test]
+    fn a_surface_that_holds_the_standard_nowhere_has_a_signature_all_the_same() {
+        // a speck, a line of dots and a piece of a wall, each on the forehead
+        let (forehead, normal) = template::at(0.0, 60.0);
+        let along = |x: f64, y: f64| forehead + Vector3::new(x, y, 0.0);
+        let speck = vec![forehead];
+        let line = (0..60).map(|k| along(0.0, f64::from(k) - 30.0)).collect();
+        let wall = (0..900).map(|k| along(f64::from(k % 30) * 2.0, f64::from(k / 30) * 2.0)).collect();
+        for points in [speck, line, wall] {
+            let mut samples = Samples { points, spacing: 2.0, ..Samples::default() };
+            samples.normals = vec![normal; samples.points.len()];
+            samples.areas = vec![4.0; samples.points.len()];
+            let grid = CellGrid::new(&samples.points, 4.0);
+            let target = Target { samples: &samples, grid: &grid, sign: 1.0 };
+            let pose = Similarity { scale: 1.0, stretch: Vector3::repeat(1.0), motion: Motion::identity() };
+            let placement = Placement { pose, weights: Weights::zeros() };
+            let signature = DenseSignature::new(&target, template::face(), &placement);
+            assert!(signature.to_bytes().iter().any(|step| *step as i8 != UNSEEN), "it was near at the start");
+        }
     }
 }

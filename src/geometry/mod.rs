@@ -1,6 +1,7 @@
 //! Points, meshes, rigid motions and neighbours: what every other algorithm stands on. Pure.
 
 pub mod cloud;
+pub mod groups;
 pub mod mesh;
 pub mod neighbours;
 pub mod normals;
@@ -11,6 +12,7 @@ pub mod surface;
 pub mod thinning;
 
 pub use cloud::{Bounds, Cloud};
+pub use groups::Groups;
 pub use mesh::Mesh;
 pub use se3::Motion;
 pub use surface::{RangeGrid, Surface, Unit};

@@ -14,8 +14,7 @@ use nalgebra::{DMatrix, Dyn, Matrix3, Matrix4, OMatrix, U4};
 use rand::{RngExt, SeedableRng};
 
 use super::motion_averaging::{RelativeMotion, disagreements};
-use super::view_graph::Groups;
-use crate::geometry::Motion;
+use crate::geometry::{Groups, Motion};
 
 /// What the decomposition found.
 #[derive(Debug, Clone, PartialEq)]

@@ -7,9 +7,8 @@ use nalgebra::DMatrix;
 use nalgebra_sparse::factorization::CscCholesky;
 use nalgebra_sparse::{CooMatrix, CscMatrix};
 
-use super::view_graph::Groups;
-use crate::geometry::Motion;
 use crate::geometry::se3::{self, Twist};
+use crate::geometry::{Groups, Motion};
 
 /// A measured relative motion.
 #[derive(Debug, Clone, PartialEq)]

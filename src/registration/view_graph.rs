@@ -1,6 +1,7 @@
 //! Which pairs of views are registered with each other, and whether they hold all views together.
 
 use super::overlap::OverlapMatrix;
+use crate::geometry::Groups;
 
 /// The pairs chosen in one round.
 #[derive(Debug, Clone, PartialEq)]
@@ -47,49 +48,6 @@ impl ViewGraph {
     /// The number of connected pieces.
     pub fn piece_count(&self) -> usize {
         self.pieces.iter().max().map_or(0, |last| last + 1)
-    }
-}
-
-/// Disjoint sets of views.
-#[derive(Debug, Clone)]
-pub struct Groups {
-    parents: Vec<usize>,
-}
-
-impl Groups {
-    /// Each of `n` views alone.
-    pub fn new(n: usize) -> Self {
-        Groups { parents: (0..n).collect() }
-    }
-
-    /// The representative of a view's set.
-    pub fn find(&mut self, mut view: usize) -> usize {
-        while self.parents[view] != view {
-            self.parents[view] = self.parents[self.parents[view]];
-            view = self.parents[view];
-        }
-        view
-    }
-
-    /// Unites the sets of two views; true if they were apart.
-    pub fn join(&mut self, a: usize, b: usize) -> bool {
-        let (a, b) = (self.find(a), self.find(b));
-        self.parents[a.max(b)] = a.min(b);
-        a != b
-    }
-
-    /// For each view the number of its set, counted in the order of first appearance.
-    pub fn numbered(&mut self) -> Vec<usize> {
-        let mut roots = Vec::new();
-        (0..self.parents.len())
-            .map(|view| {
-                let root = self.find(view);
-                roots.iter().position(|r| *r == root).unwrap_or_else(|| {
-                    roots.push(root);
-                    roots.len() - 1
-                })
-            })
-            .collect()
     }
 }
 

@@ -10,7 +10,7 @@ use super::curvature::sorted_edges;
 use super::proximity::Proximity;
 use super::samples::Samples;
 use crate::geometry::normals::least_spread;
-use crate::geometry::{Mesh, Point3, Surface, Vector3};
+use crate::geometry::{Bounds, Groups, Mesh, Point3, Surface, Vector3};
 
 /// What is known of the outer side of a surface with consistent normals.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -49,25 +49,61 @@ const MOST_OPENING: f64 = 0.3;
 
 /// The outer side of a mesh by the sign of its volume, if its faces agree and its openings leave no doubt of the sign.
 ///
-/// Closing every opening by a cone to some place gives a volume that hangs on the place linearly, by a third of the sum of the
-/// faces' area vectors, which is nothing for a closed mesh. The side is known if no place in the bounding box changes
-/// the sign.
+/// Closing the openings of a piece by a cone to some place gives a volume that hangs on the place linearly, by a third of
+/// the sum of the faces' area vectors, which is nothing for a closed piece. The side is known if no places in the
+/// pieces' bounding boxes change the sign of all together.
 pub fn side_of_mesh(mesh: &Mesh) -> Side {
-    let (area, opening) = (0..mesh.faces.len()).fold((0.0, Vector3::zeros()), |(area, opening), face| {
-        let across = 0.5 * mesh.area_normal(face);
-        (area + across.norm(), opening + across)
-    });
-    if !faces_agree(mesh) || opening.norm() > MOST_OPENING * area {
+    if !faces_agree(mesh) {
         return Side::Unknown;
     }
-    let extent = mesh.bounds().map_or(Vector3::zeros(), |bounds| bounds.max - bounds.min);
-    // the volume is that of cones to the middle of the box
-    let doubt = opening.abs().dot(&extent) / 6.0;
-    match mesh.signed_volume_6() / 6.0 {
+    let pieces = pieces(mesh);
+    let sum = |of: fn(&Piece) -> f64| pieces.iter().map(of).sum::<f64>();
+    if sum(|piece| piece.opening.norm()) > MOST_OPENING * sum(|piece| piece.area) {
+        return Side::Unknown;
+    }
+    let doubt = sum(|piece| piece.opening.abs().dot(&(piece.bounds.max - piece.bounds.min)) / 6.0);
+    match sum(|piece| piece.volume) {
         volume if volume > doubt => Side::Outward,
         volume if volume < -doubt => Side::Inward,
         _ => Side::Unknown,
     }
+}
+
+/// Faces that hang together.
+struct Piece {
+    bounds: Bounds,
+    area: f64,
+    /// The sum of the faces' area vectors.
+    opening: Vector3,
+    /// That of the cones from the faces to the middle of the box.
+    volume: f64,
+}
+
+fn pieces(mesh: &Mesh) -> Vec<Piece> {
+    let mut groups = Groups::new(mesh.vertices.len());
+    for &[a, b, c] in &mesh.faces {
+        groups.join(a as usize, b as usize);
+        groups.join(b as usize, c as usize);
+    }
+    let number_of = groups.numbered();
+    let alone =
+        |p: &Point3| Piece { bounds: Bounds { min: *p, max: *p }, area: 0.0, opening: Vector3::zeros(), volume: 0.0 };
+    let mut pieces: Vec<Piece> = Vec::new();
+    for (point, &number) in mesh.vertices.iter().zip(&number_of) {
+        if number == pieces.len() {
+            pieces.push(alone(point));
+        }
+        let bounds = &mut pieces[number].bounds;
+        *bounds = Bounds { min: bounds.min.inf(point), max: bounds.max.sup(point) };
+    }
+    for (index, face) in mesh.faces.iter().enumerate() {
+        let piece = &mut pieces[number_of[face[0] as usize]];
+        let across = 0.5 * mesh.area_normal(index);
+        piece.area += across.norm();
+        piece.opening += across;
+        piece.volume += across.dot(&(mesh.corners(index)[0] - piece.bounds.center())) / 3.0;
+    }
+    pieces
 }
 
 /// Whether nearly all neighbours among the faces are wound alike.
@@ -208,6 +244,20 @@ mod tests {
         let mut dish = whole.clone();
         dish.faces.retain(|face| below(&whole, face, -0.3));
         assert_eq!(side_of_mesh(&dish), Side::Unknown);
+    }
+
+    #[test]
+    fn bits_far_away_do_not_turn_a_vessel_inside_out() {
+        let mut littered = sphere(1.0, 4);
+        let bits: Vec<[Point3; 3]> = (0..littered.faces.len()).step_by(80).map(|face| littered.corners(face)).collect();
+        for corners in bits {
+            let first = littered.vertices.len() as u32;
+            // a bit that looks the other way than the part of the vessel before it
+            littered.vertices.extend(corners.map(|p| p + corners[0].coords * 200.0));
+            littered.faces.push([first, first + 2, first + 1]);
+        }
+        assert!(littered.signed_volume_6() < 0.0, "as a whole it looks inside out");
+        assert_eq!(side_of_mesh(&littered), Side::Outward);
     }
 
     #[test]

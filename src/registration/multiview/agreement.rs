@@ -2,12 +2,11 @@
 
 use super::recipe::Agreement;
 use super::{Multiview, first_of_each_piece, largest_radius};
-use crate::geometry::{Motion, Vector3};
+use crate::geometry::{Groups, Motion, Vector3};
 use crate::registration::low_rank;
 use crate::registration::motion_averaging::{self, AveragingOptions, RelativeMotion, disagreements};
 use crate::registration::trimmed_icp::IcpEnd;
 use crate::registration::view::View;
-use crate::registration::view_graph::Groups;
 
 /// Makes the pairs' motions agree and moves the poses there; pairs without correspondences don't take part, and views
 /// that hang on none of the others keep their pose and are not placed. Returns the solves that it took, 0 if it failed:
