@@ -138,7 +138,7 @@ fn registered(face: &PosedFace, places: &[Place]) -> DVector<f64> {
     let near = |p: &Point3| p.x.abs() < 75.0 && p.y > -50.0 && p.y < 95.0 && p.z > 20.0;
     let mut samples = Samples::from_part(&face.mesh, SPACING_MM, near);
     let cells = CellGrid::new(&samples.points, 4.0);
-    samples.smooth_normals(&cells, SMOOTHING_MM);
+    samples.normals = samples.smoothed_normals(&samples, &cells, SMOOTHING_MM);
     let target = Target { samples: &samples, grid: &cells, sign: 1.0 };
     let landmarks: Vec<(Place, Vector3)> = POSING
         .iter()
