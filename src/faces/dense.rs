@@ -46,22 +46,7 @@ impl DenseSignature {
         let plain = template.shaped(&Weights::zeros(), TEMPLATE_POINTS);
         let fitted = template.shaped(&placement.weights, TEMPLATE_POINTS);
         let posed: Vec<Point3> = fitted.points.iter().map(|p| placement.pose.point(p)).collect();
-        let mut pose = Similarity::of_points(&plain.points, &posed);
-        let mut heights = heights_over(target, &plain, &pose);
-        let sizes = pose.scale / MOST_GROWTH..=pose.scale * MOST_GROWTH;
-        for _ in 0..SETTLING_ROUNDS {
-            let Some(step) = settling_step(&plain, &heights) else { break };
-            let next_pose = step.applied_to(&pose);
-            let next_heights = heights_over(target, &plain, &next_pose);
-            let seen = |heights: &[Option<f64>]| heights.iter().flatten().count();
-            if !sizes.contains(&next_pose.scale) || 2 * seen(&next_heights) < seen(&heights) {
-                break;
-            }
-            (pose, heights) = (next_pose, next_heights);
-            if step.unknowns.norm() < SETTLED_MM {
-                break;
-            }
-        }
+        let heights = settled_heights(target, &plain, Similarity::of_points(&plain.points, &posed));
         let seen = heights.iter().flatten();
         let mean = seen.clone().sum::<f64>() / seen.count().max(1) as f64;
         let step =
@@ -97,6 +82,30 @@ impl DenseSignature {
         let squares: f64 = differences.iter().map(|d| (f64::from(*d) - mean).powi(2)).sum();
         Some(STEP_MM * (squares / differences.len() as f64).sqrt())
     }
+}
+
+/// How high the surface stands over each point of the plain standard, laid so that the heights are least.
+fn settled_heights(target: &Target, plain: &Shaped, mut pose: Similarity) -> Vec<Option<f64>> {
+    let seen = |heights: &[Option<f64>]| heights.iter().flatten().count();
+    let sizes = pose.scale / MOST_GROWTH..=pose.scale * MOST_GROWTH;
+    let mut heights = heights_over(target, plain, &pose);
+    for _ in 0..SETTLING_ROUNDS {
+        let Some(step) = settling_step(plain, &heights) else { break };
+        pose = step.applied_to(&pose);
+        // asked first: what shrinks to less than nothing can't be laid anywhere
+        if !sizes.contains(&pose.scale) {
+            break;
+        }
+        let next = heights_over(target, plain, &pose);
+        if 2 * seen(&next) < seen(&heights) {
+            break;
+        }
+        heights = next;
+        if step.unknowns.norm() < SETTLED_MM {
+            break;
+        }
+    }
+    heights
 }
 
 /// How high the surface stands over each point.
@@ -243,6 +252,26 @@ mod tests {
             let placement = Placement { pose, weights: Weights::zeros() };
             let signature = DenseSignature::new(&target, template::face(), &placement);
             assert!(signature.to_bytes().iter().any(|step| *step as i8 != UNSEEN), "it was near at the start");
+        }
+    }
+
+    #[test]
+    fn a_few_scattered_specks_end_no_program() {
+        let plain = template::face().shaped(&Weights::zeros(), TEMPLATE_POINTS);
+        for seed in 0..400u64 {
+            let mut samples = Samples { spacing: 2.0, ..Samples::default() };
+            for k in 0..9u64 {
+                let number = (seed * 9 + k).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+                let point = (number >> 40) as usize % TEMPLATE_POINTS;
+                let height = ((number >> 20) % 2000) as f64 / 100.0 - 10.0;
+                samples.points.push(plain.points[point] + plain.normals[point] * height);
+                samples.normals.push(plain.normals[point]);
+                samples.areas.push(4.0);
+            }
+            let grid = CellGrid::new(&samples.points, 4.0);
+            let target = Target { samples: &samples, grid: &grid, sign: 1.0 };
+            let pose = Similarity { scale: 1.0, stretch: Vector3::repeat(1.0), motion: Motion::identity() };
+            DenseSignature::new(&target, template::face(), &Placement { pose, weights: Weights::zeros() });
         }
     }
 }
