@@ -30,7 +30,7 @@ const SPACING: f64 = 0.1;
 const MOST_SAMPLES: usize = 80_000;
 
 /// Triangles dearer than this are not worth a closer look. The cheapest of every face of the public set costs less than 3;
-/// with 4 here, seven of their copies with noise, holes or bits around them were lost.
+/// with 4 here, eight of their copies with holes, bits around them or shoulders were lost.
 const MOST_COST: f64 = 7.0;
 /// The first look, on the level's samples.
 const FIRST_LOOK: Search = Search {
@@ -57,10 +57,10 @@ const HOPELESS: f64 = 1.6;
 /// A standard so many times too small or too large can come to rest on a face, its eyes on the face's: the best place is
 /// looked at from these sizes as well.
 const OTHER_SIZES: [f64; 2] = [0.8, 1.25];
-/// Where the standard fits worse than this, mm, it does not lie on a face.
-const FAR_FROM_A_FACE_MM: f64 = 5.0;
 /// What stays in place then: the sellion, about.
 const BETWEEN_THE_EYES: [f64; 3] = [0.0, 36.0, 112.0];
+/// Where the standard fits worse than this, mm, it does not lie on a face, and no other sizes are tried.
+const FAR_FROM_A_FACE_MM: f64 = 5.0;
 /// Fits whose corners lie this near to each other stand at one place, mm on the standard.
 const SAME_PLACE_MM: f64 = 6.0;
 /// The spacing of the finer samples, mm on the standard, and how far around the face they reach.
@@ -70,7 +70,7 @@ const FINE_REACH_MM: f64 = 90.0;
 const SMOOTHING_MM: f64 = 6.0;
 /// Samples nearer to each other than this share of that radius are averaged by way of coarser ones: a quarter of the work.
 const LEAST_SPACING_OF_MEANS: f64 = 0.4;
-/// The same for the last look, at one place: landmarks and heights.
+/// Spacing and reach for the last look, at one place: landmarks and heights.
 const CLOSE_SPACING_MM: f64 = 1.5;
 const CLOSE_REACH_MM: f64 = 105.0;
 /// What is around these is looked at: the middle of the fitted region, and for the last look that of forehead and chin.
@@ -283,11 +283,9 @@ fn verified(surface: &Oriented, unit: Unit, finalists: Vec<Finalist>, standard: 
     let finalists = distinct(finalists, standard);
     let looks = finalists.iter().map(|finalist| second_look(surface, finalist));
     let best = looks.reduce(better)?;
-    if best.fit.residual_mm > FAR_FROM_A_FACE_MM {
-        return Some(closest_look(surface, &best));
-    }
-    let others = OTHER_SIZES.map(|growth| second_look(surface, &best.grown(growth)));
-    let possible = others.into_iter().filter(|other| is_true_size(other.fit.pose.scale, unit));
+    let sizes = OTHER_SIZES.iter().filter(|_| best.fit.residual_mm <= FAR_FROM_A_FACE_MM);
+    let others = sizes.map(|growth| second_look(surface, &best.grown(*growth)));
+    let possible = others.filter(|other| is_true_size(other.fit.pose.scale, unit));
     Some(closest_look(surface, &possible.fold(best, better)))
 }
 

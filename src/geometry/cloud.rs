@@ -29,7 +29,12 @@ impl Bounds {
     pub fn of<'a>(points: impl IntoIterator<Item = &'a Point3>) -> Option<Bounds> {
         let mut points = points.into_iter();
         let first = *points.next()?;
-        Some(points.fold(Bounds { min: first, max: first }, |b, p| Bounds { min: b.min.inf(p), max: b.max.sup(p) }))
+        Some(points.fold(Bounds { min: first, max: first }, |bounds, p| bounds.with(p)))
+    }
+
+    /// The smallest box around this one and a point.
+    pub fn with(&self, point: &Point3) -> Bounds {
+        Bounds { min: self.min.inf(point), max: self.max.sup(point) }
     }
 
     /// The length of the box's diagonal.

@@ -1,5 +1,7 @@
 //! Points sorted into cubic cells: all neighbours within a radius, quickly and always in the same order.
 
+use std::ops::Range;
+
 use crate::geometry::{Bounds, Point3};
 
 /// A dense grid of cells over the bounding box; the points of a cell lie side by side.
@@ -86,19 +88,25 @@ impl CellGrid {
         (z * self.dims[1] + y) * self.dims[0] + x
     }
 
+    /// The rows of cells that a ball's box reaches, each as a range of `sorted` and `order`.
+    #[inline(always)]
+    fn runs(&self, center: &Point3, radius: f64) -> impl Iterator<Item = Range<usize>> {
+        let (low, high) = self.cells_around(center, radius);
+        let rows = (low[2]..=high[2]).flat_map(move |z| (low[1]..=high[1]).map(move |y| (y, z)));
+        rows.map(move |(y, z)| {
+            let first = self.starts[self.cell_index([low[0], y, z])] as usize;
+            first..self.starts[self.cell_index([high[0], y, z]) + 1] as usize
+        })
+    }
+
     /// Calls `visit(index, squared distance)` for every point nearer to `center` than `radius`.
     pub fn for_each_within(&self, center: &Point3, radius: f64, mut visit: impl FnMut(usize, f64)) {
-        let (low, high) = self.cells_around(center, radius);
         let radius2 = radius * radius;
-        for z in low[2]..=high[2] {
-            for y in low[1]..=high[1] {
-                let first = self.starts[self.cell_index([low[0], y, z])] as usize;
-                let end = self.starts[self.cell_index([high[0], y, z]) + 1] as usize;
-                for (point, &index) in self.sorted[first..end].iter().zip(&self.order[first..end]) {
-                    let distance2 = (point - center).norm_squared();
-                    if distance2 < radius2 {
-                        visit(index as usize, distance2);
-                    }
+        for run in self.runs(center, radius) {
+            for (point, &index) in self.sorted[run.clone()].iter().zip(&self.order[run]) {
+                let distance2 = (point - center).norm_squared();
+                if distance2 < radius2 {
+                    visit(index as usize, distance2);
                 }
             }
         }
@@ -106,15 +114,10 @@ impl CellGrid {
 
     /// Whether `accept(index)` holds for a point nearer to `center` than `radius`; asks no further than the first.
     pub fn any_within(&self, center: &Point3, radius: f64, accept: impl Fn(usize) -> bool) -> bool {
-        let (low, high) = self.cells_around(center, radius);
         let radius2 = radius * radius;
-        (low[2]..=high[2]).any(|z| {
-            (low[1]..=high[1]).any(|y| {
-                let first = self.starts[self.cell_index([low[0], y, z])] as usize;
-                let end = self.starts[self.cell_index([high[0], y, z]) + 1] as usize;
-                let mut run = self.sorted[first..end].iter().zip(&self.order[first..end]);
-                run.any(|(point, &index)| (point - center).norm_squared() < radius2 && accept(index as usize))
-            })
+        self.runs(center, radius).any(|run| {
+            let mut points = self.sorted[run.clone()].iter().zip(&self.order[run]);
+            points.any(|(point, &index)| (point - center).norm_squared() < radius2 && accept(index as usize))
         })
     }
 

@@ -49,9 +49,9 @@ const MOST_OPENING: f64 = 0.3;
 
 /// The outer side of a mesh by the sign of its volume, if its faces agree and its openings leave no doubt of the sign.
 ///
-/// Closing the openings of a piece by a cone to some place gives a volume that hangs on the place linearly, by a third of
-/// the sum of the faces' area vectors, which is nothing for a closed piece. The side is known if no places in the
-/// pieces' bounding boxes change the sign of all together.
+/// Closing all the openings of a piece by one cone, to some place, gives a volume that hangs on the place linearly, by a
+/// third of the sum of the faces' area vectors, which is nothing for a closed piece. The side is known if no places in the
+/// pieces' bounding boxes change the sign of all together. Several openings that face each other are judged as one.
 pub fn side_of_mesh(mesh: &Mesh) -> Side {
     if !faces_agree(mesh) {
         return Side::Unknown;
@@ -75,7 +75,7 @@ struct Piece {
     area: f64,
     /// The sum of the faces' area vectors.
     opening: Vector3,
-    /// That of the cones from the faces to the middle of the box.
+    /// The sum of the cones from the middle of the box to the faces.
     volume: f64,
 }
 
@@ -86,15 +86,14 @@ fn pieces(mesh: &Mesh) -> Vec<Piece> {
         groups.join(b as usize, c as usize);
     }
     let number_of = groups.numbered();
-    let alone =
-        |p: &Point3| Piece { bounds: Bounds { min: *p, max: *p }, area: 0.0, opening: Vector3::zeros(), volume: 0.0 };
     let mut pieces: Vec<Piece> = Vec::new();
     for (point, &number) in mesh.vertices.iter().zip(&number_of) {
-        if number == pieces.len() {
-            pieces.push(alone(point));
+        if let Some(piece) = pieces.get_mut(number) {
+            piece.bounds = piece.bounds.with(point);
+        } else {
+            let bounds = Bounds { min: *point, max: *point };
+            pieces.push(Piece { bounds, area: 0.0, opening: Vector3::zeros(), volume: 0.0 });
         }
-        let bounds = &mut pieces[number].bounds;
-        *bounds = Bounds { min: bounds.min.inf(point), max: bounds.max.sup(point) };
     }
     for (index, face) in mesh.faces.iter().enumerate() {
         let piece = &mut pieces[number_of[face[0] as usize]];
