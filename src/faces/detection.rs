@@ -54,6 +54,8 @@ const SECOND_LOOK: Search = Search {
 const FINALISTS: usize = 4;
 /// A first look this many times worse than the best gets none.
 const HOPELESS: f64 = 1.6;
+/// A second look that ends this near is at a face (other things: above 3), and no other place is looked at.
+const GOOD_ENOUGH_MM: f64 = 2.0;
 /// A standard so many times too small or too large can come to rest on a face, its eyes on the face's: the best place is
 /// looked at from these sizes as well.
 const OTHER_SIZES: [f64; 2] = [0.8, 1.25];
@@ -65,14 +67,14 @@ const FAR_FROM_A_FACE_MM: f64 = 5.0;
 const SAME_PLACE_MM: f64 = 6.0;
 /// The spacing of the finer samples, mm on the standard, and how far around the face they reach.
 const FINE_SPACING_MM: f64 = 3.0;
-const FINE_REACH_MM: f64 = 90.0;
+const FINE_REACH_MM: f64 = 80.0;
 /// Normals are averaged over this radius, mm on the standard: about an edge of a head of 5000 vertices.
 const SMOOTHING_MM: f64 = 6.0;
 /// Samples nearer to each other than this share of that radius are averaged by way of coarser ones: a quarter of the work.
 const LEAST_SPACING_OF_MEANS: f64 = 0.4;
 /// Spacing and reach for the last look, at one place: landmarks and heights.
 const CLOSE_SPACING_MM: f64 = 1.5;
-const CLOSE_REACH_MM: f64 = 105.0;
+const CLOSE_REACH_MM: f64 = 95.0;
 /// What is around these is looked at: the middle of the fitted region, and for the last look that of forehead and chin.
 const MIDDLE: [f64; 3] = [0.0, 20.0, 100.0];
 const CLOSE_MIDDLE: [f64; 3] = [0.0, 0.0, 100.0];
@@ -280,23 +282,30 @@ fn distinct(mut finalists: Vec<Finalist>, standard: &Standard) -> Vec<Finalist> 
 
 /// The best of the second looks at the best of the first.
 fn verified(surface: &Oriented, unit: Unit, finalists: Vec<Finalist>, standard: &Standard) -> Option<FoundFace> {
-    let finalists = distinct(finalists, standard);
-    let looks = finalists.iter().map(|finalist| second_look(surface, finalist));
-    let best = looks.reduce(better)?;
+    let mut best: Option<(Finalist, (Samples, CellGrid))> = None;
+    for finalist in distinct(finalists, standard) {
+        let near = around(surface, &finalist.fit.pose, MIDDLE, FINE_SPACING_MM, FINE_REACH_MM);
+        let look = second_look(&near, &finalist);
+        if best.as_ref().is_none_or(|(best, _)| is_better(&look, best)) {
+            best = Some((look, near));
+        }
+        if look.fit.residual_mm < GOOD_ENOUGH_MM {
+            break;
+        }
+    }
+    let (best, near) = best?;
     let sizes = OTHER_SIZES.iter().filter(|_| best.fit.residual_mm <= FAR_FROM_A_FACE_MM);
-    let others = sizes.map(|growth| second_look(surface, &best.grown(*growth)));
+    let others = sizes.map(|growth| second_look(&near, &best.grown(*growth)));
     let possible = others.filter(|other| is_true_size(other.fit.pose.scale, unit));
-    Some(closest_look(surface, &possible.fold(best, better)))
+    Some(closest_look(surface, &possible.fold(best, |best, other| if is_better(&other, &best) { other } else { best })))
 }
 
-/// The first, if they are equal.
-fn better(first: Finalist, second: Finalist) -> Finalist {
-    if second.fit.residual_mm < first.fit.residual_mm { second } else { first }
+fn is_better(one: &Finalist, other: &Finalist) -> bool {
+    one.fit.residual_mm < other.fit.residual_mm
 }
 
-fn second_look(surface: &Oriented, finalist: &Finalist) -> Finalist {
-    let (samples, grid) = around(surface, &finalist.fit.pose, MIDDLE, FINE_SPACING_MM, FINE_REACH_MM);
-    let target = Target { samples: &samples, grid: &grid, sign: finalist.sign };
+fn second_look((samples, grid): &(Samples, CellGrid), finalist: &Finalist) -> Finalist {
+    let target = Target { samples, grid, sign: finalist.sign };
     let placement = fit_pose(&target, template::face(), &finalist.fit.placement(), &SECOND_LOOK);
     Finalist { fit: score(&target, template::face(), SECOND_LOOK.points, &placement), sign: finalist.sign }
 }

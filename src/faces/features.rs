@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use crate::geometry::neighbours::LocalPoint;
 use crate::geometry::{Point3, Vector3, thinning};
-use crate::saliency::quadric::{QuadricFit, fit_around, fitted_normal};
+use crate::saliency::quadric::{Neighbours, QuadricFit, fitted_normal};
 use crate::saliency::{CellGrid, Principal, Samples};
 
 /// Radius of the fit that finds noses, in expected inner-eye distances.
@@ -58,12 +58,13 @@ pub struct Places {
 
 /// Fits both quadrics all over the surface; `expected` is the expected inner-eye distance in the file's unit.
 pub fn features(samples: &Samples, grid: &CellGrid, expected: f64) -> Features {
-    let radii = [NOSE_RADIUS * expected, EYE_RADIUS * expected];
+    let [nose_radius, eye_radius] = [NOSE_RADIUS * expected, EYE_RADIUS * expected];
     let fitted = spread_out(&samples.points, FITTED_CUBE_IN_SPACINGS * samples.spacing);
     let fits: Vec<_> = fitted
         .par_iter()
         .map(|&index| {
-            let [nose, eye] = fit_around(samples, grid, index as usize, radii);
+            let neighbours = Neighbours::around(samples, grid, index as usize, nose_radius);
+            let [nose, eye] = [nose_radius, eye_radius].map(|radius| neighbours.fit(radius));
             (principal(&nose, NOSE_NEIGHBOURS), principal(&eye, EYE_NEIGHBOURS))
         })
         .collect();
@@ -174,7 +175,7 @@ impl Kind {
     }
 
     fn strength_at(&self, samples: &Samples, grid: &CellGrid, index: usize) -> f64 {
-        let [fit] = fit_around(samples, grid, index, [self.fit_radius]);
+        let fit = Neighbours::around(samples, grid, index, self.fit_radius).fit(self.fit_radius);
         self.strength(&principal(&fit, self.least_neighbours))
     }
 }

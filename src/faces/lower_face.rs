@@ -4,7 +4,7 @@
 use super::target::Target;
 use super::verification::Placement;
 use crate::geometry::{Point3, Vector3};
-use crate::saliency::quadric::QuadricFit;
+use crate::saliency::quadric::Neighbours;
 
 /// The crease between the lips is looked for within this of the carried corner, mm on the standard: across, up, out.
 const MOUTH_REACH_MM: [f64; 3] = [2.5, 10.0, 15.0];
@@ -50,14 +50,15 @@ pub fn mouth_corner(target: &Target, placement: &Placement, carried: &Point3) ->
 /// How fast the slope along the height grows, one over mm: positive in a crease. `None` with too few neighbours.
 fn bend(target: &Target, placement: &Placement, near: &Near) -> Option<f64> {
     let pose = &placement.pose;
-    let mut fit = QuadricFit::new(CREASE_RADIUS_MM);
+    let mut neighbours = Neighbours::new(CREASE_RADIUS_MM);
     let center = target.samples.points[near.sample];
     target.grid.for_each_within(&center, CREASE_RADIUS_MM * pose.scale, |other, distance2| {
         if target.samples.normals[other].dot(&target.samples.normals[near.sample]) > 0.0 {
             let offset = pose.standard_point(&target.samples.points[other]) - near.point;
-            fit.add(offset.x, offset.y, offset.z, distance2 / (pose.scale * pose.scale));
+            neighbours.push(offset.x, offset.y, offset.z, distance2 / (pose.scale * pose.scale));
         }
     });
+    let fit = neighbours.fit(CREASE_RADIUS_MM);
     if fit.neighbours < CREASE_NEIGHBOURS {
         return None;
     }

@@ -88,7 +88,7 @@ const MOST_ENTRIES: usize = 4096;
 
 impl Signature {
     /// The version of the operator that makes signatures; stored beside each.
-    pub const VERSION: u32 = 7;
+    pub const VERSION: u32 = 8;
 
     /// The signature of a model of this size with these regions and facial triangles, all in the file's frame.
     pub fn new(size: &Size, regions: &[Region], detection: &Detection) -> Signature {

@@ -135,14 +135,13 @@ fn pose_step(
     let pose = &now.pose;
     let shaped = template.shaped(&now.weights, search.points);
     let reach = FAR_MM * pose.scale;
-    let mut pairs: Vec<(usize, Point3, Counterpart)> = (0..shaped.points.len())
+    let mut pairs: Vec<Pair> = (0..shaped.points.len())
         .filter_map(|k| {
             let (point, normal) = (pose.point(&shaped.points[k]), pose.normal(&shaped.normals[k]));
             Some((k, point, target.counterpart(&point, &normal, reach, LEAST_COSINE)?))
         })
         .collect();
-    pairs.sort_by(|a, b| a.2.squared.total_cmp(&b.2.squared).then(a.0.cmp(&b.0)));
-    pairs.truncate((search.kept_share * search.points as f64) as usize);
+    trim(&mut pairs, (search.kept_share * search.points as f64) as usize);
     if pairs.len() * 3 < search.points {
         return None;
     }
@@ -163,7 +162,7 @@ fn pose_step(
         for (mode, motion) in template.motions(*k).iter().enumerate() {
             row[9 + mode] = motion.dot(&along);
         }
-        matrix.ger(1.0, &row, &row, 1.0);
+        matrix.syger(1.0, &row, &row, 1.0);
         right.axpy(n.dot(&(counterpart.point - point)) / unit, &row, 1.0);
     }
     // the prior: the logarithms of the three factors should be equal
@@ -180,6 +179,18 @@ fn pose_step(
         right[9 + mode] -= weight * now.weights[mode];
     }
     Some(matrix.cholesky()?.solve(&right))
+}
+
+/// A template point by its number, where it is posed, and what lies opposite.
+type Pair = (usize, Point3, Counterpart);
+
+/// Keeps the nearest `count`, and all that are as near as the last of them, in their order.
+fn trim(pairs: &mut Vec<Pair>, count: usize) {
+    if (1..pairs.len()).contains(&count) {
+        let mut squares: Vec<f64> = pairs.iter().map(|(_, _, counterpart)| counterpart.squared).collect();
+        let (_, &mut farthest, _) = squares.select_nth_unstable_by(count - 1, f64::total_cmp);
+        pairs.retain(|(_, _, counterpart)| counterpart.squared <= farthest);
+    }
 }
 
 /// The residual of a placement over the first `count` template points.
@@ -323,6 +334,24 @@ mod tests {
         let target = Target { samples: &samples, grid: &grid, sign: 1.0 };
         let fit = score(&target, template::face(), 300, &plain(truth()));
         assert!((0.6..0.75).contains(&fit.observed) && fit.residual_mm < 1.0, "{fit:?}");
+    }
+
+    #[test]
+    fn the_nearest_pairs_are_kept_with_their_ties_in_their_order() {
+        let pair = |number: usize, squared: f64| {
+            let (point, normal) = (Point3::origin(), Vector3::z());
+            (number, point, Counterpart { sample: 0, point, normal, squared })
+        };
+        let squares = [4.0, 1.0, 3.0, 2.0, 3.0];
+        let kept = |count: usize| {
+            let mut pairs: Vec<Pair> = squares.iter().enumerate().map(|(k, &squared)| pair(k, squared)).collect();
+            trim(&mut pairs, count);
+            pairs.into_iter().map(|(number, ..)| number).collect::<Vec<_>>()
+        };
+        assert_eq!(kept(2), [1, 3]);
+        assert_eq!(kept(3), [1, 2, 3, 4], "both of the third place");
+        assert_eq!(kept(5), [0, 1, 2, 3, 4]);
+        assert_eq!(kept(9), [0, 1, 2, 3, 4]);
     }
 
     #[test]

@@ -21,6 +21,9 @@ pub struct CellGrid {
     sorted: Vec<Point3>,
 }
 
+/// So many near points wait before they are visited together.
+const WAITING: usize = 32;
+
 impl CellGrid {
     /// Sorts `points` into cells with an edge of `cell` (larger if the box would need too many of them).
     pub fn new(points: &[Point3], cell: f64) -> CellGrid {
@@ -102,14 +105,23 @@ impl CellGrid {
     /// Calls `visit(index, squared distance)` for every point nearer to `center` than `radius`.
     pub fn for_each_within(&self, center: &Point3, radius: f64, mut visit: impl FnMut(usize, f64)) {
         let radius2 = radius * radius;
+        let mut near = [(0, 0.0); 2 * WAITING];
+        let mut count = 0;
         for run in self.runs(center, radius) {
-            for (point, &index) in self.sorted[run.clone()].iter().zip(&self.order[run]) {
-                let distance2 = (point - center).norm_squared();
-                if distance2 < radius2 {
-                    visit(index as usize, distance2);
+            for (points, order) in self.sorted[run.clone()].chunks(WAITING).zip(self.order[run].chunks(WAITING)) {
+                // whether a point is near can't be foretold, so nothing branches on it: one that isn't is written over
+                for (point, &index) in points.iter().zip(order) {
+                    let distance2 = (point - center).norm_squared();
+                    near[count] = (index, distance2);
+                    count += usize::from(distance2 < radius2);
+                }
+                if count >= WAITING {
+                    near[..count].iter().for_each(|&(index, distance2)| visit(index as usize, distance2));
+                    count = 0;
                 }
             }
         }
+        near[..count].iter().for_each(|&(index, distance2)| visit(index as usize, distance2));
     }
 
     /// Whether `accept(index)` holds for a point nearer to `center` than `radius`; asks no further than the first.
@@ -122,9 +134,16 @@ impl CellGrid {
     }
 
     /// The nearest of the points that `accept(index)` takes and that lie nearer to `center` than `radius`, with its
-    /// squared distance; ties by the order of visiting, which is always the same. Rows of cells are visited from the
-    /// middle outward and left out when they can hold nothing nearer.
+    /// squared distance; ties by the order of visiting, which is always the same.
     pub fn nearest_where(&self, center: &Point3, radius: f64, accept: impl Fn(usize) -> bool) -> Option<(usize, f64)> {
+        // mostly it is near, and a ball of one cell reaches only a few rows
+        let close = radius.min(0.5 / self.per_length);
+        self.search_outward(center, close, &accept).or_else(|| self.search_outward(center, radius, &accept))
+    }
+
+    /// [`CellGrid::nearest_where`]: rows of cells are visited from the middle outward and left out when they can hold
+    /// nothing nearer.
+    fn search_outward(&self, center: &Point3, radius: f64, accept: &impl Fn(usize) -> bool) -> Option<(usize, f64)> {
         let (low, high) = self.cells_around(center, radius);
         let middle = self.cell_of(center);
         let (mut least, mut nearest) = (radius * radius, None);

@@ -2,10 +2,11 @@
 //! "Mesh saliency", 2005.
 
 use rayon::prelude::*;
+use wide::f32x4;
 
 use super::CurvedSurface;
 use super::cells::CellGrid;
-use super::falloff::{falloff, near_falloff_lane};
+use super::falloff::{falloff, near_falloff_lanes};
 
 /// The paper's sigmas, in xi.
 pub const SIGMAS_IN_XI: [f64; 5] = [2.0, 3.0, 4.0, 5.0, 6.0];
@@ -59,7 +60,9 @@ pub fn saliency(surface: &CurvedSurface, xi: f64) -> Vec<f64> {
 fn all_filters(surface: &CurvedSurface, grid: &CellGrid, xi: f64) -> Vec<[f64; 8]> {
     let widest = FILTERS_IN_XI[7] * xi;
     // lengths in units of the widest filter, areas and curvatures as shares of their greatest: no f32 overflows
-    let halves = FILTERS_IN_XI.map(|s| (0.5 * (FILTERS_IN_XI[7] / s).powi(2)) as f32);
+    let half = |filter: usize| (0.5 * (FILTERS_IN_XI[7] / FILTERS_IN_XI[filter]).powi(2)) as f32;
+    let [narrow, wide] = [0, 4].map(|first| f32x4::new([0, 1, 2, 3].map(|k| half(first + k))));
+    let widest_of_narrow = half(3);
     let greatest = |values: &[f64]| values.iter().fold(0.0, |most: f64, v| most.max(v.abs())).max(f64::MIN_POSITIVE);
     let (area_unit, curvature_unit) = (greatest(&surface.areas), greatest(&surface.mean_curvatures));
     let weighed: Vec<[f32; 2]> = surface
@@ -72,36 +75,42 @@ fn all_filters(surface: &CurvedSurface, grid: &CellGrid, xi: f64) -> Vec<[f64; 8
     (0..surface.points.len())
         .into_par_iter()
         .map(|vertex| {
-            let (mut sums, mut weights) = ([0.0f32; 8], [0.0f32; 8]);
+            let mut filters = [Filters::default(); 2];
             grid.for_each_within(&surface.points[vertex], widest, |x, distance2| {
                 let [area, curvature] = weighed[x];
                 let distance2 = (distance2 * per_widest2) as f32;
-                add_filters(distance2, &halves[4..], area, curvature, &mut sums[4..], &mut weights[4..]);
+                filters[1].add(distance2, wide, area, curvature);
                 // the narrower half of the filters does not reach far
-                if distance2 * halves[3] < 0.5 {
-                    add_filters(distance2, &halves[..4], area, curvature, &mut sums[..4], &mut weights[..4]);
+                if distance2 * widest_of_narrow < 0.5 {
+                    filters[0].add(distance2, narrow, area, curvature);
                 }
             });
-            std::array::from_fn(|filter| {
-                let [sum, weight] = [sums[filter], weights[filter]].map(f64::from);
-                if weight > 0.0 { curvature_unit * sum / weight } else { 0.0 }
-            })
+            let [narrow, wide] = filters.map(|filters| filters.means(curvature_unit));
+            std::array::from_fn(|filter| if filter < 4 { narrow[filter] } else { wide[filter - 4] })
         })
         .collect()
 }
 
-/// Adds a neighbour to four filters: plain loops without a branch, since only those become vector instructions.
-#[inline(always)]
-fn add_filters(distance2: f32, halves: &[f32], area: f32, curvature: f32, sums: &mut [f32], weights: &mut [f32]) {
-    let mut falloffs = [0.0f32; 4];
-    for filter in 0..4 {
-        let x = distance2 * halves[filter];
-        let weight = near_falloff_lane(x);
-        falloffs[filter] = if x < 0.5 { weight } else { 0.0 };
+/// The sums of four filters.
+#[derive(Default, Clone, Copy)]
+struct Filters {
+    sums: f32x4,
+    weights: f32x4,
+}
+
+impl Filters {
+    /// `halves` are `1 / (2 sigma^2)`.
+    #[inline(always)]
+    fn add(&mut self, distance2: f32, halves: f32x4, area: f32, curvature: f32) {
+        let x = f32x4::splat(distance2) * halves;
+        let falloff = x.simd_lt(f32x4::HALF) & near_falloff_lanes(x);
+        self.sums += falloff * f32x4::splat(curvature);
+        self.weights += falloff * f32x4::splat(area);
     }
-    for filter in 0..4 {
-        sums[filter] += falloffs[filter] * curvature;
-        weights[filter] += falloffs[filter] * area;
+
+    fn means(&self, unit: f64) -> [f64; 4] {
+        let [sums, weights] = [self.sums, self.weights].map(|lanes| lanes.to_array().map(f64::from));
+        std::array::from_fn(|k| if weights[k] > 0.0 { unit * sums[k] / weights[k] } else { 0.0 })
     }
 }
 

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::falloff::falloff;
 use super::proximity::Proximity;
-use super::quadric::{QuadricFit, tangents};
+use super::quadric::{Neighbours, tangents};
 use super::samples::{Cells, Samples};
 use crate::geometry::{Bounds, Point3, Vector3};
 
@@ -91,16 +91,17 @@ impl Patch {
         let (center, normal) = (points[index], normals[index]);
         let unit = (FIT_RADIUS * proximity.farthest(index)).max(f64::MIN_POSITIVE);
         let [tangent_x, tangent_y] = tangents(&normal);
-        let mut fit = QuadricFit::new(unit);
+        let mut neighbours = Neighbours::new(unit);
         let mut middle = [0.0; 2];
         for other in proximity.of(index) {
             if normals[other].dot(&normal) > 0.0 {
                 let offset = points[other] - center;
                 let (x, y, z) = (offset.dot(&tangent_x), offset.dot(&tangent_y), offset.dot(&normal));
-                fit.add(x, y, z, offset.norm_squared());
+                neighbours.push(x, y, z, offset.norm_squared());
                 middle = [middle[0] + x, middle[1] + y];
             }
         }
+        let fit = neighbours.fit(unit);
         let off = middle[0].hypot(middle[1]);
         let on_rim = off > RIM_OFFSET * proximity.farthest(index) * f64::from(fit.neighbours);
         let inward = if on_rim { middle.map(|m| m / off) } else { [0.0; 2] };

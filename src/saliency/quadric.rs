@@ -1,9 +1,10 @@
 //! Curvature without a mesh: a weighted quadric fitted to the neighbours in the tangent frame.
 
 use rayon::prelude::*;
+use wide::f32x4;
 
 use super::cells::{CellGrid, neighbour_radius};
-use super::falloff::falloff_lane;
+use super::falloff::falloff_lanes;
 use super::samples::Samples;
 use crate::geometry::Vector3;
 
@@ -26,66 +27,23 @@ pub struct Principal {
     pub k2: f64,
 }
 
-/// The normal equations of `z = a x^2 + b x y + c y^2 + d x + e y + f`, gathered as moments.
+/// The normal equations of `z = a x^2 + b x y + c y^2 + d x + e y + f`, as moments.
 #[derive(Debug, Clone, Copy)]
 pub struct QuadricFit {
     /// The length that the moments count as 1.
     unit: f64,
-    /// One over the squared radius, in units.
-    per_radius2: f32,
     /// Number of neighbours.
     pub neighbours: u32,
-    /// Sums of `w x^i y^j` in the order of [`QuadricFit::coefficients`], lane by lane.
-    moments: [Lanes; 15],
+    /// Sums of `w x^i y^j`, from x^4 down to 1.
+    moments: [f64; 15],
     /// Sums of `w z` times x^2, xy, y^2, x, y, 1.
-    right: [Lanes; 6],
+    right: [f64; 6],
 }
 
 impl QuadricFit {
-    /// An empty fit whose weights fall as `exp(-2 (d/radius)^2)`.
-    pub fn new(radius: f64) -> QuadricFit {
-        QuadricFit::in_units(radius, radius)
-    }
-
-    fn in_units(radius: f64, unit: f64) -> QuadricFit {
-        let per_radius2 = ((unit / radius) * (unit / radius)) as f32;
-        QuadricFit { unit, per_radius2, neighbours: 0, moments: [[0.0; LANES]; 15], right: [[0.0; LANES]; 6] }
-    }
-
-    /// Adds a neighbour at `(x, y)` in the tangent plane and height `z`, `distance2` from the centre: none beyond the
-    /// radius counts.
-    pub fn add(&mut self, x: f64, y: f64, z: f64, distance2: f64) {
-        let mut gathered = Gathered::new(self.unit);
-        gathered.push([x, y, z, distance2], std::slice::from_mut(self));
-        gathered.flush(std::slice::from_mut(self));
-    }
-
-    /// Adds [`LANES`] neighbours.
-    #[inline]
-    fn add_lanes(&mut self, terms: &Terms) {
-        // plain loops over lanes, without a branch, become vector instructions
-        let mut w = [0.0; LANES];
-        for (w, distance2) in w.iter_mut().zip(&terms.distance2) {
-            let share = distance2 * self.per_radius2;
-            let weight = falloff_lane(2.0 * share);
-            *w = if share < 1.0 { weight } else { 0.0 };
-        }
-        for distance2 in &terms.distance2 {
-            self.neighbours += u32::from(distance2 * self.per_radius2 < 1.0);
-        }
-        for (sum, term) in self.moments.iter_mut().zip(&terms.monomials) {
-            add_product(sum, &w, term);
-        }
-        for (sum, term) in self.right.iter_mut().zip(&terms.heights) {
-            add_product(sum, &w, term);
-        }
-    }
-
-    /// The coefficients a to f, for lengths in units of the radius given to [`QuadricFit::new`]; `None` if the neighbours don't determine them.
+    /// The coefficients a to f, for lengths in units of [`Neighbours::new`]'s; `None` if the neighbours don't determine them.
     pub fn coefficients(&self) -> Option<[f64; 6]> {
-        let sum = |lanes: &Lanes| lanes.iter().map(|lane| f64::from(*lane)).sum::<f64>();
-        let [x4, x3y, x2y2, xy3, y4, x3, x2y, xy2, y3, x2, xy, y2, x, y, one] = self.moments.each_ref().map(sum);
-        let right = self.right.each_ref().map(sum);
+        let [x4, x3y, x2y2, xy3, y4, x3, x2y, xy2, y3, x2, xy, y2, x, y, one] = self.moments;
         let matrix = nalgebra::Matrix6::new(
             x4, x3y, x2y2, x3, x2y, x2, x3y, x2y2, xy3, x2y, xy2, xy, x2y2, xy3, y4, xy2, y3, y2, x3, x2y, xy2, x2, xy,
             x, x2y, xy2, y3, xy, y2, y, x2, xy, y2, x, y, one,
@@ -96,7 +54,7 @@ impl QuadricFit {
         if !(0..6).all(left) {
             return None;
         }
-        let solution = factor.solve(&nalgebra::Vector6::from(right));
+        let solution = factor.solve(&nalgebra::Vector6::from(self.right));
         Some(solution.data.0[0])
     }
 
@@ -117,22 +75,6 @@ impl QuadricFit {
     }
 }
 
-#[inline(always)]
-fn product(a: &Lanes, b: &Lanes) -> Lanes {
-    let mut product = *a;
-    for lane in 0..LANES {
-        product[lane] *= b[lane];
-    }
-    product
-}
-
-#[inline(always)]
-fn add_product(sum: &mut Lanes, a: &Lanes, b: &Lanes) {
-    for lane in 0..LANES {
-        sum[lane] += a[lane] * b[lane];
-    }
-}
-
 /// Two unit vectors that span the plane across `normal`.
 pub fn tangents(normal: &Vector3) -> [Vector3; 2] {
     let across = if normal.x.abs() < 0.6 { Vector3::x() } else { Vector3::y() };
@@ -140,111 +82,89 @@ pub fn tangents(normal: &Vector3) -> [Vector3; 2] {
     [first, normal.cross(&first)]
 }
 
-/// Fits quadrics of several radii (the first being the largest) around sample `index`.
-/// Neighbours whose normals look the other way belong to another sheet and are left out.
-pub fn fit_around<const N: usize>(
-    samples: &Samples,
-    grid: &CellGrid,
-    index: usize,
-    radii: [f64; N],
-) -> [QuadricFit; N] {
-    let (center, normal) = (samples.points[index], samples.normals[index]);
-    let [tangent_x, tangent_y] = tangents(&normal);
-    let mut gathered = Gathered::new(radii[0]);
-    let mut fits = radii.map(|radius| QuadricFit::in_units(radius, radii[0]));
-    grid.for_each_within(&center, radii[0], |neighbour, distance2| {
-        if samples.normals[neighbour].dot(&normal) <= 0.0 {
-            return;
-        }
-        let offset = samples.points[neighbour] - center;
-        gathered.push([offset.dot(&tangent_x), offset.dot(&tangent_y), offset.dot(&normal), distance2], &mut fits);
-    });
-    gathered.flush(&mut fits);
-    fits
-}
-
-/// Neighbours on their way into fits, a few at a time: the compiler turns sums over lanes into vector instructions,
-/// and f32 is exact enough for lengths in units of the radius.
-struct Gathered {
-    per_unit: f64,
-    /// x, y, z and the squared distance of each, in units.
-    lanes: [Lanes; 4],
+/// The points around a centre, in a frame with the tangent plane as x and y; fits of several radii share them.
+///
+/// They are kept as f32, exact enough for lengths in units of the radius, four side by side for vector instructions.
+#[derive(Debug, Clone)]
+pub struct Neighbours {
+    unit: f64,
     count: usize,
-}
-
-/// What [`LANES`] neighbours add to any fit, but for its weights.
-struct Terms {
-    monomials: [Lanes; 15],
-    heights: [Lanes; 6],
-    distance2: Lanes,
+    /// x, y, z and the squared distance of four neighbours, in units; lanes left over lie beyond every radius.
+    blocks: Vec<[f32x4; 4]>,
 }
 
 const LANES: usize = 4;
-type Lanes = [f32; LANES];
+/// The usual number of blocks.
+const USUAL_BLOCKS: usize = 20;
 
-impl Gathered {
-    fn new(unit: f64) -> Gathered {
-        Gathered { per_unit: 1.0 / unit, lanes: [[0.0; LANES]; 4], count: 0 }
+impl Neighbours {
+    /// None yet; `unit` is the greatest radius that they will be fitted with.
+    pub fn new(unit: f64) -> Neighbours {
+        Neighbours { unit, count: 0, blocks: Vec::with_capacity(USUAL_BLOCKS) }
     }
 
-    #[inline]
-    fn push(&mut self, [x, y, z, distance2]: [f64; 4], fits: &mut [QuadricFit]) {
-        let scale = self.per_unit;
-        let values = [x * scale, y * scale, z * scale, distance2 * scale * scale];
-        for (lanes, value) in self.lanes.iter_mut().zip(values) {
-            lanes[self.count] = value as f32;
-        }
-        self.count += 1;
-        if self.count == LANES {
-            self.flush(fits);
-        }
+    /// The neighbours of sample `index` within `radius`. Those whose normals look the other way belong to another sheet and
+    /// are left out.
+    pub fn around(samples: &Samples, grid: &CellGrid, index: usize, radius: f64) -> Neighbours {
+        let (center, normal) = (samples.points[index], samples.normals[index]);
+        let [tangent_x, tangent_y] = tangents(&normal);
+        let mut neighbours = Neighbours::new(radius);
+        grid.for_each_within(&center, radius, |other, distance2| {
+            if samples.normals[other].dot(&normal) > 0.0 {
+                let offset = samples.points[other] - center;
+                neighbours.push(offset.dot(&tangent_x), offset.dot(&tangent_y), offset.dot(&normal), distance2);
+            }
+        });
+        neighbours
     }
 
-    /// Adds what is left; empty lanes lie beyond every radius.
+    /// Adds one at `(x, y)` in the tangent plane and height `z`, `distance2` from the centre.
     #[inline]
-    fn flush(&mut self, fits: &mut [QuadricFit]) {
-        for lane in self.count..LANES {
-            self.lanes[3][lane] = f32::INFINITY;
+    pub fn push(&mut self, x: f64, y: f64, z: f64, distance2: f64) {
+        let lane = self.count % LANES;
+        if lane == 0 {
+            let [nowhere, beyond] = [f32x4::ZERO, f32x4::splat(f32::INFINITY)];
+            self.blocks.push([nowhere, nowhere, nowhere, beyond]);
         }
-        if self.count > 0 {
-            let terms = self.terms();
-            for fit in fits {
-                fit.add_lanes(&terms);
+        let per_unit = 1.0 / self.unit;
+        let values = [x * per_unit, y * per_unit, z * per_unit, distance2 * per_unit * per_unit];
+        if let Some(block) = self.blocks.last_mut() {
+            for (lanes, value) in block.iter_mut().zip(values) {
+                lanes.as_mut_array()[lane] = value as f32;
             }
         }
-        self.count = 0;
+        self.count += 1;
     }
 
-    #[inline(always)]
-    fn terms(&self) -> Terms {
-        let [x, y, z, distance2] = self.lanes;
-        let (xx, xy, yy) = (product(&x, &x), product(&x, &y), product(&y, &y));
-        let monomials = [
-            product(&xx, &xx),
-            product(&xx, &xy),
-            product(&xx, &yy),
-            product(&yy, &xy),
-            product(&yy, &yy),
-            product(&xx, &x),
-            product(&xx, &y),
-            product(&yy, &x),
-            product(&yy, &y),
-            xx,
-            xy,
-            yy,
-            x,
-            y,
-            [1.0; LANES],
-        ];
-        let heights = [product(&xx, &z), product(&xy, &z), product(&yy, &z), product(&x, &z), product(&y, &z), z];
-        Terms { monomials, heights, distance2 }
+    /// The fit to those nearer than `radius`, with weights that fall as `exp(-2 (d / radius)^2)`.
+    pub fn fit(&self, radius: f64) -> QuadricFit {
+        let per_radius2 = f32x4::splat(((self.unit / radius) * (self.unit / radius)) as f32);
+        let one = f32x4::ONE;
+        let mut count = f32x4::ZERO;
+        let (mut moments, mut right) = ([f32x4::ZERO; 15], [f32x4::ZERO; 6]);
+        for &[x, y, z, distance2] in &self.blocks {
+            let share = distance2 * per_radius2;
+            let is_near = share.simd_lt(one);
+            count += is_near & one;
+            let w = is_near & falloff_lanes(share + share);
+            let (wx, wy) = (w * x, w * y);
+            let (wxx, wxy, wyy) = (wx * x, wx * y, wy * y);
+            let (wxxx, wxxy, wxyy, wyyy) = (wxx * x, wxx * y, wyy * x, wyy * y);
+            let terms =
+                [wxxx * x, wxxx * y, wxxy * y, wyyy * x, wyyy * y, wxxx, wxxy, wxyy, wyyy, wxx, wxy, wyy, wx, wy, w];
+            moments.iter_mut().zip(terms).for_each(|(sum, term)| *sum += term);
+            let heights = [wxx * z, wxy * z, wyy * z, wx * z, wy * z, w * z];
+            right.iter_mut().zip(heights).for_each(|(sum, term)| *sum += term);
+        }
+        let sum = |lanes: f32x4| lanes.to_array().into_iter().map(f64::from).sum::<f64>();
+        QuadricFit { unit: self.unit, neighbours: sum(count) as u32, moments: moments.map(sum), right: right.map(sum) }
     }
 }
 
 /// The normal of the surface fitted around sample `index`: smoother than the sample's own.
 pub fn fitted_normal(samples: &Samples, grid: &CellGrid, index: usize, radius: f64) -> Vector3 {
     let normal = samples.normals[index];
-    let [fit] = fit_around(samples, grid, index, [radius]);
+    let fit = Neighbours::around(samples, grid, index, radius).fit(radius);
     let Some([slope_x, slope_y]) = fit.slope() else {
         return normal;
     };
@@ -259,7 +179,7 @@ pub fn mean_curvatures(samples: &Samples) -> Vec<f64> {
     (0..samples.points.len())
         .into_par_iter()
         .map(|index| {
-            let [fit] = fit_around(samples, &grid, index, [radius]);
+            let fit = Neighbours::around(samples, &grid, index, radius).fit(radius);
             let curvature = if fit.neighbours >= LEAST_NEIGHBOURS { fit.principal() } else { None };
             curvature.map_or(0.0, |c| 0.5 * (c.k1 + c.k2))
         })
@@ -274,24 +194,24 @@ mod tests {
 
     #[test]
     fn the_quadric_of_a_saddle_is_found_exactly() {
-        let mut fit = QuadricFit::new(1.5);
+        let mut neighbours = Neighbours::new(1.5);
         for i in -3..=3 {
             for j in -3..=3 {
                 let (x, y) = (f64::from(i) * 0.2, f64::from(j) * 0.2);
-                fit.add(x, y, -0.5 * x * x + 0.25 * y * y, x * x + y * y);
+                neighbours.push(x, y, -0.5 * x * x + 0.25 * y * y, x * x + y * y);
             }
         }
-        let curvature = fit.principal().expect("49 neighbours determine a quadric");
+        let curvature = neighbours.fit(1.5).principal().expect("49 neighbours determine a quadric");
         assert!((curvature.k1 - 1.0).abs() < 1e-4 && (curvature.k2 + 0.5).abs() < 1e-4, "{curvature:?}");
     }
 
     #[test]
     fn neighbours_on_a_line_determine_nothing() {
-        let mut fit = QuadricFit::new(1.0);
+        let mut neighbours = Neighbours::new(1.0);
         for i in 0..20 {
-            fit.add(f64::from(i) * 0.05, 0.0, 0.0, 0.0);
+            neighbours.push(f64::from(i) * 0.05, 0.0, 0.0, 0.0);
         }
-        assert_eq!(fit.principal(), None);
+        assert_eq!(neighbours.fit(1.0).principal(), None);
     }
 
     #[test]

@@ -105,15 +105,27 @@ pub(super) fn gather(points: &[Point3], normals: &[Vector3], areas: &[f64], spac
     Gathered { samples: cells.finish(), cell_of }
 }
 
+/// Marks the key of a cell's second sample; the three coordinates take 21 bits each.
+const SECOND: u64 = 1 << 63;
+
 /// Sums of the points in each cell.
 pub(super) struct Cells {
     spacing: f64,
     origin: Point3,
-    slots: HashMap<(u64, bool), u32, BuildHasherDefault<KeyHasher>>,
-    first_normals: Vec<Vector3>,
-    sums: Vec<(Vector3, Vector3, f64)>,
+    slots: HashMap<u64, u32, BuildHasherDefault<KeyHasher>>,
+    sums: Vec<Sum>,
     /// The cell that was looked up last, with its slot.
-    last: ((u64, bool), u32),
+    last: (u64, u32),
+}
+
+/// What has come into a cell, weighted by area.
+struct Sum {
+    /// The first that came decides which others are of its side.
+    first_normal: Vector3,
+    /// From the grid's origin.
+    position: Vector3,
+    normal: Vector3,
+    area: f64,
 }
 
 impl Cells {
@@ -122,9 +134,8 @@ impl Cells {
             spacing: spacing.max(f64::MIN_POSITIVE),
             origin: bounds.map_or(Point3::origin(), |b| b.min),
             slots: HashMap::default(),
-            first_normals: Vec::new(),
             sums: Vec::new(),
-            last: ((0, false), u32::MAX),
+            last: (0, u32::MAX),
         }
     }
 
@@ -133,29 +144,29 @@ impl Cells {
         let offset = point - self.origin;
         let [x, y, z] = [0, 1, 2].map(|axis| (offset[axis] / self.spacing) as u64 & 0x1f_ffff);
         let key = x | y << 21 | z << 42;
-        let mut slot = self.slot(key, false, normal);
-        if self.first_normals[slot as usize].dot(normal) < 0.0 {
-            slot = self.slot(key, true, normal);
+        let mut slot = self.slot(key, normal);
+        if self.sums[slot as usize].first_normal.dot(normal) < 0.0 {
+            slot = self.slot(key | SECOND, normal);
         }
-        let sums = &mut self.sums[slot as usize];
-        sums.0 += offset * area;
-        sums.1 += normal * area;
-        sums.2 += area;
+        let sum = &mut self.sums[slot as usize];
+        sum.position += offset * area;
+        sum.normal += normal * area;
+        sum.area += area;
         slot
     }
 
-    fn slot(&mut self, key: u64, second: bool, normal: &Vector3) -> u32 {
+    fn slot(&mut self, key: u64, normal: &Vector3) -> u32 {
         // what is added mostly comes cell by cell
-        if self.last.0 == (key, second) && (self.last.1 as usize) < self.sums.len() {
+        if self.last.0 == key && (self.last.1 as usize) < self.sums.len() {
             return self.last.1;
         }
         let next = self.sums.len() as u32;
-        let slot = *self.slots.entry((key, second)).or_insert(next);
+        let slot = *self.slots.entry(key).or_insert(next);
         if slot == next {
-            self.sums.push((Vector3::zeros(), Vector3::zeros(), 0.0));
-            self.first_normals.push(*normal);
+            let nothing = Vector3::zeros();
+            self.sums.push(Sum { first_normal: *normal, position: nothing, normal: nothing, area: 0.0 });
         }
-        self.last = ((key, second), slot);
+        self.last = (key, slot);
         slot
     }
 
@@ -194,7 +205,7 @@ impl Cells {
 
     pub(super) fn finish(self) -> Samples {
         let mut samples = Samples { spacing: self.spacing, ..Samples::default() };
-        for (position, normal, area) in self.sums {
+        for Sum { position, normal, area, .. } in self.sums {
             samples.points.push(self.origin + position / area);
             samples.normals.push(normal.try_normalize(f64::MIN_POSITIVE).unwrap_or_else(Vector3::zeros));
             samples.areas.push(area);
