@@ -54,7 +54,8 @@ const SECOND_LOOK: Search = Search {
 const FINALISTS: usize = 4;
 /// A first look this many times worse than the best gets none.
 const HOPELESS: f64 = 1.6;
-/// A second look that ends this near is at a face (other things: above 3), and no other place is looked at.
+/// A second look that ends this near is at a face (no other thing of the public set: below 3), and no other place is
+/// looked at.
 const GOOD_ENOUGH_MM: f64 = 2.0;
 /// A standard so many times too small or too large can come to rest on a face, its eyes on the face's: the best place is
 /// looked at from these sizes as well.

@@ -88,6 +88,7 @@ pub fn tangents(normal: &Vector3) -> [Vector3; 2] {
 #[derive(Debug, Clone)]
 pub struct Neighbours {
     unit: f64,
+    per_unit: f64,
     count: usize,
     /// x, y, z and the squared distance of four neighbours, in units; lanes left over lie beyond every radius.
     blocks: Vec<[f32x4; 4]>,
@@ -100,7 +101,7 @@ const USUAL_BLOCKS: usize = 20;
 impl Neighbours {
     /// None yet; `unit` is the greatest radius that they will be fitted with.
     pub fn new(unit: f64) -> Neighbours {
-        Neighbours { unit, count: 0, blocks: Vec::with_capacity(USUAL_BLOCKS) }
+        Neighbours { unit, per_unit: 1.0 / unit, count: 0, blocks: Vec::with_capacity(USUAL_BLOCKS) }
     }
 
     /// The neighbours of sample `index` within `radius`. Those whose normals look the other way belong to another sheet and
@@ -126,8 +127,8 @@ impl Neighbours {
             let [nowhere, beyond] = [f32x4::ZERO, f32x4::splat(f32::INFINITY)];
             self.blocks.push([nowhere, nowhere, nowhere, beyond]);
         }
-        let per_unit = 1.0 / self.unit;
-        let values = [x * per_unit, y * per_unit, z * per_unit, distance2 * per_unit * per_unit];
+        let scale = self.per_unit;
+        let values = [x * scale, y * scale, z * scale, distance2 * scale * scale];
         if let Some(block) = self.blocks.last_mut() {
             for (lanes, value) in block.iter_mut().zip(values) {
                 lanes.as_mut_array()[lane] = value as f32;
