@@ -5,8 +5,8 @@ use serde::{Deserialize, Serialize};
 
 use super::Class;
 use super::corners::{Corner, CornerKind, SelectiveTriangle};
-use crate::faces::detection::Oriented;
 use crate::faces::features::{Place, features, places};
+use crate::faces::oriented::Oriented;
 use crate::faces::standard::INNER_EYE_DISTANCE_MM;
 use crate::faces::triangle::Triangle;
 use crate::faces::{self, DescribeError, Standard};

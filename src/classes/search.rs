@@ -5,9 +5,9 @@ use rayon::prelude::*;
 
 use super::Class;
 use super::corners::{Candidate, SelectiveTriangle};
-use crate::faces::detection::Oriented;
 use crate::faces::features::{features, places};
 use crate::faces::modes::Weights;
+use crate::faces::oriented::Oriented;
 use crate::faces::similarity::Similarity;
 use crate::faces::target::Target;
 use crate::faces::template::Template;

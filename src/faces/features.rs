@@ -58,8 +58,14 @@ pub struct Places {
 
 /// Fits both quadrics all over the surface; `expected` is the expected inner-eye distance in the file's unit.
 pub fn features(samples: &Samples, grid: &CellGrid, expected: f64) -> Features {
+    features_where(samples, grid, expected, |_| true)
+}
+
+/// [`features`] of that part of the surface where `keep` holds.
+pub fn features_where(samples: &Samples, grid: &CellGrid, expected: f64, keep: impl Fn(&Point3) -> bool) -> Features {
     let [nose_radius, eye_radius] = [NOSE_RADIUS * expected, EYE_RADIUS * expected];
-    let fitted = spread_out(&samples.points, FITTED_CUBE_IN_SPACINGS * samples.spacing);
+    let mut fitted = spread_out(&samples.points, FITTED_CUBE_IN_SPACINGS * samples.spacing);
+    fitted.retain(|&index| keep(&samples.points[index as usize]));
     let fits: Vec<_> = fitted
         .par_iter()
         .map(|&index| {

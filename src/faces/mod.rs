@@ -10,9 +10,11 @@ pub mod detection;
 pub mod features;
 pub mod judgement;
 pub mod landmarks;
+mod looks;
 pub mod lower_face;
 pub mod modes;
 mod modes_table;
+pub mod oriented;
 pub mod relief;
 mod relief_table;
 pub mod signature;
@@ -30,6 +32,7 @@ pub use candidates::{Candidate, Cost};
 pub use dense::DenseSignature;
 pub use judgement::{MatchMethod, Verdict, judge};
 pub use landmarks::Landmarks;
+use oriented::{Form, Oriented};
 pub use signature::{Signature, SignatureError, SignatureSummary, Size};
 pub use standard::Standard;
 pub use triangle::{Shape, Triangle};
@@ -116,12 +119,12 @@ impl Prepared {
     }
 
     /// What the detector samples.
-    pub(crate) fn oriented(&self, bounds: Bounds) -> detection::Oriented<'_> {
+    pub(crate) fn oriented(&self, bounds: Bounds) -> Oriented<'_> {
         let (form, side) = match self {
-            Prepared::Mesh { mesh, side } => (detection::Form::Mesh(mesh), *side),
-            Prepared::Cloud { cloud, patches } => (detection::Form::Cloud(patches), cloud.side),
+            Prepared::Mesh { mesh, side } => (Form::Mesh(mesh), *side),
+            Prepared::Cloud { cloud, patches } => (Form::Cloud(patches), cloud.side),
         };
-        detection::Oriented { form, bounds, side }
+        Oriented { form, bounds, side }
     }
 }
 

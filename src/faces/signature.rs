@@ -88,7 +88,7 @@ const MOST_ENTRIES: usize = 4096;
 
 impl Signature {
     /// The version of the operator that makes signatures; stored beside each.
-    pub const VERSION: u32 = 8;
+    pub const VERSION: u32 = 9;
 
     /// The signature of a model of this size with these regions and facial triangles, all in the file's frame.
     pub fn new(size: &Size, regions: &[Region], detection: &Detection) -> Signature {
@@ -409,8 +409,9 @@ pub(crate) mod tests {
     #[test]
     fn other_versions_are_told_from_damage() {
         let mut bytes = example(0.3, 3).to_bytes();
-        bytes[4] = 9;
-        assert_eq!(Signature::from_bytes(&bytes), Err(SignatureError::Version { found: 9 }));
+        let later = Signature::VERSION + 1;
+        bytes[4..8].copy_from_slice(&later.to_le_bytes());
+        assert_eq!(Signature::from_bytes(&bytes), Err(SignatureError::Version { found: later }));
         bytes[0] = b'x';
         assert!(matches!(Signature::from_bytes(&bytes), Err(SignatureError::Damaged(_))));
     }

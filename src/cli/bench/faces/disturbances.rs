@@ -79,8 +79,8 @@ fn turned(subject: &Subject, random: &mut ChaCha8Rng) -> Surface {
     subject.with_points(subject.surface.cloud.points.iter().map(|p| motion * p).collect())
 }
 
-/// Every face cut into four.
-fn subdivided(surface: &Surface) -> Surface {
+/// Every face cut in four at the middles of its edges.
+pub(super) fn subdivided(surface: &Surface) -> Surface {
     let mut points = surface.cloud.points.clone();
     let mut middles = std::collections::BTreeMap::new();
     let mut middle = |a: u32, b: u32| {
