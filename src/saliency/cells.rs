@@ -17,8 +17,8 @@ pub struct CellGrid {
     starts: Vec<u32>,
     /// Indices of points, cell by cell, ascending within a cell.
     order: Vec<u32>,
-    /// The positions in the order of `order`.
-    sorted: Vec<Point3>,
+    /// The positions in the order of `order`: all x, all y, all z.
+    sorted: [Vec<f64>; 3],
 }
 
 /// So many near points wait before they are visited together.
@@ -42,7 +42,7 @@ impl CellGrid {
             dims,
             starts: vec![0; dims.iter().product::<usize>() + 1],
             order: vec![0; points.len()],
-            sorted: Vec::with_capacity(points.len()),
+            sorted: [0, 1, 2].map(|_| Vec::with_capacity(points.len())),
         };
         grid.fill(points);
         grid
@@ -62,7 +62,20 @@ impl CellGrid {
             self.order[next[cell] as usize] = point as u32;
             next[cell] += 1;
         }
-        self.sorted.extend(self.order.iter().map(|&i| points[i as usize]));
+        for (axis, sorted) in self.sorted.iter_mut().enumerate() {
+            sorted.extend(self.order.iter().map(|&i| points[i as usize][axis]));
+        }
+    }
+
+    /// The squared distances of the points of a run.
+    #[inline(always)]
+    fn distances2(&self, run: Range<usize>, center: &Point3) -> impl Iterator<Item = f64> {
+        let [x, y, z] = self.sorted.each_ref().map(|sorted| &sorted[run.clone()]);
+        let from = *center;
+        x.iter().zip(y).zip(z).map(move |((x, y), z)| {
+            let [x, y, z] = [x - from.x, y - from.y, z - from.z];
+            x * x + y * y + z * z
+        })
     }
 
     #[inline(always)]
@@ -96,22 +109,28 @@ impl CellGrid {
     fn runs(&self, center: &Point3, radius: f64) -> impl Iterator<Item = Range<usize>> {
         let (low, high) = self.cells_around(center, radius);
         let rows = (low[2]..=high[2]).flat_map(move |z| (low[1]..=high[1]).map(move |y| (y, z)));
-        rows.map(move |(y, z)| {
-            let first = self.starts[self.cell_index([low[0], y, z])] as usize;
-            first..self.starts[self.cell_index([high[0], y, z]) + 1] as usize
-        })
+        rows.map(move |(y, z)| self.run(low[0], high[0], y, z))
+    }
+
+    /// The points of the cells from `first` to `last` of a row, as a range of `sorted` and `order`.
+    #[inline(always)]
+    fn run(&self, first: usize, last: usize, y: usize, z: usize) -> Range<usize> {
+        let start = self.starts[self.cell_index([first, y, z])] as usize;
+        start..self.starts[self.cell_index([last, y, z]) + 1] as usize
     }
 
     /// Calls `visit(index, squared distance)` for every point nearer to `center` than `radius`.
     pub fn for_each_within(&self, center: &Point3, radius: f64, mut visit: impl FnMut(usize, f64)) {
         let radius2 = radius * radius;
         let mut near = [(0, 0.0); 2 * WAITING];
+        let mut distances2 = [0.0; WAITING];
         let mut count = 0;
         for run in self.runs(center, radius) {
-            for (points, order) in self.sorted[run.clone()].chunks(WAITING).zip(self.order[run].chunks(WAITING)) {
+            for start in run.clone().step_by(WAITING) {
+                let part = start..run.end.min(start + WAITING);
+                distances2.iter_mut().zip(self.distances2(part.clone(), center)).for_each(|(slot, d)| *slot = d);
                 // whether a point is near can't be foretold, so nothing branches on it: one that isn't is written over
-                for (point, &index) in points.iter().zip(order) {
-                    let distance2 = (point - center).norm_squared();
+                for (&distance2, &index) in distances2.iter().zip(&self.order[part]) {
                     near[count] = (index, distance2);
                     count += usize::from(distance2 < radius2);
                 }
@@ -127,10 +146,14 @@ impl CellGrid {
     /// Whether `accept(index)` holds for a point nearer to `center` than `radius`; asks no further than the first.
     pub fn any_within(&self, center: &Point3, radius: f64, accept: impl Fn(usize) -> bool) -> bool {
         let radius2 = radius * radius;
-        self.runs(center, radius).any(|run| {
-            let mut points = self.sorted[run.clone()].iter().zip(&self.order[run]);
-            points.any(|(point, &index)| (point - center).norm_squared() < radius2 && accept(index as usize))
-        })
+        let holds = |run: Range<usize>| {
+            let mut points = self.distances2(run.clone(), center).zip(&self.order[run]);
+            points.any(|(distance2, &index)| distance2 < radius2 && accept(index as usize))
+        };
+        // mostly it holds for one close by
+        let (low, high) = self.cells_around(center, radius);
+        let [_, y, z] = self.cell_of(center);
+        holds(self.run(low[0], high[0], y, z)) || self.runs(center, radius).any(holds)
     }
 
     /// The nearest of the points that `accept(index)` takes and that lie nearer to `center` than `radius`, with its
@@ -157,10 +180,8 @@ impl CellGrid {
                 if away_z * away_z + away_y * away_y >= least {
                     continue;
                 }
-                let first = self.starts[self.cell_index([low[0], y, z])] as usize;
-                let end = self.starts[self.cell_index([high[0], y, z]) + 1] as usize;
-                for (point, &index) in self.sorted[first..end].iter().zip(&self.order[first..end]) {
-                    let distance2 = (point - center).norm_squared();
+                let run = self.run(low[0], high[0], y, z);
+                for (distance2, &index) in self.distances2(run.clone(), center).zip(&self.order[run]) {
                     if distance2 < least && accept(index as usize) {
                         (least, nearest) = (distance2, Some((index as usize, distance2)));
                     }

@@ -58,25 +58,34 @@ fn add_face(mesh: &Mesh, index: usize, areas: &mut [f64], laplacians: &mut [Vect
 
 /// The edges that belong to one face only, as (lower, higher) vertex, in ascending order.
 pub fn boundary_edges(mesh: &Mesh) -> Vec<[u32; 2]> {
-    let mut edges = sorted_edges(mesh);
-    let mut boundary = Vec::new();
-    for group in edges.chunk_by_mut(|a, b| a[..2] == b[..2]) {
-        if let [[a, b, _]] = *group {
-            boundary.push([a, b]);
-        }
-    }
-    boundary
+    let edges = sorted_edges(mesh);
+    edges.chunk_by(Edge::is_beside).filter(|group| group.len() == 1).map(|group| group[0].ends()).collect()
 }
 
-/// Every face's edges as (lower vertex, higher vertex, 1 if the face runs them upward), sorted.
-pub(super) fn sorted_edges(mesh: &Mesh) -> Vec<[u32; 3]> {
-    let mut edges: Vec<[u32; 3]> = mesh
-        .faces
-        .iter()
-        .flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]])
-        .filter(|[a, b]| a != b)
-        .map(|[a, b]| [a.min(b), a.max(b), u32::from(a < b)])
-        .collect();
+/// A face's edge: its lower and its higher vertex, and whether the face runs from the lower to the higher. One number, since
+/// numbers are sorted several times as fast as lists.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Edge(u128);
+
+impl Edge {
+    fn new(from: u32, to: u32) -> Edge {
+        Edge(u128::from(from.min(to)) << 64 | u128::from(from.max(to)) << 1 | u128::from(from < to))
+    }
+
+    fn ends(&self) -> [u32; 2] {
+        [(self.0 >> 64) as u32, (self.0 >> 1) as u32]
+    }
+
+    /// Whether both lie between the same vertices.
+    pub(super) fn is_beside(&self, other: &Edge) -> bool {
+        self.0 >> 1 == other.0 >> 1
+    }
+}
+
+/// The edges of all faces, those between the same vertices side by side, ascending.
+pub(super) fn sorted_edges(mesh: &Mesh) -> Vec<Edge> {
+    let edges = mesh.faces.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]).filter(|[a, b]| a != b);
+    let mut edges: Vec<Edge> = edges.map(|[a, b]| Edge::new(a, b)).collect();
     edges.sort_unstable();
     edges
 }

@@ -6,7 +6,7 @@ use std::collections::BinaryHeap;
 
 use rayon::prelude::*;
 
-use super::curvature::sorted_edges;
+use super::curvature::{Edge, sorted_edges};
 use super::proximity::Proximity;
 use super::samples::Samples;
 use crate::geometry::normals::least_spread;
@@ -109,10 +109,10 @@ fn pieces(mesh: &Mesh) -> Vec<Piece> {
 fn faces_agree(mesh: &Mesh) -> bool {
     let edges = sorted_edges(mesh);
     let (mut count, mut open, mut wrong) = (0usize, 0usize, 0usize);
-    for group in edges.chunk_by(|a, b| a[..2] == b[..2]) {
+    for group in edges.chunk_by(Edge::is_beside) {
         count += 1;
         open += usize::from(group.len() == 1);
-        wrong += usize::from(group.len() > 2 || (group.len() == 2 && group[0][2] == group[1][2]));
+        wrong += usize::from(group.len() > 2 || (group.len() == 2 && group[0] == group[1]));
     }
     let at_most = |number: usize, share: f64| number as f64 <= share * count as f64;
     count > 0 && at_most(wrong, MOST_WRONG_EDGES) && at_most(open, MOST_OPEN_EDGES)
