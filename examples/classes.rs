@@ -96,7 +96,7 @@ fn faces(folder: &Path) -> anyhow::Result<()> {
     let corners =
         ["eye_r_inner", "eye_l_inner", "nose_tip"].map(|name| CornerChoice { name: name.to_owned(), kind: None });
     let head = read(folder, "standard_head.ply")?;
-    let manifest = std::fs::read_to_string(folder.join("manifest.csv"))?;
+    let manifest = String::from_utf8(bytes(folder, "manifest.csv")?).context("manifest.csv is no text")?;
     let rows: Vec<(&str, bool)> = manifest.lines().skip(1).filter_map(parsed).collect();
     for (name, triangle) in
         [("face, corners chosen by the program", None), ("face, eye corners and nose", Some(corners))]
@@ -120,7 +120,7 @@ fn parsed(line: &str) -> Option<(&str, bool)> {
 }
 
 fn landmarks(folder: &Path) -> anyhow::Result<Vec<Landmark>> {
-    let file: serde_json::Value = serde_json::from_slice(&std::fs::read(folder.join("standard_face_landmarks.json"))?)?;
+    let file: serde_json::Value = serde_json::from_slice(&bytes(folder, "standard_face_landmarks.json")?)?;
     let places = file["landmarks"].as_object().context("the landmark file has no landmarks")?;
     let landmark = |(name, place): (&String, &serde_json::Value)| {
         let place: [f64; 3] = serde_json::from_value(place.clone())?;
@@ -130,6 +130,10 @@ fn landmarks(folder: &Path) -> anyhow::Result<Vec<Landmark>> {
 }
 
 fn read(folder: &Path, file: &str) -> anyhow::Result<Surface> {
-    let bytes = std::fs::read(folder.join(file)).with_context(|| format!("{file} can't be read"))?;
-    Ok(formats::read_surface(file, &bytes, &ReadLimits::default())?)
+    Ok(formats::read_surface(file, &bytes(folder, file)?, &ReadLimits::default())?)
+}
+
+fn bytes(folder: &Path, file: &str) -> anyhow::Result<Vec<u8>> {
+    std::fs::read(folder.join(file))
+        .with_context(|| format!("{}: give the folder of the labelled set that holds {file}", folder.display()))
 }
