@@ -6,13 +6,14 @@ use rayon::prelude::*;
 use super::Class;
 use super::corners::{Candidate, SelectiveTriangle};
 use crate::faces::features::{features, places};
+use crate::faces::finalists::{Finalist, distinct};
 use crate::faces::modes::Weights;
 use crate::faces::oriented::Oriented;
 use crate::faces::similarity::Similarity;
 use crate::faces::target::Target;
 use crate::faces::template::Template;
 use crate::faces::verification::{
-    Fit, KEPT_SHARE, PROPORTION_WEIGHT, Placement, RIGID_PROPORTIONS, Search, fit_pose, score,
+    KEPT_SHARE, PROPORTION_WEIGHT, Placement, RIGID_PROPORTIONS, Search, fit_pose, score,
 };
 use crate::geometry::{Point3, Unit};
 use crate::progress::{Canceled, Progress};
@@ -63,18 +64,22 @@ const SECOND_LOOK: Search = Search {
 const FINALISTS: usize = 6;
 /// A first look this many times worse than the best gets none.
 const HOPELESS: f64 = 1.8;
-/// Fits whose corners lie this near to each other stand at one place, mm on the standard.
-const SAME_PLACE_MM: f64 = 6.0;
 /// The spacing of the closer look's samples, and how far beyond the region they reach, mm on the standard.
 const FINE_SPACING_MM: f64 = 3.0;
 const FINE_MARGIN_MM: f64 = 25.0;
 
-/// A fit that may be looked at again.
+/// A finalist, and what its triangle was like.
 #[derive(Debug, Clone, Copy)]
-struct Finalist {
-    fit: Fit,
-    sign: f64,
+struct ClassFinalist {
+    finalist: Finalist,
+    /// Of the triangle.
     matching_error_mm: f64,
+}
+
+impl AsRef<Finalist> for ClassFinalist {
+    fn as_ref(&self) -> &Finalist {
+        &self.finalist
+    }
 }
 
 /// A class with its region as the fit wants it.
@@ -117,13 +122,13 @@ pub(super) fn find(
     }
     progress.check()?;
     if let Some(scale) = true_scale {
-        finalists.retain(|f| TRUE_SIZES.contains(&(f.fit.pose.scale / scale)));
+        finalists.retain(|f| TRUE_SIZES.contains(&(f.finalist.fit.pose.scale / scale)));
     }
     Ok(sought.best(surface, finalists))
 }
 
 impl Sought<'_> {
-    fn look_at_level(&self, samples: &Samples, expected: f64, sign: f64, finalists: &mut Vec<Finalist>) {
+    fn look_at_level(&self, samples: &Samples, expected: f64, sign: f64, finalists: &mut Vec<ClassFinalist>) {
         let grid = CellGrid::new(&samples.points, 0.18 * expected);
         let features = features(samples, &grid, expected);
         let places = places(samples, &grid, &features, expected, sign);
@@ -136,60 +141,43 @@ impl Sought<'_> {
             .collect();
         let looks =
             candidates.par_iter().map(|(triangle, candidate)| self.first_look(&target, triangle, candidate, sign));
-        finalists.extend(looks.collect::<Vec<Finalist>>());
+        finalists.extend(looks.collect::<Vec<ClassFinalist>>());
     }
 
-    fn first_look(&self, target: &Target, from: &SelectiveTriangle, to: &Candidate, sign: f64) -> Finalist {
+    fn first_look(&self, target: &Target, from: &SelectiveTriangle, to: &Candidate, sign: f64) -> ClassFinalist {
         let (standard, outward) = (from.detected(), from.outward());
         let pose = Similarity::of_triangles(&standard, &outward, &to.triangle, &to.outward);
         let start = Placement { pose, weights: Weights::zeros() };
         let placement = fit_pose(target, &self.template, &start, &FIRST_LOOK);
         let shape = to.triangle.shape(&to.outward);
-        Finalist {
-            fit: score(target, &self.template, FIRST_LOOK.points, &placement),
-            sign,
+        let fit = score(target, &self.template, FIRST_LOOK.points, &placement);
+        ClassFinalist {
+            finalist: Finalist { fit, sign },
             matching_error_mm: shape.matching_error(&standard.shape(&outward), standard.size()),
         }
     }
 
     /// The best of the second looks at the best of the first that stand at places of their own; ties by order.
-    fn best(&self, surface: &Oriented, mut finalists: Vec<Finalist>) -> Option<Found> {
-        finalists.sort_by(|a, b| a.fit.residual_mm.total_cmp(&b.fit.residual_mm));
-        let mut kept: Vec<Finalist> = Vec::new();
-        for finalist in finalists {
-            let hopeless = kept.first().is_some_and(|best| finalist.fit.residual_mm > HOPELESS * best.fit.residual_mm);
-            if hopeless || kept.len() == FINALISTS {
-                break;
-            }
-            if !kept.iter().any(|other| self.stand_together(other, &finalist)) {
-                kept.push(finalist);
-            }
-        }
-        let looks = kept.iter().map(|finalist| self.second_look(surface, finalist));
-        let best = looks.reduce(|best, next| if next.fit.residual_mm < best.fit.residual_mm { next } else { best })?;
-        Some(Found {
-            pose: best.fit.pose,
-            residual_mm: best.fit.residual_mm,
-            observed: best.fit.observed,
-            matching_error_mm: best.matching_error_mm,
-        })
+    fn best(&self, surface: &Oriented, finalists: Vec<ClassFinalist>) -> Option<Found> {
+        let corners: Vec<Point3> = self.class.triangles.iter().flat_map(|t| t.detected().corners).collect();
+        let kept = distinct(finalists, &corners, FINALISTS, HOPELESS);
+        let looks = kept.iter().map(|place| self.second_look(surface, place));
+        let best = looks.reduce(|best, next| if next.finalist.is_better_than(&best.finalist) { next } else { best })?;
+        let ClassFinalist { finalist: Finalist { fit, .. }, matching_error_mm } = best;
+        Some(Found { pose: fit.pose, residual_mm: fit.residual_mm, observed: fit.observed, matching_error_mm })
     }
 
-    fn stand_together(&self, a: &Finalist, b: &Finalist) -> bool {
-        let apart = |p: &Point3| (a.fit.pose.point(p) - b.fit.pose.point(p)).norm();
-        let corners = self.class.triangles.iter().flat_map(|t| t.detected().corners);
-        a.sign == b.sign && corners.into_iter().all(|corner| apart(&corner) < SAME_PLACE_MM * a.fit.pose.scale)
-    }
-
-    fn second_look(&self, surface: &Oriented, finalist: &Finalist) -> Finalist {
-        let pose = &finalist.fit.pose;
+    fn second_look(&self, surface: &Oriented, place: &ClassFinalist) -> ClassFinalist {
+        let Finalist { fit, sign } = &place.finalist;
+        let pose = &fit.pose;
         let spacing = FINE_SPACING_MM * pose.scale;
         let reach = (self.reach_mm + FINE_MARGIN_MM) * pose.scale;
         let samples = surface.sampled_around(&pose.point(&Point3::origin()), reach, spacing);
         let grid = CellGrid::new(&samples.points, 2.0 * spacing);
-        let target = Target { samples: &samples, grid: &grid, sign: finalist.sign };
+        let target = Target { samples: &samples, grid: &grid, sign: *sign };
         let search = Search { points: self.template.len(), ..SECOND_LOOK };
-        let placement = fit_pose(&target, &self.template, &finalist.fit.placement(), &search);
-        Finalist { fit: score(&target, &self.template, search.points, &placement), ..*finalist }
+        let placement = fit_pose(&target, &self.template, &fit.placement(), &search);
+        let fit = score(&target, &self.template, search.points, &placement);
+        ClassFinalist { finalist: Finalist { fit, ..place.finalist }, ..*place }
     }
 }

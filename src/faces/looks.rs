@@ -3,6 +3,7 @@
 
 use super::dense::DenseSignature;
 use super::detection::{FoundFace, MOST_SAMPLES, is_true_size};
+use super::finalists::{Finalist, distinct};
 use super::landmarks;
 use super::modes::Weights;
 use super::oriented::Oriented;
@@ -40,8 +41,6 @@ const OTHER_SIZES: [f64; 2] = [0.8, 1.25];
 const BETWEEN_THE_EYES: [f64; 3] = [0.0, 36.0, 112.0];
 /// Where the standard fits worse than this, mm, it does not lie on a face, and no other sizes are tried.
 const FAR_FROM_A_FACE_MM: f64 = 5.0;
-/// Fits whose corners lie this near to each other stand at one place, mm on the standard.
-const SAME_PLACE_MM: f64 = 6.0;
 /// The spacing of the finer samples, mm on the standard, and how far around the face they reach.
 const FINE_SPACING_MM: f64 = 3.0;
 const FINE_REACH_MM: f64 = 80.0;
@@ -56,25 +55,11 @@ const CLOSE_REACH_MM: f64 = 95.0;
 const MIDDLE: [f64; 3] = [0.0, 20.0, 100.0];
 const CLOSE_MIDDLE: [f64; 3] = [0.0, 0.0, 100.0];
 
-/// A fit that may be looked at again, with the side it was found on.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Finalist {
-    pub(super) fit: Fit,
-    pub(super) sign: f64,
-}
-
 impl Finalist {
     /// Whether a point of the surface may belong to a triangle of this face, the fits around its corners included.
     pub(super) fn reaches(&self, point: &Point3) -> bool {
         let pose = &self.fit.pose;
         (point - pose.point(&Point3::from(MIDDLE))).norm() < FINE_REACH_MM * pose.scale
-    }
-
-    /// Whether the corners of the standard's triangle lie at about the same places.
-    fn stands_with(&self, other: &Finalist, standard: &Standard) -> bool {
-        let apart = |p: &Point3| (self.fit.pose.point(p) - other.fit.pose.point(p)).norm();
-        let most = SAME_PLACE_MM * self.fit.pose.scale;
-        self.sign == other.sign && standard.annotated.corners.iter().all(|corner| apart(corner) < most)
     }
 
     /// The plain standard at the same place, larger. Its proportions are taken back about the middle of the head: a
@@ -85,22 +70,6 @@ impl Finalist {
         let pose = Similarity { stretch: Vector3::repeat(1.0), ..grown };
         Finalist { fit: Fit { pose, weights: Weights::zeros(), ..self.fit }, ..*self }
     }
-}
-
-/// The best few that stand at places of their own: many triangles lead to the same one. Ties by order.
-fn distinct(mut finalists: Vec<Finalist>, standard: &Standard) -> Vec<Finalist> {
-    finalists.sort_by(|a, b| a.fit.residual_mm.total_cmp(&b.fit.residual_mm));
-    let mut kept: Vec<Finalist> = Vec::new();
-    for finalist in finalists {
-        let hopeless = kept.first().is_some_and(|best| finalist.fit.residual_mm > HOPELESS * best.fit.residual_mm);
-        if hopeless || kept.len() == FINALISTS {
-            break;
-        }
-        if !kept.iter().any(|other| other.stands_with(&finalist, standard)) {
-            kept.push(finalist);
-        }
-    }
-    kept
 }
 
 /// The second looks taken at a surface.
@@ -135,7 +104,7 @@ impl<'a> Looks<'a> {
 
     /// Looks at the best of all first fits until one shows a face.
     pub(super) fn take_at_best_of(&mut self, finalists: Vec<Finalist>) {
-        for finalist in distinct(finalists, self.standard) {
+        for finalist in distinct(finalists, &self.standard.annotated.corners, FINALISTS, HOPELESS) {
             if self.face().is_some() {
                 break;
             }
@@ -150,7 +119,7 @@ impl<'a> Looks<'a> {
         self.taken.push(*first);
         let near = around(self.surface, &first.fit.pose, MIDDLE, FINE_SPACING_MM, FINE_REACH_MM);
         let look = second_look(&near, first);
-        if self.best.as_ref().is_none_or(|(best, _)| is_better(&look, best)) {
+        if self.best.as_ref().is_none_or(|(best, _)| look.is_better_than(best)) {
             self.best = Some((look, near));
         }
     }
@@ -161,13 +130,9 @@ impl<'a> Looks<'a> {
         let sizes = OTHER_SIZES.iter().filter(|_| best.fit.residual_mm <= FAR_FROM_A_FACE_MM);
         let others = sizes.map(|growth| second_look(&near, &best.grown(*growth)));
         let possible = others.filter(|other| is_true_size(other.fit.pose.scale, self.unit));
-        let best = possible.fold(best, |best, other| if is_better(&other, &best) { other } else { best });
+        let best = possible.fold(best, |best, other| if other.is_better_than(&best) { other } else { best });
         Some(closest_look(self.surface, &best))
     }
-}
-
-fn is_better(one: &Finalist, other: &Finalist) -> bool {
-    one.fit.residual_mm < other.fit.residual_mm
 }
 
 fn second_look((samples, grid): &(Samples, CellGrid), finalist: &Finalist) -> Finalist {

@@ -8,6 +8,7 @@ pub mod candidates;
 pub mod dense;
 pub mod detection;
 pub mod features;
+pub(crate) mod finalists;
 pub mod judgement;
 pub mod landmarks;
 mod looks;
