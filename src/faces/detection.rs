@@ -55,7 +55,7 @@ const FIRST_LOOK: Search = Search {
 /// What the cheap part found, and what became of the best of it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Detection {
-    /// The facial triangles of all levels, cheapest first.
+    /// The facial triangles of the levels that were searched, cheapest first; see [`detect`].
     pub candidates: Vec<Candidate>,
     /// The best fit of the standard's surface, if any triangle was worth a closer look.
     pub face: Option<FoundFace>,
@@ -100,9 +100,13 @@ pub fn detect(surface: &Oriented, unit: Unit, standard: &Standard, progress: &Pr
     let mut looks = Looks::new(surface, unit, standard);
     for (expected, samples) in sampled_levels(surface, unit, progress)?.iter().rev() {
         progress.check()?;
+        let face = looks.face();
+        if face.is_some_and(|face| *expected < LEAST_LEVEL_OF_FACE * INNER_EYE_DISTANCE_MM * face.fit.pose.scale) {
+            break;
+        }
         let level =
             Level { samples, expected: *expected, grid: CellGrid::new(&samples.points, CELL * expected), standard };
-        if let Some(face) = looks.face() {
+        if let Some(face) = face {
             candidates.extend(level.triangles_of(face));
             continue;
         }
@@ -169,9 +173,6 @@ impl Level<'_> {
 
     /// The triangles that stand on a face.
     fn triangles_of(&self, face: &Finalist) -> Vec<Candidate> {
-        if self.expected < LEAST_LEVEL_OF_FACE * INNER_EYE_DISTANCE_MM * face.fit.pose.scale {
-            return Vec::new();
-        }
         let features = features_where(self.samples, &self.grid, self.expected, |point| face.reaches(point));
         self.candidates(&features, face.sign)
     }

@@ -198,17 +198,6 @@ mod tests {
         mesh
     }
 
-    /// The built-in face itself as an open mesh of 2 mm squares.
-    fn relief() -> Mesh {
-        let (columns, rows) = (56u32, 51u32);
-        let places =
-            (0..columns * rows).map(|k| (f64::from(k % columns) * 2.0 - 55.0, f64::from(k / columns) * 2.0 - 29.0));
-        let vertices = places.map(|(x, y)| template::at(x, y).0).collect();
-        let corners = (0..rows - 1).flat_map(|row| (0..columns - 1).map(move |column| row * columns + column));
-        let faces = corners.flat_map(|a| [[a, a + 1, a + columns + 1], [a, a + columns + 1, a + columns]]).collect();
-        Mesh { vertices, faces }
-    }
-
     fn first_fit(shift: Vector3) -> Finalist {
         let motion = Motion::new(shift, Vector3::zeros());
         let pose = Similarity { scale: 1.0, stretch: Vector3::repeat(1.0), motion };
@@ -217,7 +206,7 @@ mod tests {
 
     #[test]
     fn once_a_face_is_found_no_other_place_is_looked_at() {
-        let mesh = relief();
+        let mesh = template::tests::relief_mesh();
         let bounds = mesh.bounds().expect("it has vertices");
         let surface = Oriented { form: Form::Mesh(&mesh), bounds, side: Side::Outward };
         let standard = crate::faces::standard::face();

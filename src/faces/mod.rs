@@ -215,22 +215,11 @@ pub(crate) mod tests {
         assert!(verdict.score > 0.5 && is_at_its_places(&verdict, &Motion::identity()), "{verdict:?}");
     }
 
-    /// The built-in face itself as an open mesh of 1.5 mm squares.
-    fn relief_mesh() -> Surface {
-        let (columns, rows) = (75, 68);
-        let points = (0..columns * rows)
-            .map(|k| (f64::from(k % columns) * 1.5 - 55.5, f64::from(k / columns) * 1.5 - 29.0))
-            .map(|(x, y)| template::at(x, y).0)
-            .collect();
-        let corners = (0..rows - 1).flat_map(|row| (0..columns - 1).map(move |column| (row * columns + column) as u32));
-        let (right, up) = (1, columns as u32);
-        let faces = corners.flat_map(|a| [[a, a + right, a + up + right], [a, a + up + right, a + up]]).collect();
-        Surface { cloud: Cloud::from_points(points), faces, ..Surface::default() }
-    }
-
     #[test]
     fn the_built_in_face_passes_its_own_check_where_the_standard_says() {
-        let signature = describe(&relief_mesh(), Unit::Mm, &Progress::silent()).expect("a sound surface");
+        let Mesh { vertices, faces } = template::tests::relief_mesh();
+        let relief = Surface { cloud: Cloud::from_points(vertices), faces, ..Surface::default() };
+        let signature = describe(&relief, Unit::Mm, &Progress::silent()).expect("a sound surface");
         let standard = standard::face();
         let verdict = judge(&signature, &standard, MatchMethod::Verified);
         assert!(verdict.score > 0.99, "{verdict:?}");

@@ -140,8 +140,22 @@ fn spread(region: Vec<Node>, count: usize) -> Template {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
+    use crate::geometry::Mesh;
+
+    /// The built-in face itself as an open mesh of 1.5 mm squares.
+    pub(in crate::faces) fn relief_mesh() -> Mesh {
+        let (columns, rows) = (75, 68);
+        let vertices = (0..columns * rows)
+            .map(|k| (f64::from(k % columns) * 1.5 - 55.5, f64::from(k / columns) * 1.5 - 29.0))
+            .map(|(x, y)| at(x, y).0)
+            .collect();
+        let corners = (0..rows - 1).flat_map(|row| (0..columns - 1).map(move |column| (row * columns + column) as u32));
+        let (right, up) = (1, columns as u32);
+        let faces = corners.flat_map(|a| [[a, a + right, a + up + right], [a, a + up + right, a + up]]).collect();
+        Mesh { vertices, faces }
+    }
 
     #[test]
     fn every_prefix_is_spread_over_the_region() {

@@ -63,7 +63,7 @@ pub fn boundary_edges(mesh: &Mesh) -> Vec<[u32; 2]> {
 }
 
 /// A face's edge: its lower and its higher vertex, and whether the face runs from the lower to the higher. One number, since
-/// numbers are sorted several times as fast as lists.
+/// numbers are sorted faster than lists.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Edge(u128);
 
