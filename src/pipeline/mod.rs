@@ -14,7 +14,8 @@ pub use crate::reconstruction::merge::ModelCloud;
 use crate::reconstruction::merge::{PosedView, merge};
 use crate::registration::covariance;
 pub use crate::registration::method::Method;
-use crate::registration::multiview::{self, Multiview};
+use crate::registration::multiview::Multiview;
+use crate::registration::resolution::resolution;
 use crate::registration::report::RegistrationReport;
 use crate::registration::rough::scan_set::Registered;
 use crate::registration::sensor::Sensor;
@@ -153,7 +154,7 @@ pub fn run_from(
     let positions: Vec<Option<Vector3>> = sensors.iter().map(|sensor| sensor.and_then(|s| s.position())).collect();
     verdict.look(&views, &positions, &result, &names);
     let known = covariance::of_result(&views, &result);
-    verdict.weigh(&known, multiview::common_spacing(&views), &names);
+    verdict.weigh(&known, resolution(&views, &result), &names);
     let report = RegistrationReport::new(options.method, unit.name(), &names, &views, &result, &known, verdict);
 
     let merged = merge_views(&scans, &views, &sensors, &result, options, progress)?;
@@ -285,10 +286,10 @@ fn merge_views(
     Ok(Some(merge(&posed, progress)?))
 }
 
-/// Where the scanner stood, in the view's local frame: from the file, else from the options.
+/// Where the scanner stood, in the view's local frame: from the file, else from the options, else read off the scan.
 fn sensor_of(scan: &NamedScan, view: &View, options: &Options) -> Option<Sensor> {
-    let position = scan.surface.sensor.map(|p| p.coords).or(options.sensor.map(Vector3::from))?;
-    Some(Sensor::At(position * view.scale - view.center))
+    let told = scan.surface.sensor.map(|p| p.coords).or(options.sensor.map(Vector3::from));
+    told.map(|position| Sensor::At(position * view.scale - view.center)).or(view.sensor)
 }
 
 /// The signature, or `None` if the surface is too poor to have one.

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use super::{Method, NamedScan, Options, PipelineError, bad_option, sensor_of};
 use crate::geometry::{Motion, se3};
 use crate::progress::{Canceled, Progress, Stage};
-use crate::registration::multiview::{self, Multiview, MultiviewOptions};
+use crate::registration::multiview::{Multiview, MultiviewOptions};
 use crate::registration::rough::placement::place;
 use crate::registration::rough::report::PlacementReport;
 use crate::registration::rough::scan_set::{Registered, Set};
@@ -277,7 +277,7 @@ impl Task<'_> {
 
     fn judged(&self, views: &[View], placement: PlacementReport, result: Multiview) -> Registered {
         self.progress.report(Stage::Judging, 0.0);
-        let verdict = quality::judge(views, &result, multiview::common_spacing(views), self.names);
+        let verdict = quality::judge(views, &result, self.names);
         Registered { result, verdict, placement }
     }
 }

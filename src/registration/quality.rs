@@ -8,12 +8,14 @@ use rayon::prelude::*;
 
 use super::covariance::PoseCovariance;
 use super::free_space::intrusions;
-use super::multiview::{Multiview, PairOutcome, common_spacing};
+use super::multiview::{Multiview, PairOutcome};
+use super::resolution::resolution;
 use super::view::View;
 use super::walls::mixed_faces;
 use super::weak_axes::weak_axes;
 use crate::geometry::Vector3;
 use crate::geometry::neighbours::LocalPoint;
+use crate::geometry::normals;
 
 /// "Near" in spacings.
 pub const NEAR: f64 = 8.0;
@@ -66,7 +68,8 @@ pub(super) mod limits {
 }
 
 /// Judges a registration of the views with these names.
-pub fn judge(views: &[View], result: &Multiview, spacing: f64, names: &[String]) -> Verdict {
+pub fn judge(views: &[View], result: &Multiview, names: &[String]) -> Verdict {
+    let spacing = resolution(views, result);
     let sharpness = sharpness(views, result, spacing);
     let mut verdict = Verdict { quality: Quality::Good, reasons: Vec::new(), sharpness };
     judge_placement(result, names, &mut verdict);
@@ -99,7 +102,7 @@ impl Verdict {
     /// Adds what the scanners saw: a view may not have surface where another looked through. `sensors` are positions
     /// in the views' local frames, where known.
     pub fn look(&mut self, views: &[View], sensors: &[Option<Vector3>], result: &Multiview, names: &[String]) {
-        let spacing = common_spacing(views);
+        let spacing = resolution(views, result);
         for found in intrusions(views, sensors, &result.local_poses, &result.placed, spacing) {
             if found.points >= limits::LOOKED_THROUGH_POINTS && found.share > limits::LOOKED_THROUGH {
                 let (name, other) = (&names[found.view], &names[found.seen_by]);
@@ -198,11 +201,13 @@ fn judge_walls(result: &Multiview, names: &[String], verdict: &mut Verdict) {
 
 /// Sample points of a view at which sharpness is measured, at most: a share to about 3 %.
 const MAX_SAMPLES: usize = 400;
+/// A point that lies farther than this beside the nearest point of another view, in spacings, lies beyond its rim.
+const BESIDE: f64 = 2.0;
 
-/// Sharpness of each view against all placed views that overlap it, together.
+/// Sharpness of each view against all placed views that overlap it, together. `spacing` is what the views resolve.
+///
+/// A point touches if another view has a point there or goes through there as a plane; beyond a rim it has no counterpart.
 pub fn sharpness(views: &[View], result: &Multiview, spacing: f64) -> Vec<Option<f64>> {
-    let near2 = (NEAR * spacing).powi(2) as f32;
-    let touching2 = (TOUCHING * spacing).powi(2) as f32;
     (0..views.len())
         .into_par_iter()
         .map(|i| {
@@ -213,24 +218,57 @@ pub fn sharpness(views: &[View], result: &Multiview, spacing: f64) -> Vec<Option
             others.retain(|&j| result.overlaps.directed(i, j) > 0.0);
             // the view that is most likely to have the nearest point is asked first, mostly the only one
             others.sort_by(|&a, &b| result.overlaps.directed(i, b).total_cmp(&result.overlaps.directed(i, a)));
-            let motions: Vec<nalgebra::Isometry3<f32>> =
-                others.iter().map(|&j| result.local_poses[j].inv_mul(&result.local_poses[i]).cast()).collect();
+            let others: Vec<(&View, nalgebra::Isometry3<f32>)> = others
+                .iter()
+                .map(|&j| (&views[j], result.local_poses[j].inv_mul(&result.local_poses[i]).cast()))
+                .collect();
             let (mut near, mut touching) = (0usize, 0usize);
             let points = views[i].points();
             for sample in points.iter().step_by(points.len().div_ceil(MAX_SAMPLES)) {
-                let mut nearest2 = near2;
-                for (j, motion) in others.iter().zip(&motions) {
-                    let moved: LocalPoint = (motion * nalgebra::Point3::from(*sample)).coords.into();
-                    nearest2 = views[*j].indexed.tree.nearest(&moved, nearest2).map_or(nearest2, |n| n.distance2);
-                    // one that touches is enough
-                    if nearest2 < touching2 {
-                        break;
-                    }
+                match encounter(&others, sample, spacing) {
+                    Encounter::Touches => (near, touching) = (near + 1, touching + 1),
+                    Encounter::Misses => near += 1,
+                    Encounter::Alone => {}
                 }
-                near += usize::from(nearest2 < near2);
-                touching += usize::from(nearest2 < touching2);
             }
             (near > 0).then(|| touching as f64 / near as f64)
         })
         .collect()
+}
+
+/// What a point of a view meets.
+enum Encounter {
+    Touches,
+    Misses,
+    Alone,
+}
+
+fn encounter(others: &[(&View, nalgebra::Isometry3<f32>)], sample: &LocalPoint, spacing: f64) -> Encounter {
+    let touching = (TOUCHING * spacing) as f32;
+    let mut nearest2 = (NEAR * spacing).powi(2) as f32;
+    let mut nearest: Option<(&View, LocalPoint, u32)> = None;
+    for (view, motion) in others {
+        let moved: LocalPoint = (motion * nalgebra::Point3::from(*sample)).coords.into();
+        if let Some(found) = view.indexed.tree.nearest(&moved, nearest2) {
+            (nearest2, nearest) = (found.distance2, Some((*view, moved, found.index)));
+        }
+        // one that touches is enough
+        if nearest2 < touching * touching {
+            return Encounter::Touches;
+        }
+    }
+    let Some((view, moved, index)) = nearest else { return Encounter::Alone };
+    let place = view.points()[index as usize];
+    let mut found = Vec::new();
+    view.indexed.tree.k_nearest(&place, normals::NEIGHBOURS, f32::INFINITY, &mut found);
+    let normal = nalgebra::Vector3::from(normals::plane_through(view.points(), &found).normal);
+    let offset = nalgebra::Vector3::from(moved) - nalgebra::Vector3::from(place);
+    let height = normal.dot(&offset).abs();
+    if offset.norm_squared() - height * height > ((BESIDE * spacing) as f32).powi(2) {
+        Encounter::Alone
+    } else if height < touching {
+        Encounter::Touches
+    } else {
+        Encounter::Misses
+    }
 }

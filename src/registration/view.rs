@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use super::sensor::Sensor;
+use super::viewpoint;
 use crate::geometry::neighbours::{IndexedPoints, LocalPoint};
 use crate::geometry::normals;
 use crate::geometry::thinning::representatives;
@@ -27,7 +28,8 @@ pub struct View {
     /// L_r of an organised scan: the distance of points seen by pixels side by side. Larger than `spacing`, for which
     /// the nearer of all neighbours counts.
     pub resolution: Option<f64>,
-    /// Where the scanner stood (local frame), if that was told.
+    /// Where the scanner stood (local frame): as the file says, or the origin of the scan's frame where the scan shows that
+    /// it was taken from there.
     pub sensor: Option<Sensor>,
 }
 
@@ -67,18 +69,21 @@ impl View {
         }
         let indexed = IndexedPoints::new(points);
         let samples = evenly_sampled(&indexed.points, SAMPLES);
-        let (mut distances2, mut residuals) = neighbourhoods(&indexed, &samples);
+        let origin = -center;
+        let Measured { mut distances2, mut residuals, solid_angles } = neighbourhoods(&indexed, &samples, &origin);
         let spacing = f64::from(median(&mut distances2).ok_or(UnusableScan::NoExtent)?).sqrt();
         let range_accuracy = f64::from(median(&mut residuals).unwrap_or(0.0));
-        Ok(View { indexed, center, spacing, range_accuracy, radius, scale: 1.0, resolution: None, sensor: None })
+        let is_viewpoint = viewpoint::is_even(solid_angles) && viewpoint::is_single(&indexed.points, &origin);
+        let sensor = is_viewpoint.then_some(Sensor::At(origin));
+        Ok(View { indexed, center, spacing, range_accuracy, radius, scale: 1.0, resolution: None, sensor })
     }
 
     /// Prepares a scan with what its grid tells, if it has one.
     pub fn of(surface: &Surface) -> Result<Self, UnusableScan> {
         let resolution = surface.grid.as_ref().and_then(|grid| organised::resolution(grid, &surface.cloud));
         let view = View::new(&surface.cloud)?;
-        let sensor = surface.sensor.map(|position| Sensor::At(position.coords - view.center));
-        Ok(View { resolution, sensor, ..view })
+        let told = surface.sensor.map(|position| Sensor::At(position.coords - view.center));
+        Ok(View { resolution, sensor: told.or(view.sensor), ..view })
     }
 
     /// Leaves out the points for which `kept` does not hold, if they are a few specks: these change neither what was
@@ -145,10 +150,19 @@ fn evenly_sampled(points: &[LocalPoint], count: usize) -> Vec<LocalPoint> {
     (0..count).map(|k| points[k * points.len() / count]).collect()
 }
 
-/// The squared distance of the nearest neighbour that is no duplicate, of samples that have one, and the residual of the
-/// local plane, of all: both from one search.
-fn neighbourhoods(indexed: &IndexedPoints, samples: &[LocalPoint]) -> (Vec<f32>, Vec<f32>) {
-    let measured: Vec<(Option<f32>, f32)> = samples
+/// What is measured at some places of a scan.
+struct Measured {
+    /// Squared distances of the nearest neighbour that is no duplicate, where there is one.
+    distances2: Vec<f32>,
+    /// Residuals of the local planes.
+    residuals: Vec<f32>,
+    /// What a point stands for, seen from an eye.
+    solid_angles: Vec<f64>,
+}
+
+/// Measures the surroundings of samples: all from one search.
+fn neighbourhoods(indexed: &IndexedPoints, samples: &[LocalPoint], eye: &Vector3) -> Measured {
+    let measured: Vec<(Option<f32>, f32, Option<f64>)> = samples
         .par_chunks(CHUNK)
         .flat_map_iter(|samples| {
             // most of a scan is about as dense: a good guess, the same for any threads
@@ -158,12 +172,16 @@ fn neighbourhoods(indexed: &IndexedPoints, samples: &[LocalPoint]) -> (Vec<f32>,
                 let distances2 = || found.iter().map(|n| n.distance2);
                 guess2 = GUESS * distances2().fold(0.0, f32::max);
                 let nearest2 = distances2().filter(|d| *d > 0.0).min_by(f32::total_cmp);
-                (nearest2, normals::plane_through(&indexed.points, &found).rms)
+                let solid_angle = viewpoint::solid_angle(&indexed.points, sample, &found, eye);
+                (nearest2, normals::plane_through(&indexed.points, &found).rms, solid_angle)
             })
         })
         .collect();
-    let distances2 = measured.iter().filter_map(|(nearest2, _)| *nearest2).collect();
-    (distances2, measured.into_iter().map(|(_, residual)| residual).collect())
+    Measured {
+        distances2: measured.iter().filter_map(|(nearest2, ..)| *nearest2).collect(),
+        residuals: measured.iter().map(|(_, residual, _)| *residual).collect(),
+        solid_angles: measured.iter().filter_map(|(.., solid_angle)| *solid_angle).collect(),
+    }
 }
 
 /// The lower median; `None` of nothing.

@@ -137,7 +137,7 @@ pub(super) fn touching(scene: &Scene, measured: &[Link]) -> f64 {
         .iter()
         .take(WITNESSES)
         .filter(|link| link.is_promising())
-        .filter_map(|link| contact(&scene.views[link.i], &scene.views[link.j], &link.motion_i_j, scene.spacing))
+        .filter_map(|link| contact(&scene.views[link.i], &scene.views[link.j], &link.motion_i_j, scene.resolution))
         .map(|contact| contact.touching)
         .collect();
     shares.iter().sum::<f64>() / shares.len().max(1) as f64

@@ -106,7 +106,7 @@ impl<'a> Glanced<'a> {
         let sight = &self.sketch.sight;
         match sight.look(place) {
             Seen::Surface { height } => height > IN_FRONT * edge,
-            Seen::Rim => false,
+            Seen::Rim | Seen::Unknown => false,
             Seen::Nothing => {
                 let toward = sight.toward_scanner(place);
                 toward.dot(normal) > FACING * toward.norm()

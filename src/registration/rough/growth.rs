@@ -303,7 +303,7 @@ mod tests {
         let sensors = directions.iter().map(|direction| Some(Sensor::Toward(*direction)));
         let sketches: Vec<Sketch> =
             views.iter().zip(sensors).map(|(view, sensor)| Sketch::new(view, EDGE, sensor)).collect();
-        let scene = Scene { views: &views, sketches: &sketches, spacing: 1.0, edge: EDGE, noise: 0.05 };
+        let scene = Scene { views: &views, sketches: &sketches, resolution: 1.0, edge: EDGE, noise: 0.05 };
         let link = |i: usize, j: usize, shift: Vector3| {
             let motion_i_j = Motion::from(nalgebra::Translation3::from(shift));
             Link { i, j, motion_i_j, evidence: verify(&sketches[i], &sketches[j], &motion_i_j, EDGE, 400) }

@@ -8,6 +8,7 @@
 pub mod alignment;
 pub mod assembly;
 pub mod confidence;
+pub mod cropped;
 pub mod consensus;
 pub mod descriptor;
 pub mod glance;
@@ -32,21 +33,25 @@ pub mod verification;
 
 use rayon::prelude::*;
 
+use self::cropped::crop;
 use self::assembly::{Assembly, assemble};
 use self::group::Group;
 use self::link::Link;
 use self::other_side::try_other_sides;
-use self::scene::{Scene, noise_level};
+use self::scene::{Scene, noise_level, resolution};
 use self::sketch::{Sketch, sketch_all};
 use self::standing::Standing;
 use super::multiview;
 use super::sensor::Sensor;
 use super::view::View;
 use crate::geometry::Motion;
+use crate::geometry::thinning::thin;
 use crate::progress::{Canceled, Progress, Stage};
 
 /// About how many surfels stand for a view.
 const SURFELS: f64 = 1500.0;
+/// Voxels of a view at most, on average.
+const MOST_SURFELS: f64 = 2200.0;
 /// A voxel narrower than this (in spacings) holds too few points to average.
 const FINEST_EDGE: f64 = 2.5;
 /// A view of n points has about `n (EDGE_FACTOR / edge)^2` voxels of an edge given in spacings.
@@ -114,9 +119,15 @@ impl Search {
 }
 
 /// The edge of the voxels, in the unit of the scans.
+///
+/// From the number of points, as if they were spread evenly; wider where that gives many more voxels, as in rooms and
+/// streets, where most points lie near the scanner.
 pub fn edge_of(views: &[View]) -> f64 {
-    let points = views.iter().map(|view| view.points().len() as f64).sum::<f64>() / views.len().max(1) as f64;
-    multiview::common_spacing(views) * (EDGE_FACTOR * (points / SURFELS).sqrt()).max(FINEST_EDGE)
+    let count = views.len().max(1) as f64;
+    let points = views.iter().map(|view| view.points().len() as f64).sum::<f64>() / count;
+    let edge = multiview::common_spacing(views) * (EDGE_FACTOR * (points / SURFELS).sqrt()).max(FINEST_EDGE);
+    let voxels: usize = views.par_iter().map(|view| thin(view.points(), edge as f32).centroids.len()).sum();
+    edge * (voxels as f64 / count / MOST_SURFELS).sqrt().max(1.0)
 }
 
 /// Groups `views` and finds poses within each group. The largest group is told apart first; what is left is a set of
@@ -178,12 +189,19 @@ fn rough_at_once(
     let mut links: Vec<Link> = links.into_iter().flatten().collect();
     let mut noise = noise_level(&links, edge);
     let spacing = multiview::common_spacing(views);
-    let scene = Scene { views, sketches: &sketches, spacing, edge, noise };
+    let scene = Scene { views, sketches: &sketches, resolution: resolution(spacing, noise, edge), edge, noise };
     let mut assembly = assemble(&scene, &links, Vec::new(), progress)?;
+    if !thorough::is_settled(&scene, &links, &assembly) && crop(&mut sketches, &links) {
+        links = links_of_cropped(&sketches, given, links, edge, progress)?;
+        noise = noise_level(&links, edge);
+        let scene = Scene { views, sketches: &sketches, resolution: resolution(spacing, noise, edge), edge, noise };
+        assembly = assemble(&scene, &links, Vec::new(), progress)?;
+    }
+    let scene = Scene { views, sketches: &sketches, resolution: resolution(spacing, noise, edge), edge, noise };
     if !thorough::is_settled(&scene, &links, &assembly) {
         let is_changed = try_other_sides(views, given, &mut sketches, &mut links, edge, progress)?;
         noise = noise_level(&links, edge);
-        let scene = Scene { views, sketches: &sketches, spacing, edge, noise };
+        let scene = Scene { views, sketches: &sketches, resolution: resolution(spacing, noise, edge), edge, noise };
         if is_changed {
             assembly = assemble(&scene, &links, Vec::new(), progress)?;
         }
@@ -192,6 +210,30 @@ fn rough_at_once(
     let Assembly { groups, ambiguous } = assembly;
     let search = Search { views: (0..views.len()).collect(), sketches, links, edge, noise };
     Ok(Rough { groups, ambiguous, searches: vec![search] })
+}
+
+/// The links of pairs with a cropped view, made anew; the others as they are.
+fn links_of_cropped(
+    sketches: &[Sketch],
+    given: &[Option<Motion>],
+    links: Vec<Link>,
+    edge: f64,
+    progress: &Progress,
+) -> Result<Vec<Link>, Canceled> {
+    let is_cropped = |i: usize, j: usize| sketches[i].sight.is_cropped() || sketches[j].sight.is_cropped();
+    let n = sketches.len();
+    let pairs: Vec<(usize, usize)> =
+        (0..n).flat_map(|i| (i + 1..n).map(move |j| (i, j))).filter(|&(i, j)| is_cropped(i, j)).collect();
+    let found: Vec<Vec<Link>> = pairs
+        .par_iter()
+        .with_max_len(1)
+        .map(|&(i, j)| {
+            progress.check()?;
+            Ok(pair_links(sketches, i, j, told(given, i, j), edge))
+        })
+        .collect::<Result<_, Canceled>>()?;
+    let kept = links.into_iter().filter(|link| !is_cropped(link.i, link.j));
+    Ok(kept.chain(found.into_iter().flatten()).collect())
 }
 
 /// The best ways to lay two views on each other; `told` is one that was given.

@@ -32,7 +32,10 @@ pub fn try_other_sides(
         if clarity >= UNCLEAR {
             continue;
         }
-        let reversed = Sketch::new(&views[view], edge, Some(sketches[view].sensor.reversed()));
+        let mut reversed = Sketch::new(&views[view], edge, Some(sketches[view].sensor.reversed()));
+        if sketches[view].sight.is_cropped() {
+            reversed.sight.crop();
+        }
         let before = std::mem::replace(&mut sketches[view], Sketch { side_clarity: clarity, ..reversed });
         let found = links_of_view(sketches, given, view, edge, progress)?;
         if fit(&found, view, views.len()) > BETTER * fit(links, view, views.len()) {

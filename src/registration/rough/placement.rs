@@ -8,9 +8,10 @@ use super::standing::Standing;
 use super::{Search, rough};
 use crate::geometry::Motion;
 use crate::progress::{Canceled, Progress};
-use crate::registration::multiview::{self, Multiview, PairOutcome};
+use crate::registration::multiview::{Multiview, PairOutcome};
 use crate::registration::overlap::OverlapMatrix;
 use crate::registration::quality::{self, Verdict};
+use crate::registration::resolution::resolution;
 use crate::registration::view::View;
 
 /// Where a view's pose came from.
@@ -114,7 +115,7 @@ fn settle_group(
 
 /// How the views of a refined group stand; `members` are its views.
 fn standings_of(members: &[View], views: &[usize], refined: &Multiview, search: &Search) -> Vec<Standing> {
-    let sharpness = quality::sharpness(members, refined, multiview::common_spacing(members));
+    let sharpness = quality::sharpness(members, refined, resolution(members, refined));
     let mut standings = search.standings(views, &refined.local_poses);
     for (standing, sharpness) in standings.iter_mut().zip(sharpness) {
         standing.sharpness = sharpness.unwrap_or(0.0);
@@ -131,7 +132,7 @@ fn held_together(set: &Set, group: &Group, refined: &Multiview, found: &[Standin
     }
     let members: Vec<View> = group.views.iter().map(|view| set.views[*view].clone()).collect();
     let names: Vec<String> = group.views.iter().map(|view| set.names[*view].clone()).collect();
-    let mut verdict = quality::judge(&members, refined, multiview::common_spacing(&members), &names);
+    let mut verdict = quality::judge(&members, refined, &names);
     verdict.doubt(&found.iter().map(confidence).collect::<Vec<f64>>(), &refined.placed, &names);
     Some(PlacedGroup {
         views: kept.iter().map(|k| group.views[*k]).collect(),

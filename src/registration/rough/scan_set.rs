@@ -5,7 +5,7 @@ use super::placement::{Refine, place};
 use super::report::PlacementReport;
 use crate::geometry::Motion;
 use crate::progress::{Canceled, Progress, Stage};
-use crate::registration::multiview::{self, Multiview};
+use crate::registration::multiview::Multiview;
 use crate::registration::quality::{self, Quality, Verdict};
 use crate::registration::sensor::Sensor;
 use crate::registration::view::View;
@@ -60,6 +60,6 @@ impl Set<'_> {
 
     fn judge(&self, result: &Multiview, progress: &Progress) -> Verdict {
         progress.report(Stage::Judging, 0.0);
-        quality::judge(self.views, result, multiview::common_spacing(self.views), self.names)
+        quality::judge(self.views, result, self.names)
     }
 }

@@ -17,8 +17,8 @@ pub struct Scene<'a> {
     pub views: &'a [View],
     /// and their sketches.
     pub sketches: &'a [Sketch],
-    /// The common spacing of the views.
-    pub spacing: f64,
+    /// What the set can resolve: lengths by which surfaces at full resolution are compared. See [`resolution`].
+    pub resolution: f64,
     /// Edge of the surfels' voxels.
     pub edge: f64,
     /// Root mean square distance, in edges, of surfaces that are the same: the set's own level of noise.
@@ -37,6 +37,15 @@ impl Scene<'_> {
         let excess = evidence.rms() / (self.edge * TOLERATED_NOISE * self.noise);
         (excess * excess).max(1.0)
     }
+}
+
+/// Surfaces that are the same lie within so many root mean squares of their distance.
+const WITHIN: f64 = 2.0;
+
+/// What scans can resolve: the larger of their spacing and of how far apart surfaces lie that are the same. Depth cameras
+/// sample far more finely than they measure.
+pub fn resolution(spacing: f64, noise: f64, edge: f64) -> f64 {
+    spacing.max(WITHIN * noise * edge)
 }
 
 /// The noise of a set by its links: a low quantile of the best, since most of the rest may be wrong.

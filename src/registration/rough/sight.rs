@@ -2,6 +2,7 @@
 
 use crate::geometry::neighbours::LocalPoint;
 use crate::registration::sensor::Sensor;
+use crate::registration::view::median;
 
 /// Cells along a side, at most: a stray point far away must not make a picture of gigabytes. What falls outside is not
 /// seen, so it speaks against nothing.
@@ -12,12 +13,14 @@ const MOST_CELLS: f32 = 1024.0;
 pub struct SightMap {
     /// Rows: across, upward, towards the scanner.
     frame: nalgebra::Matrix3<f32>,
-    /// Where the scanner stood, if near enough to matter.
-    eye: Option<nalgebra::Vector3<f32>>,
+    /// Where the scanner stood, if near enough to matter, and the typical distance of what it saw.
+    eye: Option<(nalgebra::Vector3<f32>, f32)>,
     cell: f32,
     origin: [f32; 2],
     columns: usize,
     rows: usize,
+    /// Whether the scanner's field of view ends somewhere on the surface: beyond the picture nothing is known.
+    is_cropped: bool,
     /// Greatest height towards the scanner seen in the cell or one of its neighbours; -infinity where nothing was seen in
     /// any of them, not a number where only in a neighbour.
     nearest: Vec<f32>,
@@ -35,23 +38,30 @@ pub enum Seen {
     Rim,
     /// Nothing far and wide.
     Nothing,
+    /// It did not look there, as far as is known.
+    Unknown,
 }
 
 impl SightMap {
     /// The picture that `points` make, in cells of side `cell`.
     pub fn new(points: &[LocalPoint], sensor: &Sensor, cell: f64) -> Self {
-        let toward = sensor.direction_from(&[0.0; 3]).normalize().cast::<f32>();
+        let toward = sensor.direction_from(&[0.0; 3]).cast::<f32>().try_normalize(f32::MIN_POSITIVE).unwrap_or_else(nalgebra::Vector3::z);
         let mut least = nalgebra::Vector3::zeros();
         least[toward.iamin()] = 1.0;
         let across = toward.cross(&least).normalize();
         let upward = toward.cross(&across);
         let frame = nalgebra::Matrix3::from_rows(&[across.transpose(), upward.transpose(), toward.transpose()]);
         let eye = match sensor {
-            Sensor::At(position) => Some(position.cast::<f32>()),
+            Sensor::At(position) => {
+                let eye = position.cast::<f32>();
+                let mut distances: Vec<f32> =
+                    points.iter().map(|p| (nalgebra::Vector3::from(*p) - eye).norm()).collect();
+                Some((eye, median(&mut distances).unwrap_or(1.0)))
+            }
             Sensor::Toward(_) => None,
         };
         let mut map =
-            SightMap { frame, eye, cell: cell as f32, origin: [0.0; 2], columns: 0, rows: 0, nearest: Vec::new() };
+            SightMap { frame, eye, cell: cell as f32, origin: [0.0; 2], columns: 0, rows: 0, is_cropped: false, nearest: Vec::new() };
         let seen: Vec<nalgebra::Vector3<f32>> = points.iter().map(|p| map.project(&(*p).into())).collect();
         let bound = |axis: usize, fold: fn(f32, f32) -> f32, start| seen.iter().map(|s| s[axis]).fold(start, fold);
         map.origin = [bound(0, f32::min, f32::INFINITY), bound(1, f32::min, f32::INFINITY)];
@@ -89,16 +99,16 @@ impl SightMap {
         wide
     }
 
-    /// Across, upward, and height towards the scanner, of a point of the view's local frame.
+    /// Across, upward, and height towards the scanner, of a point of the view's local frame. A scanner that is near sees
+    /// all around: angles are scaled so that cells have their size at the typical distance.
     fn project(&self, point: &nalgebra::Vector3<f32>) -> nalgebra::Vector3<f32> {
         match self.eye {
             None => self.frame * point,
-            Some(eye) => {
-                // scaled so that cells have their size at the view's middle
+            Some((eye, typical)) => {
                 let ray = self.frame * (point - eye);
-                let depth = (-ray.z).max(f32::MIN_POSITIVE);
-                let middle = eye.norm();
-                nalgebra::Vector3::new(ray.x / depth * middle, ray.y / depth * middle, ray.z + middle)
+                let distance = ray.norm().max(f32::MIN_POSITIVE);
+                let (across, upward) = (ray.x.atan2(-ray.z), (ray.y / distance).clamp(-1.0, 1.0).asin());
+                nalgebra::Vector3::new(across * typical, upward * typical, typical - distance)
             }
         }
     }
@@ -110,6 +120,16 @@ impl SightMap {
         inside.then(|| row as usize * self.columns + column as usize)
     }
 
+    /// Takes it that the scanner looked only where it saw something.
+    pub fn crop(&mut self) {
+        self.is_cropped = true;
+    }
+
+    /// Whether the scanner is taken to have looked only where it saw something.
+    pub fn is_cropped(&self) -> bool {
+        self.is_cropped
+    }
+
     /// What the scanner saw in a point's direction.
     #[inline]
     pub fn look(&self, point: &nalgebra::Vector3<f32>) -> Seen {
@@ -117,6 +137,7 @@ impl SightMap {
         match self.index(&place).map(|index| self.nearest[index]) {
             Some(nearest) if nearest > f32::NEG_INFINITY => Seen::Surface { height: place.z - nearest },
             Some(nearest) if nearest.is_nan() => Seen::Rim,
+            _ if self.is_cropped => Seen::Unknown,
             _ => Seen::Nothing,
         }
     }
@@ -124,7 +145,7 @@ impl SightMap {
     /// The direction (not normalised) from a point to the scanner.
     #[inline]
     pub fn toward_scanner(&self, point: &nalgebra::Vector3<f32>) -> nalgebra::Vector3<f32> {
-        self.eye.map_or_else(|| self.frame.row(2).transpose(), |eye| eye - point)
+        self.eye.map_or_else(|| self.frame.row(2).transpose(), |(eye, _)| eye - point)
     }
 }
 

@@ -10,6 +10,7 @@ use crate::geometry::normals::{Patch, patch_within};
 use crate::geometry::thinning::thin;
 use crate::registration::sensor::{Facet, Sensor, outer_side, viewing_axis};
 use crate::registration::view::View;
+use crate::registration::viewpoint;
 
 /// A view's sketch, in its local frame.
 #[derive(Debug, Clone)]
@@ -55,7 +56,10 @@ impl Sketch {
         let (mut normals, is_inner): (Vec<_>, Vec<bool>) = fitted.into_iter().map(|f| (f.normal, f.is_inner)).unzip();
         let (sensor, side_clarity) = match sensor {
             Some(sensor) => (sensor, 1.0),
-            None => own_side(&centroids, &normals, &facets),
+            None => match viewpoint::find(&view.indexed, view.radius) {
+                Some(eye) => (Sensor::At(eye), 1.0),
+                None => own_side(&centroids, &normals, &facets),
+            },
         };
         for (normal, point) in normals.iter_mut().zip(&centroids) {
             if normal.cast::<f64>().dot(&sensor.direction_from(point)) < 0.0 {
@@ -94,30 +98,38 @@ struct Fitted {
     normal: nalgebra::Vector3<f32>,
     /// Whether the surface goes on all around.
     is_inner: bool,
-    /// Points within reach.
-    count: usize,
+    /// Cells with surface within reach,
+    cells: usize,
+    /// and the points in them.
+    points: u32,
 }
 
 impl Fitted {
     fn facet(&self) -> Facet {
-        Facet { normal: self.normal, density: self.count as f32 }
+        Facet { normal: self.normal, density: self.points as f32 }
     }
 }
 
+/// Edge of the cells that a voxel's share of surface is counted in, in its own: nearer to its scanner a surface holds more
+/// points, but no more cells.
+const CELL: f64 = 0.25;
+
 /// The means of the voxels with the surface there, strays left out.
 fn supported(view: &View, edge: f64, reach: f32) -> (Vec<LocalPoint>, Vec<Fitted>) {
-    let thinned = thin(view.points(), edge as f32);
-    let least_in_voxel = STRAY_VOXEL * typical_count(&thinned.counts);
-    let fitted: Vec<(LocalPoint, Fitted)> = thinned
+    let cells = thin(view.points(), (CELL * edge) as f32);
+    let voxels = thin(&cells.centroids, edge as f32);
+    let indexed = IndexedPoints::new(cells.centroids);
+    let least_in_voxel = STRAY_VOXEL * typical_count(&voxels.counts);
+    let fitted: Vec<(LocalPoint, Fitted)> = voxels
         .centroids
         .into_iter()
-        .zip(&thinned.counts)
+        .zip(&voxels.counts)
         .filter(|(_, count)| f64::from(**count) >= least_in_voxel)
-        .map(|(center, _)| (center, fit(&view.indexed, &center, reach)))
+        .map(|(center, _)| (center, fit(&indexed, &cells.counts, &center, reach)))
         .collect();
-    let around: Vec<u32> = fitted.iter().map(|f| f.1.count as u32).collect();
+    let around: Vec<u32> = fitted.iter().map(|f| f.1.cells as u32).collect();
     let least_around = STRAY_AROUND * typical_count(&around);
-    fitted.into_iter().filter(|(_, f)| f.count as f64 >= least_around).unzip()
+    fitted.into_iter().filter(|(_, f)| f.cells as f64 >= least_around).unzip()
 }
 
 /// The count of the voxel that the median point lies in: voxels of strays may be many, but hold few points.
@@ -133,11 +145,14 @@ fn typical_count(counts: &[u32]) -> f64 {
     reached.copied().unwrap_or(0).into()
 }
 
-/// Fits the surface at `center`.
-fn fit(indexed: &IndexedPoints, center: &LocalPoint, reach: f32) -> Fitted {
-    let Patch { count, mean, normal } = patch_within(indexed, center, reach);
-    match normal {
-        Some(normal) => Fitted { normal: normal.cast::<f32>(), is_inner: mean.norm() < RIM_OFFSET * reach, count },
-        None => Fitted { normal: nalgebra::Vector3::z(), is_inner: false, count },
-    }
+/// Fits the surface at `center` to the cells around, which hold so many points each.
+fn fit(cells: &IndexedPoints, counts: &[u32], center: &LocalPoint, reach: f32) -> Fitted {
+    let Patch { count, mean, normal } = patch_within(cells, center, reach);
+    let mut points = 0;
+    cells.tree.for_each_within(center, reach * reach, |n| points += counts[n.index as usize]);
+    let (normal, is_inner) = match normal {
+        Some(normal) => (normal.cast::<f32>(), mean.norm() < RIM_OFFSET * reach),
+        None => (nalgebra::Vector3::z(), false),
+    };
+    Fitted { normal, is_inner, cells: count, points }
 }

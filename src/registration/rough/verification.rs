@@ -57,9 +57,9 @@ impl Testimony {
 }
 
 impl Evidence {
-    /// The smaller share.
+    /// The mean of both shares: a small scan that lies on a large one counts, too.
     pub fn overlap(&self) -> f64 {
-        self.j_in_i.overlap().min(self.i_in_j.overlap())
+        0.5 * (self.j_in_i.overlap() + self.i_in_j.overlap())
     }
 
     /// Surfels that agree, both ways.

@@ -1,0 +1,67 @@
+//! Scans whose picture ends in the middle of a surface: a camera's frame, a cut-out, a part of a room.
+//!
+//! Of a whole object before a wide view it says much that a scanner saw nothing beside it. Of a frame it says nothing.
+//! Which of both a scan is shows where another one lies on it: much surface beyond the picture, and hardly any that
+//! contradicts what is inside.
+
+use super::link::Link;
+use super::sketch::Sketch;
+use super::verification::Testimony;
+
+/// Surfels that have to agree before a link says something of pictures.
+const LEAST_AGREE: f64 = 60.0;
+/// Of what is said inside both pictures this share has to agree.
+const COHERENT: f64 = 0.7;
+/// A picture is cropped if this share of what should be in it is missed: on right motions of whole objects hardly anything
+/// is, whatever the scanner.
+const MISSED: f64 = 0.08;
+
+/// Marks the sketches that are cropped by what the best links say; whether any is.
+pub fn crop(sketches: &mut [Sketch], links: &[Link]) -> bool {
+    let mut said: Vec<(f64, f64)> = vec![(0.0, 0.0); sketches.len()];
+    for link in best_of_pairs(links) {
+        for (picture, testimony) in [(link.i, &link.evidence.j_in_i), (link.j, &link.evidence.i_in_j)] {
+            said[picture].0 += testimony.missed as f64;
+            said[picture].1 += testimony.agree as f64;
+        }
+    }
+    let mut any = false;
+    for (sketch, (missed, agree)) in sketches.iter_mut().zip(said) {
+        if missed > MISSED * (missed + agree) {
+            sketch.sight.crop();
+            any = true;
+        }
+    }
+    any
+}
+
+/// For each pair the link that most agrees, if that is coherent.
+fn best_of_pairs(links: &[Link]) -> Vec<&Link> {
+    let mut best: std::collections::BTreeMap<(usize, usize), &Link> = std::collections::BTreeMap::new();
+    for link in links.iter().filter(|link| is_coherent(link)) {
+        let known = best.entry((link.i, link.j)).or_insert(link);
+        if balance(link) > balance(known) {
+            *known = link;
+        }
+    }
+    best.into_values().collect()
+}
+
+fn contradicting(testimony: &Testimony) -> f64 {
+    (testimony.cross - testimony.opposed + testimony.in_sight) as f64
+}
+
+fn inside(link: &Link) -> (f64, f64) {
+    let e = &link.evidence;
+    (e.agree(), contradicting(&e.j_in_i) + contradicting(&e.i_in_j))
+}
+
+fn balance(link: &Link) -> f64 {
+    let (agree, against) = inside(link);
+    agree - against
+}
+
+fn is_coherent(link: &Link) -> bool {
+    let (agree, against) = inside(link);
+    agree >= LEAST_AGREE && agree >= COHERENT * (agree + against)
+}

@@ -1,0 +1,153 @@
+//! Whether a scan was taken from the origin of its own frame, read off the scan alone.
+//!
+//! Depth cameras and lidars put the origin where they stand, but no file says so, and processed scans stand anywhere. Two
+//! things hold at the true viewpoint and hardly anywhere else: rays leave it evenly spread, and in each direction it saw
+//! one surface, not several behind each other.
+
+use crate::geometry::Vector3;
+use crate::geometry::neighbours::{IndexedPoints, LocalPoint, Neighbour};
+
+/// Places at which the spread of the rays is measured.
+pub const LEAST_PLACES: usize = 50;
+/// The quartiles of the solid angle that a point stands for differ by no more than this factor: 1.1 for a laser, 1.3 for
+/// a depth camera; places that are no viewpoint mostly have 2 and more.
+const EVEN: f64 = 1.5;
+/// Points that are looked at for surfaces behind each other,
+const DIRECTIONS: usize = 4000;
+/// and those of them that ask their neighbours in direction.
+const ASKED: usize = 400;
+/// Neighbours in direction that are asked.
+const NEIGHBOURS: usize = 8;
+/// A neighbour lies on another surface if the line to it is steeper than this against the rays (about 3 degrees from
+/// them), and farther off than this share of the distance.
+const STEEP: f32 = 20.0;
+const APART: f32 = 0.02;
+/// A place between surfaces has so many neighbours on others;
+const OTHERS: usize = 3;
+/// no more than this share of all may be such a place: the borders of what stands before a background are.
+const BETWEEN: f64 = 0.06;
+
+/// How evenly rays from `eye` are spread: the solid angle a point stands for at some places, by its nearest points.
+///
+/// `None` for a place at the eye itself.
+pub fn solid_angle(points: &[LocalPoint], place: &LocalPoint, near: &[Neighbour], eye: &Vector3) -> Option<f64> {
+    let ray = nalgebra::Vector3::from(*place).cast::<f64>() - eye;
+    let distance = ray.norm();
+    let forward = ray.try_normalize(f64::MIN_POSITIVE)?;
+    let across = forward.cross(&Vector3::ith(forward.iamin(), 1.0)).normalize();
+    let upward = forward.cross(&across);
+    let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
+    let (mut x_sum, mut y_sum) = (0.0, 0.0);
+    for neighbour in near {
+        let at = nalgebra::Vector3::from(points[neighbour.index as usize]).cast::<f64>() - eye;
+        let depth = at.dot(&forward).max(0.1 * distance);
+        let (x, y) = (at.dot(&across) / depth, at.dot(&upward) / depth);
+        (x_sum, y_sum) = (x_sum + x, y_sum + y);
+        (xx, xy, yy) = (xx + x * x, xy + x * y, yy + y * y);
+    }
+    let count = near.len().max(1) as f64;
+    let (x, y) = (x_sum / count, y_sum / count);
+    let area2 = (xx / count - x * x) * (yy / count - y * y) - (xy / count - x * y).powi(2);
+    Some(area2.max(0.0).sqrt())
+}
+
+/// How unevenly rays are spread: the factor between the quartiles of solid angles; `None` of fewer than
+/// [`LEAST_PLACES`].
+pub fn unevenness(mut solid_angles: Vec<f64>) -> Option<f64> {
+    if solid_angles.len() < LEAST_PLACES {
+        return None;
+    }
+    let last = solid_angles.len();
+    let mut quartile = |share: f64| {
+        let place = (share * last as f64) as usize;
+        *solid_angles.select_nth_unstable_by(place, f64::total_cmp).1
+    };
+    let (low, high) = (quartile(0.25), quartile(0.75));
+    Some(high / low.max(f64::MIN_POSITIVE))
+}
+
+/// Whether rays are spread as evenly as a scanner's.
+pub fn is_even(solid_angles: Vec<f64>) -> bool {
+    unevenness(solid_angles).is_some_and(|unevenness| unevenness <= EVEN)
+}
+
+/// Places with their neighbours, at which viewpoints are tried.
+const PLACES: usize = 240;
+/// Their neighbours.
+const NEAREST: usize = crate::geometry::normals::NEIGHBOURS;
+/// Distances of viewpoints from the middle of the scan, in its radius.
+const DISTANCES: [f64; 7] = [0.0, 0.35, 0.7, 1.2, 2.0, 3.5, 6.0];
+/// Directions in which they lie.
+const AROUND: usize = 60;
+/// Steps about the best, in the distance from it to the scan's middle (or the radius, if that is more).
+const STEPS: [f64; 6] = [0.3, 0.15, 0.08, 0.04, 0.02, 0.01];
+
+/// From the place mirrored in the middle of the scan rays are less even by this factor, or the scan does not show from
+/// which side it was taken: of a far scanner it does not.
+const SIDED: f64 = 1.5;
+
+/// The viewpoint from which the rays to a scan are spread most evenly, if that is plain: not where the scanner was far,
+/// since a sheet looks the same from behind, nor where points were thinned. `radius` is the scan's.
+pub fn find(indexed: &IndexedPoints, radius: f64) -> Option<Vector3> {
+    let points = &indexed.points;
+    let step = points.len().div_ceil(PLACES).max(1);
+    let mut found = Vec::new();
+    let places: Vec<(LocalPoint, Vec<Neighbour>)> = points
+        .iter()
+        .step_by(step)
+        .map(|place| {
+            indexed.tree.k_nearest_unordered(place, NEAREST, 0.0, &mut found);
+            (*place, found.clone())
+        })
+        .collect();
+    let cost = |eye: &Vector3| {
+        let angles = places.iter().filter_map(|(place, near)| solid_angle(points, place, near, eye)).collect();
+        unevenness(angles).unwrap_or(f64::INFINITY)
+    };
+    let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
+    let direction = |k: usize| {
+        let z = 1.0 - (2.0 * k as f64 + 1.0) / AROUND as f64;
+        let (sine, cosine) = (golden * k as f64).sin_cos();
+        Vector3::new((1.0 - z * z).sqrt() * cosine, (1.0 - z * z).sqrt() * sine, z)
+    };
+    let tried = DISTANCES.iter().flat_map(|distance| (0..AROUND).map(move |k| direction(k) * *distance * radius));
+    let mut best = tried.map(|eye| (cost(&eye), eye)).min_by(|a, b| a.0.total_cmp(&b.0))?;
+    for step in STEPS {
+        let mut moved = true;
+        while moved {
+            moved = false;
+            let size = step * best.1.norm().max(radius);
+            for k in 0..6 {
+                let eye = best.1 + Vector3::ith(k / 2, if k % 2 == 0 { size } else { -size });
+                let cost = cost(&eye);
+                if cost < best.0 * 0.999 {
+                    (best, moved) = ((cost, eye), true);
+                }
+            }
+        }
+    }
+    (cost(&-best.1) > SIDED * best.0).then_some(best.1)
+}
+
+/// Whether one surface only is seen from `eye` in each direction.
+pub fn is_single(points: &[LocalPoint], eye: &Vector3) -> bool {
+    let eye = eye.cast::<f32>();
+    let step = points.len().div_ceil(DIRECTIONS).max(1);
+    let rays: Vec<nalgebra::Vector3<f32>> =
+        points.iter().step_by(step).map(|p| nalgebra::Vector3::from(*p) - eye).filter(|ray| ray.norm() > 0.0).collect();
+    let directions = IndexedPoints::new(rays.iter().map(|ray| ray.normalize().into()).collect());
+    let every = rays.len().div_ceil(ASKED).max(1);
+    let (mut asked, mut between, mut found) = (0usize, 0usize, Vec::new());
+    for (index, ray) in rays.iter().enumerate().step_by(every) {
+        directions.tree.k_nearest_unordered(&directions.points[index], NEIGHBOURS + 1, 0.0, &mut found);
+        let reach = found.iter().map(|n| n.distance2).fold(0.0, f32::max).sqrt();
+        let distance = ray.norm();
+        let is_other = |n: &&Neighbour| {
+            let apart = (rays[n.index as usize].norm() - distance).abs() / distance;
+            apart > STEEP * reach && apart > APART
+        };
+        asked += 1;
+        between += usize::from(found.iter().filter(is_other).count() >= OTHERS);
+    }
+    asked > 0 && between as f64 <= BETWEEN * asked as f64
+}
