@@ -51,6 +51,15 @@ pub fn solid_angle(points: &[LocalPoint], place: &LocalPoint, near: &[Neighbour]
     Some(area2.max(0.0).sqrt())
 }
 
+/// The area of surface that a point stands for, by the nearest points, up to a factor that is the same for all.
+fn area(points: &[LocalPoint], near: &[Neighbour]) -> f64 {
+    let at = |n: &Neighbour| nalgebra::Vector3::from(points[n.index as usize]).cast::<f64>();
+    let mean = near.iter().map(at).sum::<Vector3>() / near.len().max(1) as f64;
+    let scatter: nalgebra::Matrix3<f64> = near.iter().map(|n| (at(n) - mean) * (at(n) - mean).transpose()).sum();
+    // of a flat scatter the second invariant is the product of its two spreads
+    (0.5 * (scatter.trace().powi(2) - scatter.norm_squared())).max(0.0).sqrt()
+}
+
 /// How unevenly rays are spread: the factor between the quartiles of solid angles; `None` of fewer than
 /// [`LEAST_PLACES`].
 pub fn unevenness(mut solid_angles: Vec<f64>) -> Option<f64> {
@@ -85,6 +94,10 @@ const STEPS: [f64; 6] = [0.3, 0.15, 0.08, 0.04, 0.02, 0.01];
 /// From the place mirrored in the middle of the scan rays are less even by this factor, or the scan does not show from
 /// which side it was taken: of a far scanner it does not.
 const SIDED: f64 = 1.5;
+
+/// Points of a scan that was thinned are spread evenly over the surface: the areas that they stand for vary less than the
+/// solid angles from any viewpoint, by this factor at least in a scan that was not.
+const THINNED: f64 = 1.1;
 
 /// The viewpoint from which the rays to a scan are spread most evenly, if that is plain: not where the scanner was far,
 /// since a sheet looks the same from behind, nor where points were thinned. `radius` is the scan's.
@@ -126,7 +139,9 @@ pub fn find(indexed: &IndexedPoints, radius: f64) -> Option<Vector3> {
             }
         }
     }
-    (cost(&-best.1) > SIDED * best.0).then_some(best.1)
+    let areas = places.iter().map(|(_, near)| area(points, near)).collect();
+    let is_thinned = unevenness(areas).is_none_or(|unevenness| unevenness < THINNED * best.0);
+    (!is_thinned && cost(&-best.1) > SIDED * best.0).then_some(best.1)
 }
 
 /// Whether one surface only is seen from `eye` in each direction.
