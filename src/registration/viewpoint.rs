@@ -91,9 +91,12 @@ const AROUND: usize = 60;
 /// Steps about the best, in the distance from it to the scan's middle (or the radius, if that is more).
 const STEPS: [f64; 6] = [0.3, 0.15, 0.08, 0.04, 0.02, 0.01];
 
-/// From the place mirrored in the middle of the scan rays are less even by this factor, or the scan does not show from
-/// which side it was taken: of a far scanner it does not.
+/// From the place mirrored in the middle of the scan, and from afar in any direction, rays are less even by this factor, or
+/// the scan does not show where it was taken from: of a far scanner it does not, and half a ball looks from its middle as
+/// evenly sampled as from afar.
 const SIDED: f64 = 1.5;
+/// Afar, in the radius of the scan.
+const FAR: f64 = 20.0;
 
 /// Points of a scan that was thinned are spread evenly over the surface: the areas that they stand for vary less than the
 /// solid angles from any viewpoint, by this factor at least in a scan that was not.
@@ -139,9 +142,11 @@ pub fn find(indexed: &IndexedPoints, radius: f64) -> Option<Vector3> {
             }
         }
     }
+    let far = (0..AROUND).map(|k| cost(&(direction(k) * FAR * radius))).fold(f64::INFINITY, f64::min);
     let areas = places.iter().map(|(_, near)| area(points, near)).collect();
     let is_thinned = unevenness(areas).is_none_or(|unevenness| unevenness < THINNED * best.0);
-    (!is_thinned && cost(&-best.1) > SIDED * best.0).then_some(best.1)
+    let is_plain = cost(&-best.1).min(far) > SIDED * best.0;
+    (is_plain && !is_thinned).then_some(best.1)
 }
 
 /// Whether one surface only is seen from `eye` in each direction.

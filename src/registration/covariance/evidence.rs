@@ -25,8 +25,6 @@ struct Correspondence {
     normal: Vector3,
     place: Vector3,
     residual: f64,
-    /// See [`Surfels::trust`].
-    trust: f64,
 }
 
 /// By which the distance along `normal` of a point at `place` changes with a left twist of its view; with one of the
@@ -112,8 +110,7 @@ impl Between<'_> {
         let place = pose_a * nalgebra::Point3::from(vector(a.indexed.points[index]));
         let counterpart = pose_b * nalgebra::Point3::from(vector(b.indexed.points[target]));
         let residual = normal.dot(&(place - counterpart));
-        let trust = a.trust(index, b, target).into();
-        Some(Correspondence { normals: [normal_a, normal_b], normal, place: place.coords, residual, trust })
+        Some(Correspondence { normals: [normal_a, normal_b], normal, place: place.coords, residual })
     }
 
     fn summed(&self, (a, b): (usize, usize), found: &[Match], scale2: f64, cell: f64) -> PairEvidence {
@@ -128,7 +125,7 @@ impl Between<'_> {
         for in_cell in ordered.chunk_by(|a, b| a.0 == b.0) {
             let mut gradient = Vector6::zeros();
             for (_, correspondence) in in_cell {
-                let weight = correspondence.trust * robust_weight(correspondence.residual, scale2);
+                let weight = robust_weight(correspondence.residual, scale2);
                 let [row, row_a, row_b] =
                     [&correspondence.normal, &correspondence.normals[0], &correspondence.normals[1]]
                         .map(|normal| row(normal, &correspondence.place));
@@ -136,7 +133,7 @@ impl Between<'_> {
                 evidence.information += weight * row * row.transpose();
                 evidence.clean += 0.5 * weight * (row_a * row_b.transpose() + row_b * row_a.transpose());
                 evidence.weight += weight;
-                evidence.slope += correspondence.trust * robust_slope(correspondence.residual, scale2);
+                evidence.slope += robust_slope(correspondence.residual, scale2);
             }
             evidence.gradients.push((in_cell[0].0, gradient));
         }

@@ -101,9 +101,8 @@ const JUDGED_REACH: f64 = 0.63;
 
 /// The surfels that results are judged by, whatever the method was.
 pub fn judged_surfels(views: &[View]) -> FineSurfels {
-    let spacing = multiview::common_spacing(views);
-    let edge = PASSES[1].edge(views, spacing);
-    let fine = Surfels::of_set(views, edge, spacing);
+    let edge = PASSES[1].edge(views, multiview::common_spacing(views));
+    let fine: Vec<Surfels> = views.par_iter().map(|view| Surfels::new(view, edge)).collect();
     FineSurfels { share: 1.0, ..judged(&fine, edge) }
 }
 
@@ -147,7 +146,7 @@ pub fn joint_onto(
     let run = Run { options, fixed, spacing: multiview::common_spacing(views), progress };
     let mut state = Multiview::at(initial);
     let [coarse, fine] = PASSES.map(|pass| pass.edge(views, run.spacing));
-    let mut surfels = Surfels::of_set(views, fine, run.spacing);
+    let mut surfels: Vec<Surfels> = views.par_iter().map(|view| Surfels::new(view, fine)).collect();
     let mut judged = judged(&surfels, fine);
     let mut few = thinned(&judged.views, coarse);
     let seen = few.clone();

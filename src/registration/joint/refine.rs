@@ -247,8 +247,7 @@ fn assemble<const D: usize>(
             let normal = (normal_b + normal_a * cosine.signum()).normalize();
             let residual = normal.dot(&(moved - nalgebra::Vector3::from(b.indexed.points[target])));
             let robust = scale2 / (scale2 + residual * residual);
-            let weight = robust * robust * a.trust(index, b, target);
-            sums.add(&normal.cast(), &moved.cast(), residual.into(), weight.into());
+            sums.add(&normal.cast(), &moved.cast(), residual.into(), f64::from(robust * robust));
         }
         true
     });

@@ -53,7 +53,7 @@ pub fn joint_scaled(
 }
 
 fn surfels(views: &[View], edge: f64) -> Vec<Surfels> {
-    Surfels::of_set(views, edge, multiview::common_spacing(views))
+    views.par_iter().map(|view| Surfels::new(view, edge)).collect()
 }
 
 fn scaled(views: Vec<View>, growth: &[f64]) -> Vec<View> {

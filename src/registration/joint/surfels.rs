@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::super::sensor::{Facet, Sensor, viewing_axis};
-use super::super::view::{View, median};
+use super::super::view::View;
 use crate::geometry::neighbours::{IndexedPoints, LocalPoint, Neighbour};
 use crate::geometry::normals::least_spread;
 use crate::geometry::thinning::{representatives, thin};
@@ -19,8 +19,6 @@ pub struct Surfels {
     pub is_sided: Vec<bool>,
     /// Points there for a unit of area, in a unit of the view's own: see [`Facet`](super::super::sensor::Facet).
     pub densities: Vec<f32>,
-    /// Variance of the points about the plane there, in that of the whole set; see [`trust`](Surfels::trust).
-    pub noise2: Vec<f32>,
     /// Whether the surface goes on all around. What lies beyond a rim was not seen, and the nearest point that was
     /// seen is no counterpart.
     pub is_inner: Vec<bool>,
@@ -45,8 +43,6 @@ pub struct FineSurfels {
 
 /// Points a normal is fitted to.
 const NEIGHBOURS: usize = 16;
-/// Noise below this share of the spacing is none: bent surface has as much.
-const LEAST_NOISE: f64 = 0.1;
 /// Surfels fitted one after the other.
 const CHUNK: usize = 256;
 /// The next surfel's points are sought within so many times the squared distance of this one's.
@@ -58,7 +54,7 @@ impl Surfels {
     /// One surfel for each voxel of edge `edge`.
     pub fn new(view: &View, edge: f64) -> Self {
         let centroids = thin(view.points(), edge as f32).centroids;
-        let fitted: Vec<(Facet, f32, bool)> = centroids
+        let fitted: Vec<(Facet, bool)> = centroids
             .par_chunks(CHUNK)
             .flat_map_iter(|centroids| {
                 // neighbours on the curve have their points about as near: a good guess, the same for any threads
@@ -67,31 +63,18 @@ impl Surfels {
                     view.indexed.tree.k_nearest_unordered(centroid, NEIGHBOURS, guess2, &mut found);
                     let farthest2 = found.iter().map(|n| n.distance2).fold(0.0, f32::max);
                     guess2 = GUESS * farthest2;
-                    let (normal, noise2, is_inner) = fit(&view.indexed.points, centroid, &found);
-                    (Facet::within(normal, farthest2), noise2, is_inner)
+                    let (normal, is_inner) = fit(&view.indexed.points, centroid, &found);
+                    (Facet::within(normal, farthest2), is_inner)
                 })
             })
             .collect();
-        let facets = fitted.iter().map(|fitted| fitted.0).collect();
-        let noise2 = fitted.iter().map(|fitted| fitted.1).collect();
-        let is_inner = fitted.iter().map(|fitted| fitted.2).collect();
+        let (facets, is_inner): (Vec<Facet>, Vec<bool>) = fitted.into_iter().unzip();
         let is_sided = vec![false; centroids.len()];
-        let mut surfels = Surfels::of(centroids, facets, noise2, is_sided, is_inner);
+        let mut surfels = Surfels::of(centroids, facets, is_sided, is_inner);
         if let Some(sensor) = &view.sensor {
             surfels.turn_towards(sensor, GRAZING);
         }
         surfels
-    }
-
-    /// Surfels of all views of a set, their noise measured by that of the set; `spacing` is the set's.
-    pub fn of_set(views: &[View], edge: f64, spacing: f64) -> Vec<Self> {
-        let mut all: Vec<Surfels> = views.par_iter().map(|view| Surfels::new(view, edge)).collect();
-        let mut noise2: Vec<f32> = all.iter().flat_map(|surfels| surfels.noise2.iter().copied()).collect();
-        let level = median(&mut noise2).unwrap_or(0.0) + (LEAST_NOISE * spacing).powi(2) as f32;
-        for noise2 in all.iter_mut().flat_map(|surfels| &mut surfels.noise2) {
-            *noise2 /= level;
-        }
-        all
     }
 
     /// One of these surfels for each voxel of edge `edge`: that nearest to the mean.
@@ -101,7 +84,6 @@ impl Surfels {
         Surfels::of(
             kept().map(|index| self.indexed.points[index]).collect(),
             kept().map(|index| self.facet(index)).collect(),
-            kept().map(|index| self.noise2[index]).collect(),
             kept().map(|index| self.is_sided[index]).collect(),
             kept().map(|index| self.is_inner[index]).collect(),
         )
@@ -123,18 +105,12 @@ impl Surfels {
         self.is_sided.contains(&true)
     }
 
-    fn of(
-        points: Vec<LocalPoint>,
-        facets: Vec<Facet>,
-        noise2: Vec<f32>,
-        is_sided: Vec<bool>,
-        is_inner: Vec<bool>,
-    ) -> Self {
+    fn of(points: Vec<LocalPoint>, facets: Vec<Facet>, is_sided: Vec<bool>, is_inner: Vec<bool>) -> Self {
         let normals = facets.iter().map(|facet| facet.normal.into()).collect();
         let densities = facets.iter().map(|facet| facet.density).collect();
         let inner = (0..is_inner.len() as u32).filter(|index| is_inner[*index as usize]).collect();
         let radius = points.iter().map(|c| nalgebra::Vector3::from(*c).norm()).fold(0.0f32, f32::max).into();
-        Surfels { indexed: IndexedPoints::new(points), normals, densities, noise2, is_sided, is_inner, inner, radius }
+        Surfels { indexed: IndexedPoints::new(points), normals, densities, is_sided, is_inner, inner, radius }
     }
 
     /// Turns the normals towards the scanner; those more from the side than the cosine `grazing` have no clear side.
@@ -148,13 +124,6 @@ impl Surfels {
             }
             *is_sided = facing.abs() > grazing * direction.norm();
         }
-    }
-
-    /// How far the distance of surfel `index` from surfel `target` of another view is to be believed: the less, the
-    /// noisier both are beside the set's usual noise. Depth cameras measure near surfaces many times better than far ones.
-    #[inline]
-    pub fn trust(&self, index: usize, other: &Surfels, target: usize) -> f32 {
-        3.0 / (1.0 + self.noise2[index] + other.noise2[target])
     }
 
     /// How alike the normals of surfel `index` and surfel `target` of another view are, from their cosine: where both
@@ -174,8 +143,7 @@ impl Surfels {
 /// The cosine below which a surface is seen so much from the side that noise decides which it is.
 const GRAZING: f64 = 0.1;
 
-/// The normal, the variance along it, and whether the surface goes on all around.
-fn fit(points: &[LocalPoint], center: &LocalPoint, neighbours: &[Neighbour]) -> ([f32; 3], f32, bool) {
+fn fit(points: &[LocalPoint], center: &LocalPoint, neighbours: &[Neighbour]) -> ([f32; 3], bool) {
     let count = neighbours.len().max(1) as f64;
     let center = nalgebra::Vector3::from(*center);
     let mut sum = nalgebra::Vector3::<f64>::zeros();
@@ -188,6 +156,6 @@ fn fit(points: &[LocalPoint], center: &LocalPoint, neighbours: &[Neighbour]) -> 
         distance += d.norm();
     }
     let mean = sum / count;
-    let (normal, variance) = least_spread(&(squares / count - mean * mean.transpose()));
-    (normal.cast::<f32>().into(), variance.max(0.0) as f32, mean.norm() < RIM_OFFSET * distance / count)
+    let (normal, _) = least_spread(&(squares / count - mean * mean.transpose()));
+    (normal.cast::<f32>().into(), mean.norm() < RIM_OFFSET * distance / count)
 }

@@ -11,10 +11,10 @@ use super::verification::Testimony;
 /// Surfels that have to agree before a link says something of pictures.
 const LEAST_AGREE: f64 = 60.0;
 /// Of what is said inside both pictures this share has to agree.
-const COHERENT: f64 = 0.7;
+const COHERENT: f64 = 0.75;
 /// A picture is cropped if this share of what should be in it is missed: on right motions of whole objects hardly anything
 /// is, whatever the scanner.
-const MISSED: f64 = 0.08;
+const MISSED: f64 = 0.12;
 
 /// Marks the sketches that are cropped by what the best links say; whether any is.
 pub fn crop(sketches: &mut [Sketch], links: &[Link]) -> bool {
