@@ -1,11 +1,11 @@
 //! Scans to model to signature, stage by stage: the whole path, free of files, clocks and HTTP.
 
 mod cleaning;
+mod copies;
+mod ready;
 mod start;
 
 use std::collections::BTreeMap;
-
-use rayon::prelude::*;
 
 use crate::faces::{self, DescribeError, Signature};
 use crate::geometry::{Motion, Surface, Unit, Vector3};
@@ -15,6 +15,7 @@ use crate::reconstruction::merge::{PosedView, merge};
 use crate::registration::covariance;
 pub use crate::registration::method::Method;
 use crate::registration::multiview::{self, Multiview};
+use crate::registration::quality::Quality;
 use crate::registration::report::RegistrationReport;
 use crate::registration::rough::scan_set::Registered;
 use crate::registration::sensor::Sensor;
@@ -46,7 +47,7 @@ pub struct Options {
     pub range_accuracy: Option<f64>,
     /// The most rounds of overlap, ICP and averaging.
     pub max_rounds: usize,
-    /// Where the scanner stood in each scan's frame, if the files don't say.
+    /// Where the scanner stood in each scan's frame; believed before what files say.
     pub sensor: Option<[f64; 3]>,
     /// Whether scans are scaled.
     pub scale: Scale,
@@ -139,10 +140,11 @@ pub fn run_from(
     options: &Options,
     progress: &Progress,
 ) -> Result<Outcome, PipelineError> {
-    let setting = Setting::new(start, &mut scans, options)?;
+    let mut setting = Setting::new(start, &mut scans, options)?;
     check_input(&scans, options)?;
+    let (mut views, mut readied) = ready::readied(&mut scans, options, progress)?;
+    let copied = copies::take_out(&mut scans, &mut views, &mut readied, &mut setting, progress)?;
     let names: Vec<String> = scans.iter().map(|scan| scan.name.clone()).collect();
-    let mut views = prepare(&scans, progress)?;
     let left_out =
         (!options.keep_all).then(|| cleaning::clean_scans(&mut scans, &mut views, options, progress)).transpose()?;
     for (scan, view) in scans.iter().zip(&mut views) {
@@ -154,6 +156,9 @@ pub fn run_from(
     verdict.look(&views, &positions, &result, &names);
     let known = covariance::of_result(&views, &result);
     verdict.weigh(&known, multiview::common_spacing(&views), &names);
+    for reason in readied.iter().zip(&names).filter_map(|(readied, name)| readied.doubt(name, unit.name())) {
+        verdict.lower(Quality::Doubtful, reason);
+    }
     let report = RegistrationReport::new(options.method, unit.name(), &names, &views, &result, &known, verdict);
 
     let merged = merge_views(&scans, &views, &sensors, &result, options, progress)?;
@@ -182,8 +187,10 @@ pub fn run_from(
         if let Some((_, outward)) = &merged {
             entry["normals_outward"] = outward[index].into();
         }
-        if let Some(left_out) = &left_out {
-            entry["left_out"] = serde_json::json!(left_out[index]);
+        entry["left_out"] = readied[index].left_out(left_out.as_ref().map(|left_out| &left_out[index]));
+        entry["copy_of"] = serde_json::Value::Null;
+        if readied[index].sensor_is_pose {
+            entry["viewpoint_is_pose"] = true.into();
         }
         if options.scale != Scale::None || views[index].scale != 1.0 {
             entry["scale"] = views[index].scale.into();
@@ -193,7 +200,9 @@ pub fn run_from(
         }
     }
     let cloud = merged.map(|(cloud, _)| cloud).filter(|_| options.cloud);
-    Ok(Outcome { poses, matrices, report, cloud, signature })
+    let mut outcome = Outcome { poses, matrices, report, cloud, signature };
+    copies::put_back(&copied, &setting, &mut outcome);
+    Ok(outcome)
 }
 
 fn check_input(scans: &[NamedScan], options: &Options) -> Result<(), PipelineError> {
@@ -242,22 +251,6 @@ fn bad_option(name: &str, remedy: &str) -> PipelineError {
     }
 }
 
-fn prepare(scans: &[NamedScan], progress: &Progress) -> Result<Vec<View>, PipelineError> {
-    progress.report(Stage::Preparing, 0.0);
-    scans
-        .par_iter()
-        .map(|scan| {
-            progress.check()?;
-            View::of(&scan.surface).map_err(|problem| PipelineError::Unusable {
-                code: "degenerate_scan",
-                scan: Some(scan.name.clone()),
-                message: format!("{} can't be registered: {problem}", scan.name),
-                hint: "export the scan again or leave it out".into(),
-            })
-        })
-        .collect()
-}
-
 /// The merged cloud and for each view whether its normals are known to be outward; `None` if nobody needs it.
 fn merge_views(
     scans: &[NamedScan],
@@ -287,7 +280,7 @@ fn merge_views(
 
 /// Where the scanner stood, in the view's local frame: from the file, else from the options.
 fn sensor_of(scan: &NamedScan, view: &View, options: &Options) -> Option<Sensor> {
-    let position = scan.surface.sensor.map(|p| p.coords).or(options.sensor.map(Vector3::from))?;
+    let position = options.sensor.map(Vector3::from).or(scan.surface.sensor.map(|p| p.coords))?;
     Some(Sensor::At(position * view.scale - view.center))
 }
 

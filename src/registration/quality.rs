@@ -127,7 +127,8 @@ impl Verdict {
         }
     }
 
-    fn lower(&mut self, quality: Quality, reason: String) {
+    /// Adds a reason for which it is no better than `quality`.
+    pub fn lower(&mut self, quality: Quality, reason: String) {
         self.quality = self.quality.max(quality);
         self.reasons.push(reason);
     }
