@@ -74,6 +74,16 @@ impl Coincidence {
     }
 }
 
+/// For each point the first one at exactly its place; `None` if all places differ.
+pub fn first_copies(points: &[Point3]) -> Option<Vec<u32>> {
+    let groups = Repeated::new(points);
+    let mut firsts: Vec<u32> = (0..points.len() as u32).collect();
+    for group in groups.groups() {
+        group.iter().for_each(|&index| firsts[index as usize] = group[0]);
+    }
+    (!groups.is_empty()).then_some(firsts)
+}
+
 /// Points that lie at exactly one place with others.
 struct Repeated {
     /// Their indices, place by place, ascending within a place.
@@ -160,10 +170,10 @@ pub fn copy_distance(indexed: &IndexedPoints) -> Option<f32> {
             beyond.push(jump[1]);
         }
     }
-    if (within.len() as f64) < COPIED * count as f64 {
+    if within.is_empty() || (within.len() as f64) < COPIED * count as f64 {
         return None;
     }
-    let mut middle = |values: &mut Vec<f32>| {
+    let middle = |values: &mut Vec<f32>| {
         let middle = values.len() / 2;
         *values.select_nth_unstable_by(middle, f32::total_cmp).1
     };

@@ -1,5 +1,6 @@
 //! Points, meshes, rigid motions and neighbours: what every other algorithm stands on. Pure.
 
+pub mod cleaning;
 pub mod cloud;
 pub mod coincidence;
 pub mod groups;

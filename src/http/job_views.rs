@@ -51,7 +51,7 @@ pub struct OptionsView {
     /// The most rounds of overlap, ICP and averaging.
     #[schema(required = false, example = 20, minimum = 1)]
     max_rounds: usize,
-    /// Where the scanner stood in each scan's frame, if the files don't say.
+    /// Where the scanner stood in each scan's frame; believed before what the files say.
     #[schema(min_items = 3, max_items = 3)]
     sensor: Option<Vec<f64>>,
     /// Whether each scan gets a scale factor of its own: `none` or `per_view`.
