@@ -293,7 +293,9 @@ fn notes(report: &serde_json::Value) -> Vec<String> {
     let name = |view: &serde_json::Value| view["name"].as_str().unwrap_or_default().to_owned();
     let copies = views().filter_map(|view| Some((name(view), view["copy_of"].as_str()?)));
     let mut notes: Vec<String> = copies
-        .map(|(name, of)| format!("{name} has the points of {of}: a copy bears out nothing, it takes the pose of the other"))
+        .map(|(name, of)| {
+            format!("{name} has the points of {of}: a copy bears out nothing, it takes the pose of the other")
+        })
         .collect();
     let posed: Vec<String> = views().filter(|view| view["viewpoint_is_pose"] == true).map(name).collect();
     if !posed.is_empty() {

@@ -15,7 +15,7 @@ use crate::progress::{Canceled, Progress};
 use crate::saliency::Samples;
 
 /// What a description does without.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct LeftOut {
     /// Points where nothing was seen.
     pub no_return: usize,

@@ -30,9 +30,10 @@ pub mod verification;
 
 pub use crate::saliency::ShapeProfile;
 pub use alignment::sum_of_distances;
-use detection::Detection;
 pub use candidates::{Candidate, Cost};
+pub use cleaned::LeftOut;
 pub use dense::DenseSignature;
+use detection::Detection;
 pub use judgement::{MatchMethod, Verdict, judge};
 pub use landmarks::Landmarks;
 use oriented::{Form, Oriented};
@@ -68,7 +69,9 @@ const CLOUD_CELL_OF_DIAGONAL: f64 = 0.003;
 /// Everything is found in the surface's own frame, since grids and boxes lie along axes, and moved to the file's.
 pub fn describe(surface: &Surface, unit: Unit, progress: &Progress) -> Result<Signature, DescribeError> {
     progress.report(Stage::Describing, 0.0);
-    let (surface, motion_file_own) = in_own_frame(&cleaned(surface, progress)?);
+    checked_size(surface)?;
+    let (surface, left_out) = cleaned::cleaned(surface, progress)?;
+    let (surface, motion_file_own) = in_own_frame(&surface);
     let bounds = checked_bounds(&surface)?;
     let prepared = Prepared::new(&surface, bounds.diagonal(), progress)?;
     progress.report(Stage::Describing, 0.1);
@@ -91,7 +94,8 @@ pub fn describe(surface: &Surface, unit: Unit, progress: &Progress) -> Result<Si
     progress.report(Stage::Describing, 1.0);
     let regions: Vec<Region> = regions.iter().map(|region| region.moved(&motion_file_own)).collect();
     let size = Size { origin: motion_file_own * bounds.center(), diagonal: bounds.diagonal(), radius, unit };
-    Ok(Signature::new(&size, &regions, &detection.moved(&motion_file_own)).with_profile(profile))
+    let signature = Signature::new(&size, &regions, &detection.moved(&motion_file_own));
+    Ok(signature.with_profile(profile).with_left_out(left_out))
 }
 
 /// The surface without what is none of it; see [`cleaned`].
@@ -337,8 +341,13 @@ pub(crate) mod tests {
         for surface in [mask(), bare] {
             for fraction in [0.0, 0.1, 0.4] {
                 let raised = std::sync::Arc::default();
-                let progress = Progress::new(std::sync::Arc::new(StopAt(fraction, std::sync::Arc::clone(&raised))), raised);
-                assert_eq!(describe(&surface, Unit::Mm, &progress), Err(DescribeError::Canceled(Canceled)), "{fraction}");
+                let progress =
+                    Progress::new(std::sync::Arc::new(StopAt(fraction, std::sync::Arc::clone(&raised))), raised);
+                assert_eq!(
+                    describe(&surface, Unit::Mm, &progress),
+                    Err(DescribeError::Canceled(Canceled)),
+                    "{fraction}"
+                );
             }
         }
     }

@@ -1,6 +1,7 @@
 //! What is stored of a model for retrieval, and its bytes.
 
 use super::candidates::Candidate;
+use super::cleaned::LeftOut;
 use super::dense::DenseSignature;
 use super::detection::{Detection, FoundFace};
 use super::landmarks::Landmarks;
@@ -25,6 +26,8 @@ pub struct Signature {
     /// One, or none.
     faces: Vec<StoredFace>,
     profile: ShapeProfile,
+    /// What it was made without; not stored with it.
+    left_out: LeftOut,
 }
 
 /// A fit with its landmarks and dense signature.
@@ -66,6 +69,9 @@ pub struct SignatureSummary {
     pub regions: usize,
     /// Number of facial triangles kept.
     pub triangles: usize,
+    /// Points that it was made without.
+    #[serde(default)]
+    pub left_out: LeftOut,
 }
 
 /// Why stored bytes are no signature of this version.
@@ -124,7 +130,13 @@ impl Signature {
             triangles,
             faces: detection.face.iter().map(|face| StoredFace::new(face, &origin)).collect(),
             profile: ShapeProfile::default(),
+            left_out: LeftOut::default(),
         }
+    }
+
+    /// The same, made without so many points.
+    pub(crate) fn with_left_out(self, left_out: LeftOut) -> Signature {
+        Signature { left_out, ..self }
     }
 
     /// The same with the profile of its shape.
@@ -197,7 +209,12 @@ impl Signature {
 
     /// What the API shows of it.
     pub fn summary(&self) -> SignatureSummary {
-        SignatureSummary { version: Self::VERSION, regions: self.regions.len(), triangles: self.triangles.len() }
+        SignatureSummary {
+            version: Self::VERSION,
+            regions: self.regions.len(),
+            triangles: self.triangles.len(),
+            left_out: self.left_out,
+        }
     }
 
     /// One BLOB, little-endian: magic, version, origin (f64 x 3), diagonal, radius, unit in mm or 0, then counted regions,
@@ -252,7 +269,17 @@ impl Signature {
         if origin.iter().any(|x| !x.is_finite()) {
             return Err(SignatureError::Damaged("the origin is not finite".into()));
         }
-        Ok(Signature { origin, diagonal, radius, unit_mm, regions, triangles, faces, profile })
+        Ok(Signature {
+            origin,
+            diagonal,
+            radius,
+            unit_mm,
+            regions,
+            triangles,
+            faces,
+            profile,
+            left_out: LeftOut::default(),
+        })
     }
 }
 

@@ -196,3 +196,67 @@ pub fn without_copies(indexed: &IndexedPoints, distance: f32) -> Vec<bool> {
     }
     kept
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Cloud;
+
+    fn sheet() -> Vec<Point3> {
+        (0..900).map(|k| Point3::new(f64::from(k % 30), f64::from(k / 30), 0.3 * f64::from(k % 7))).collect()
+    }
+
+    fn found(points: Vec<Point3>, sensor: Option<Point3>) -> (usize, usize, usize) {
+        let surface = Surface { cloud: Cloud::from_points(points), sensor, ..Surface::default() };
+        let found = Coincidence::of(&surface);
+        let left = found.applied(surface).cloud.len();
+        assert!(left <= 901);
+        (found.no_return, found.repeated, left)
+    }
+
+    fn with(others: &[(Point3, usize)]) -> Vec<Point3> {
+        let others = others.iter().flat_map(|(place, count)| std::iter::repeat_n(*place, *count));
+        sheet().into_iter().chain(others).collect()
+    }
+
+    #[test]
+    fn what_is_no_return_and_what_repeats() {
+        let far = Point3::new(0.0, 0.0, -9999.0);
+        let minus_one = Point3::new(-1.0, -1.0, -1.0);
+        let six = || sheet().into_iter().flat_map(|p| [p; 6]);
+        let cases = [
+            ("a sound sheet", sheet(), (0, 0, 900)),
+            ("one far point is a stray", with(&[(far, 1)]), (0, 0, 901)),
+            ("a few of them are one", with(&[(far, 7)]), (0, 6, 901)),
+            ("from eight on they are none", with(&[(far, 8)]), (8, 0, 900)),
+            ("most of a scan", with(&[(far, 50_000)]), (50_000, 0, 900)),
+            ("two values", with(&[(far, 5000), (minus_one, 60)]), (5060, 0, 900)),
+            ("both zeros", with(&[(Point3::new(0.0, 0.0, -0.5), 4), (Point3::new(-0.0, 0.0, -0.5), 4)]), (8, 0, 900)),
+            ("each point six times", six().collect(), (0, 4500, 900)),
+            ("and no returns", six().chain([far; 60]).collect(), (60, 4500, 900)),
+            ("but not if they may be a crowded corner", six().chain([far; 40]).collect(), (0, 4539, 901)),
+            ("all in one place", vec![far; 700], (0, 699, 1)),
+            ("nothing", Vec::new(), (0, 0, 0)),
+        ];
+        for (what, points, expected) in cases {
+            assert_eq!(found(points, None), expected, "{what}");
+        }
+        assert_eq!(found(with(&[(minus_one, 1)]), Some(minus_one)), (1, 0, 900), "the scanner's own place");
+    }
+
+    #[test]
+    fn a_cloud_spread_at_random_has_no_copies_and_one_of_clumps_has() {
+        let random = |k: u32| f32::from((k.wrapping_mul(2_654_435_761) >> 16) as u16) / 65536.0;
+        let spread = |k: u32| [random(3 * k), random(3 * k + 1), 0.0];
+        let points: Vec<LocalPoint> = (0..4000).map(spread).collect();
+        assert_eq!(copy_distance(&IndexedPoints::new(points)), None);
+        let lines: Vec<LocalPoint> = (0..4000).map(|k| [(k % 400) as f32 * 0.05, (k / 400) as f32, 0.0]).collect();
+        assert_eq!(copy_distance(&IndexedPoints::new(lines)), None, "points side by side along the lines of a scanner");
+        let clump = |k: u32| [0, 1, 2].map(|axis| spread(k / 5)[axis] + 1e-5 * random(7 * k + axis as u32));
+        let indexed = IndexedPoints::new((0..4000).map(clump).collect());
+        let distance = copy_distance(&indexed).expect("every point comes five times");
+        let kept = without_copies(&indexed, distance).into_iter().filter(|kept| *kept).count();
+        assert!((760..=800).contains(&kept), "{kept} of 800 places");
+        assert_eq!(copy_distance(&IndexedPoints::new(Vec::new())), None);
+    }
+}

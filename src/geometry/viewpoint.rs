@@ -82,3 +82,36 @@ pub fn are_poses<'a>(scans: impl IntoIterator<Item = (&'a Facets, Point3)>) -> b
     }
     count > 0.0 && origin + CLEARLY * count < told
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A bowl 500 before the origin, seen from there on a grid of rays.
+    fn seen() -> Facets {
+        let steps = || (-40..=40).map(|k| 0.004 * f64::from(k));
+        let hit = |x: f64, y: f64| Vector3::new(x, y, 1.0) * (500.0 + 900.0 * (x * x + 2.0 * y * y + 0.1 * x));
+        let points: Vec<Vector3> = steps().flat_map(|x| steps().map(move |y| hit(x, y))).collect();
+        let center = points.iter().sum::<Vector3>() / points.len() as f64;
+        let local = points.iter().map(|p| (p - center).cast::<f32>().into()).collect();
+        Facets::of(&IndexedPoints::new(local), &center)
+    }
+
+    #[test]
+    fn the_place_it_was_seen_from_explains_a_scan_best() {
+        let facets = seen();
+        for told in [[0.0, 0.0, 1000.0], [500.0, 0.0, 500.0], [0.0, 0.0, 430.0], [3000.0, 1000.0, -200.0]] {
+            let told = Point3::from(told);
+            assert!(facets.unexplained(&Point3::origin()) < facets.unexplained(&told), "{told}");
+            assert!(are_poses([(&facets, told)]), "{told}");
+        }
+    }
+
+    #[test]
+    fn what_is_told_stands_where_nothing_speaks_clearly_against_it() {
+        let facets = seen();
+        assert!(!are_poses([(&facets, Point3::new(0.0, 0.0, 10.0))]), "nearly right");
+        assert!(!are_poses([(&facets, Point3::origin())]));
+        assert!(!are_poses([(&Facets::default(), Point3::new(1.0, 2.0, 3.0))]));
+    }
+}

@@ -5,7 +5,7 @@ use utoipa::ToSchema;
 
 use super::scan_set_views::UnitView;
 use super::verdicts::VerdictView;
-use crate::faces::SignatureSummary;
+use crate::faces::{LeftOut, SignatureSummary};
 use crate::store::{AssetRecord, ModelId, ModelRecord};
 
 /// What a signature holds.
@@ -18,11 +18,31 @@ pub struct SignatureView {
     pub regions: usize,
     /// Facial triangles kept.
     pub triangles: usize,
+    /// Points of the model that it was made without.
+    pub left_out: LeftOutView,
+}
+
+/// Points that a description does without.
+#[derive(Debug, Clone, Serialize, ToSchema)]
+#[schema(as = LeftOut)]
+pub struct LeftOutView {
+    /// Points where nothing was seen, such as 0 0 0 or -9999 for all of them.
+    pub no_return: usize,
+    /// Points that repeat another one, or that no face has.
+    pub repeated: usize,
+    /// Points far from the rest.
+    pub strays: usize,
 }
 
 impl From<&SignatureSummary> for SignatureView {
     fn from(summary: &SignatureSummary) -> Self {
-        SignatureView { version: summary.version, regions: summary.regions, triangles: summary.triangles }
+        let LeftOut { no_return, repeated, strays } = summary.left_out;
+        SignatureView {
+            version: summary.version,
+            regions: summary.regions,
+            triangles: summary.triangles,
+            left_out: LeftOutView { no_return, repeated, strays },
+        }
     }
 }
 

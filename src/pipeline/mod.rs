@@ -12,7 +12,6 @@ use crate::geometry::{Motion, Surface, Unit, Vector3};
 use crate::progress::{Canceled, Progress, Stage};
 pub use crate::reconstruction::merge::ModelCloud;
 use crate::reconstruction::merge::{PosedView, merge};
-use crate::registration::covariance;
 pub use crate::registration::method::Method;
 use crate::registration::multiview::{self, Multiview};
 use crate::registration::quality::Quality;
@@ -20,6 +19,7 @@ use crate::registration::report::RegistrationReport;
 use crate::registration::rough::scan_set::Registered;
 use crate::registration::sensor::Sensor;
 use crate::registration::view::View;
+use crate::registration::{self, covariance};
 
 use self::start::Setting;
 pub use self::start::{PoseMatrix, Scale, Start};
@@ -145,6 +145,7 @@ pub fn run_from(
     let (mut views, mut readied) = ready::readied(&mut scans, options, progress)?;
     let copied = copies::take_out(&mut scans, &mut views, &mut readied, &mut setting, progress)?;
     let names: Vec<String> = scans.iter().map(|scan| scan.name.clone()).collect();
+    let holders = registration::copies::holders(&views, progress)?;
     let left_out =
         (!options.keep_all).then(|| cleaning::clean_scans(&mut scans, &mut views, options, progress)).transpose()?;
     for (scan, view) in scans.iter().zip(&mut views) {
@@ -158,6 +159,13 @@ pub fn run_from(
     verdict.weigh(&known, multiview::common_spacing(&views), &names);
     for reason in readied.iter().zip(&names).filter_map(|(readied, name)| readied.doubt(name, unit.name())) {
         verdict.lower(Quality::Doubtful, reason);
+    }
+    for (all, part) in holders {
+        let (all, part) = (&names[all], &names[part]);
+        verdict.lower(
+            Quality::Doubtful,
+            format!("{all} holds the points of {part}: a merged cloud is no scan of its own, leave one of them out"),
+        );
     }
     let report = RegistrationReport::new(options.method, unit.name(), &names, &views, &result, &known, verdict);
 

@@ -23,6 +23,8 @@ pub(super) struct Readied {
     pub sensor_is_pose: bool,
 }
 
+/// Coordinates beyond this have squares that single precision has no numbers for.
+const LARGEST_COORDINATE: f64 = 1e15;
 /// Coordinates rounded to more than this share of the spacing are no surface any more.
 const ROUGH: f64 = 0.25;
 
@@ -54,6 +56,14 @@ pub(super) fn readied(
 
 /// Leaves out of a scan what repeats, and measures the rest.
 fn without_repetitions(scan: &mut NamedScan) -> Result<(View, Readied), PipelineError> {
+    if let Some(p) = scan.surface.cloud.points.iter().find(|p| !p.iter().all(|x| x.abs() <= LARGEST_COORDINATE)) {
+        return Err(PipelineError::Unusable {
+            code: "degenerate_scan",
+            scan: Some(scan.name.clone()),
+            message: format!("{} has a point at ({:e}, {:e}, {:e})", scan.name, p.x, p.y, p.z),
+            hint: format!("leave out what lies beyond {LARGEST_COORDINATE:e}"),
+        });
+    }
     let found = Coincidence::of(&scan.surface);
     let mut readied = Readied { no_return: found.no_return, repeated: found.repeated, ..Readied::default() };
     scan.surface = found.applied(std::mem::take(&mut scan.surface));
@@ -83,7 +93,7 @@ fn unusable(scan: &NamedScan, readied: &Readied, problem: UnusableScan) -> Pipel
     }
     let rounded = float_step(&scan.surface.cloud).filter(|_| left_out > 0);
     let hint = match rounded {
-        Some(step) if step > 0.0 && readied.repeated > 0 => format!(
+        Some(step) if readied.repeated > 0 => format!(
             "its coordinates are so large that single precision rounds them to {step}: subtract an offset before the \
              export, or leave the scan out"
         ),
@@ -99,7 +109,7 @@ fn float_step(cloud: &Cloud) -> Option<f64> {
         return None;
     }
     let largest = cloud.points.iter().flat_map(|p| p.iter()).fold(0.0f64, |most, x| most.max(x.abs()));
-    Some(largest * f64::from(f32::EPSILON))
+    (largest > 0.0).then(|| largest.log2().floor().exp2() * f64::from(f32::EPSILON))
 }
 
 /// Takes the places of scanners that are poses for what they are: those scans were seen from their origins.

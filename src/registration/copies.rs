@@ -67,6 +67,34 @@ pub fn copies(
     Ok(copies)
 }
 
+/// Pairs of views (all, part) of which the first has all points of the second in the same frame, and more of its own: a
+/// merged cloud among its own scans, or an excerpt. They bear each other out wherever they lie.
+pub fn holders(views: &[View], progress: &Progress) -> Result<Vec<(usize, usize)>, Canceled> {
+    let pairs: Vec<(usize, usize)> = (0..views.len())
+        .flat_map(|all| (0..views.len()).map(move |part| (all, part)))
+        .filter(|(all, part)| {
+            let [count_all, count_part] = [*all, *part].map(|view| views[view].points().len() as f64);
+            all != part && count_all > (1.0 + COUNTS) * count_part
+        })
+        .collect();
+    let is_held = |&(all, part): &(usize, usize)| {
+        progress.check()?;
+        let (all, part) = (&views[all], &views[part]);
+        let motion = same_frame(all, part);
+        let samples = samples_of(part);
+        let most_missing = samples.len() - (SHARE * samples.len() as f64).ceil() as usize;
+        let missing = |sample: &&LocalPoint| nearest(all, &motion, sample, SAME * part.spacing).is_none();
+        Ok(samples.iter().filter(missing).take(most_missing + 1).count() <= most_missing)
+    };
+    let held: Vec<bool> = pairs.par_iter().map(is_held).collect::<Result<_, Canceled>>()?;
+    Ok(pairs.into_iter().zip(held).filter(|(_, held)| *held).map(|(pair, _)| pair).collect())
+}
+
+/// The motion between the local frames of two views whose scans have one frame.
+fn same_frame(a: &View, b: &View) -> Motion {
+    Motion::from_parts((b.center - a.center).into(), nalgebra::UnitQuaternion::identity())
+}
+
 /// The motion that maps the scan frame of `b` into that of `a`, if both have the same points.
 fn motion_if_same(a: &View, b: &View) -> Option<Motion> {
     let (moments_a, moments_b) = (Moments::of(a), Moments::of(b));
@@ -75,8 +103,9 @@ fn motion_if_same(a: &View, b: &View) -> Option<Motion> {
         return None;
     }
     // nothing but the name was changed, or the format: the frame is the same
-    let same_frame = Motion::from_parts((b.center - a.center).into(), nalgebra::UnitQuaternion::identity());
-    let turned = [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)].map(|(x, y)| moments_b.turned_onto(&moments_a, x, y));
+    let same_frame = same_frame(a, b);
+    let turned =
+        [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)].map(|(x, y)| moments_b.turned_onto(&moments_a, x, y));
     let motion_a_b = std::iter::once(same_frame).chain(turned).find_map(|start| fitted(a, b, start))?;
     let local = |view: &View| nalgebra::Translation3::from(view.center);
     Some(local(a) * motion_a_b * local(b).inverse())
@@ -162,7 +191,10 @@ mod tests {
     fn sheet(seed: u32) -> Vec<Point3> {
         let off = |k: u32| f64::from((k + seed).wrapping_mul(2_654_435_761) >> 8) / f64::from(1 << 24) - 0.5;
         let place = |k: u32| (f64::from(k % 50) + 0.3 * off(2 * k), 0.7 * f64::from(k / 50) + 0.3 * off(2 * k + 1));
-        (0..2000).map(place).map(|(x, y)| Point3::new(x, y, 0.02 * x * x - 0.01 * x * y + 4.0 * (0.2 * y).sin())).collect()
+        (0..2000)
+            .map(place)
+            .map(|(x, y)| Point3::new(x, y, 0.02 * x * x - 0.01 * x * y + 4.0 * (0.2 * y).sin()))
+            .collect()
     }
 
     fn view(points: Vec<Point3>) -> View {
@@ -201,6 +233,14 @@ mod tests {
         let turned = Motion::new(Vector3::zeros(), Vector3::new(0.4, -2.0, 1.1));
         let views = [view(sheet(1)), view(sheet(2)), view(again(&sheet(3), &turned, 1, 12))];
         assert_eq!(found(&views), [None; 3]);
+    }
+
+    #[test]
+    fn a_merged_cloud_holds_its_scans() {
+        let other: Vec<Point3> = sheet(2).iter().map(|p| p + Vector3::new(25.0, 0.0, 0.0)).collect();
+        let merged = [sheet(1), other.clone()].concat();
+        let views = [view(sheet(1)), view(merged), view(other), view(sheet(3))];
+        assert_eq!(holders(&views, &Progress::silent()).expect("not canceled"), [(1, 0), (1, 2)]);
     }
 
     #[test]

@@ -130,3 +130,43 @@ impl CurvedSurface {
         CurvedSurface { points, normals, areas, mean_curvatures }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::saliency::curvature::tests::sphere;
+    use rand::{RngExt, SeedableRng};
+
+    /// Points that fill a cube.
+    fn noise(count: usize) -> Vec<Point3> {
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(5);
+        (0..count).map(|_| Point3::new(rng.random(), rng.random(), rng.random())).collect()
+    }
+
+    #[test]
+    fn what_fills_space_is_thinned_until_its_sums_are_bounded_and_a_surface_is_not() {
+        let points = noise(120_000);
+        let normals = vec![Vector3::z(); points.len()];
+        let xi = XI_OF_DIAGONAL * 3f64.sqrt();
+        assert!(cells::pairs_within(&points, multiscale::WIDEST_IN_XI * xi) > cells::MOST_PAIRS);
+        let curved = CurvedSurface::from_cloud(&points, &normals, &Progress::silent()).expect("not canceled");
+        assert!(curved.points.len() > 5000);
+        assert!(cells::pairs_within(&curved.points, multiscale::WIDEST_IN_XI * curved.xi()) <= cells::MOST_PAIRS);
+        let mesh = sphere(1.0, 7);
+        let (count, xi) = (mesh.vertices.len(), XI_OF_DIAGONAL * 12f64.sqrt());
+        assert!(count > 60_000);
+        assert!(cells::pairs_within(&mesh.vertices, multiscale::WIDEST_IN_XI * xi) < cells::MOST_PAIRS);
+    }
+
+    #[test]
+    fn a_million_slivers_are_cut_into_a_bounded_number_of_pieces() {
+        let sliver = |k: u32| {
+            let y = 1e-5 * f64::from(k);
+            [Point3::new(0.0, y, 0.0), Point3::new(1.0, y, 0.0), Point3::new(1.0, y + 1e-7, 0.0)]
+        };
+        let vertices: Vec<Point3> = (0..100_000).flat_map(sliver).collect();
+        let faces = (0..100_000u32).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect();
+        let samples = Samples::from_mesh(&Mesh { vertices, faces }, 1e-3);
+        assert!(samples.points.len() < 2_000_000, "{}", samples.points.len());
+    }
+}

@@ -312,7 +312,8 @@ mod tests {
     #[tokio::test]
     async fn old_signatures_are_a_backlog_until_they_are_made_anew() {
         let (store, _folder) = testing::store().await;
-        let summary = crate::faces::SignatureSummary { version: 1, regions: 2, triangles: 3 };
+        let summary =
+            crate::faces::SignatureSummary { version: 1, regions: 2, triangles: 3, left_out: Default::default() };
         let old = StoredSignature { version: 1, summary: summary.clone(), content: vec![1] };
         let model = NewModel { signature: Some(old), ..NewModel::test(None) };
         store.create_model(&model, None).await.expect("stored");
