@@ -151,7 +151,7 @@ impl Repeated {
         let others = (points.len() > self.indices.len()) as u32;
         let next = |k: usize| counts.get(k + 1).copied().unwrap_or(others);
         let is_far_above = |k: &usize| counts[*k] >= LEAST_RETURNS && next(*k) > 0 && counts[*k] / CROWDED >= next(*k);
-        let last = (0..counts.len().min(MOST_VALUES)).filter(is_far_above).last();
+        let last = (0..counts.len().min(MOST_VALUES)).rfind(is_far_above);
         let least = last.map_or(u32::MAX, |k| counts[k]);
         original.into_iter().map(|count| count >= least).collect()
     }

@@ -145,7 +145,7 @@ mod tests {
 
     #[test]
     fn what_fills_space_is_thinned_until_its_sums_are_bounded_and_a_surface_is_not() {
-        let points = noise(120_000);
+        let points = noise(300_000);
         let normals = vec![Vector3::z(); points.len()];
         let xi = XI_OF_DIAGONAL * 3f64.sqrt();
         assert!(cells::pairs_within(&points, multiscale::WIDEST_IN_XI * xi) > cells::MOST_PAIRS);

@@ -127,7 +127,8 @@ fn two_values_and_the_scanners_own_place_are_no_return_too() {
 #[test]
 fn loose_triangles_and_repetitions_are_as_their_points() {
     let (set, sound) = sound();
-    let repeated: [(&str, fn(&mut Vec<Point3>)); 3] = [
+    type Change = fn(&mut Vec<Point3>);
+    let repeated: [(&str, Change); 3] = [
         ("one after the other", |points| *points = points.iter().flat_map(|p| [*p; 6]).collect()),
         ("all over again", |points| *points = std::iter::repeat_n(points.clone(), 3).flatten().collect()),
         ("some five times, some twice", |points| {
