@@ -29,8 +29,8 @@ pub struct LeftOut {
 const SEARCHES: usize = 4;
 /// The bulk is without this share of the points at each end of each axis.
 const ENDS: f64 = 0.01;
-/// Where the box around all points is no larger than so many times that of the bulk nothing is far off. (Between the ends
-/// of a box lie some 2 % of what fills it evenly.)
+/// Where the box around all points is no larger than so many times that of the bulk nothing is far off. (Between the
+/// ends of a box lie some 2 % of what fills it evenly.)
 const BULKY: f64 = 1.25;
 /// Points that tell the bulk, and the spacing.
 const SAMPLES: usize = 20_000;

@@ -1,16 +1,16 @@
 //! Points that are no points of their own: places that stand for "no return", and repetitions of other points.
 //!
-//! A scanner that saw nothing may write 0 0 0, -9999 or its own place; a mesh of loose triangles names each corner once a
-//! triangle; an export may write everything several times, perhaps rounded differently. All of these would otherwise pass
-//! for surface, or for a very fine one.
+//! A scanner that saw nothing may write 0 0 0, -9999 or its own place; a mesh of loose triangles names each corner once
+//! a triangle; an export may write everything several times, perhaps rounded differently. All of these would otherwise
+//! pass for surface, or for a very fine one.
 
 use super::neighbours::{IndexedPoints, LocalPoint};
 use super::{Point3, Surface};
 
 /// A place is no return from so many points on,
 const LEAST_RETURNS: u32 = 8;
-/// if it holds so many times the points of the most crowded place of the surface: a corner of loose triangles holds some six,
-/// seldom twice that.
+/// if it holds so many times the points of the most crowded place of the surface: a corner of loose triangles holds
+/// some six, seldom twice that.
 const CROWDED: u32 = 8;
 /// Values that stand for no return in one file, at most.
 const MOST_VALUES: usize = 8;
@@ -19,8 +19,8 @@ const MOST_VALUES: usize = 8;
 const SAMPLES: usize = 120;
 /// Their nearest neighbours that are looked at: more than there are copies of a point.
 const NEIGHBOURS: usize = 33;
-/// Copies of a point are so many times nearer to each other than to the next: on a surface, even one that was sampled at
-/// random, hardly any neighbour is so much farther off than the one before.
+/// Copies of a point are so many times nearer to each other than to the next: on a surface, even one that was sampled
+/// at random, hardly any neighbour is so much farther off than the one before.
 const JUMP: f32 = 5.0;
 /// From this share of the samples on copies are the rule. At random, one sample in 25 looks as if it had one.
 const COPIED: f64 = 0.25;

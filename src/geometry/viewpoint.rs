@@ -1,8 +1,8 @@
-//! Whether a scan can have been seen from a place: rays leave a scanner evenly spread, so its points lie the less densely the
-//! farther off a surface is and the more it is turned away.
+//! Whether a scan can have been seen from a place: rays leave a scanner evenly spread, so its points lie the less
+//! densely the farther off a surface is and the more it is turned away.
 //!
-//! Files say where their scanner stood in different ways. PCD's VIEWPOINT is that place in the frame of the points by its
-//! definition, but many programs write the pose of a scan there, whose points are in the scanner's own frame.
+//! Files say where their scanner stood in different ways. PCD's VIEWPOINT is that place in the frame of the points by
+//! its definition, but many programs write the pose of a scan there, whose points are in the scanner's own frame.
 
 use rayon::prelude::*;
 
@@ -50,8 +50,8 @@ impl Facets {
         Facets(found.into_iter().flatten().collect())
     }
 
-    /// What a scanner at a place leaves unexplained: the mean absolute difference of the densities' logarithms. A surface
-    /// that is hardly seen from there counts as seen at a grazing angle. Infinite without facets.
+    /// What a scanner at a place leaves unexplained: the mean absolute difference of the densities' logarithms. A
+    /// surface that is hardly seen from there counts as seen at a grazing angle. Infinite without facets.
     pub fn unexplained(&self, position: &Point3) -> f64 {
         let left = |facet: &Facet| {
             let ray = position.coords - facet.place;

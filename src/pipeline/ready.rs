@@ -1,4 +1,5 @@
-//! Scans made ready before anything is looked for: without points that are none, with views, seen from where they were seen.
+//! Scans made ready before anything is looked for: without points that are none, with views, seen from where they were
+//! seen.
 
 use rayon::prelude::*;
 
@@ -19,7 +20,7 @@ pub(super) struct Readied {
     pub repeated: usize,
     /// What coordinates are rounded to, if that is no less than a good part of the spacing.
     pub rounded_to: Option<f64>,
-    /// Whether the place of its scanner, as told by the file, is the pose of the scan.
+    /// Whether the place of its scanner, as the file has it, is the pose of the scan.
     pub sensor_is_pose: bool,
 }
 

@@ -169,8 +169,8 @@ impl Setting {
         (!self.base.is_empty()).then(|| self.base.contains_key(name))
     }
 
-    /// Lets the pose of a copy serve its original, if that has none; `motion_of_copy` maps the copy's frame into that of the
-    /// original.
+    /// Lets the pose of a copy serve its original, if that has none; `motion_of_copy` maps the copy's frame into that
+    /// of the original.
     pub fn adopt_pose(&mut self, original: &str, copy: &str, motion_of_copy: &Motion) {
         let Some(pose) = self.poses.get(copy).copied().filter(|_| !self.poses.contains_key(original)) else { return };
         let scale = self.scales.get(copy).copied();

@@ -1,7 +1,7 @@
 //! Scans that are the same scan again: the same points under another name, in another format, order or frame.
 //!
-//! A copy fits its original perfectly wherever that lies, so it would bear out anything. Two scans of one object never have
-//! the same points: rays don't meet the same places twice, and noise differs.
+//! A copy fits its original perfectly wherever that lies, so it would bear out anything. Two scans of one object never
+//! have the same points: rays don't meet the same places twice, and noise differs.
 
 use rayon::prelude::*;
 

@@ -94,8 +94,8 @@ impl CurvedSurface {
         Ok(surface)
     }
 
-    /// The same surface with so few points that sums over neighbours are bounded: what fills space has far more neighbours
-    /// than a surface.
+    /// The same surface with so few points that sums over neighbours are bounded: what fills space has far more
+    /// neighbours than a surface.
     fn bounded(self) -> CurvedSurface {
         let (mut surface, mut cell) = (self, CELL_IN_XI);
         let xi = surface.xi();

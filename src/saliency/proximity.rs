@@ -14,8 +14,8 @@ const NEIGHBOURS: usize = 16;
 pub struct Proximity {
     /// Each point's neighbours, nearest first, one point after the other.
     neighbours: Vec<u32>,
-    /// Where those of each point begin, and the end: most have [`NEIGHBOURS`], but where distances are too large for their
-    /// squares some are not found.
+    /// Where those of each point begin, and the end: most have [`NEIGHBOURS`], but where distances are too large for
+    /// their squares some are not found.
     starts: Vec<u32>,
     /// The distance of the last of them.
     farthest: Vec<f64>,

@@ -31,8 +31,8 @@ pub(super) struct Gathered {
 
 /// Pieces of a face are no longer than this, in cells: some four of them meet in a cell.
 const PIECE_IN_CELLS: f64 = 0.5;
-/// All faces together are cut into about so many pieces at most. Every face that is no sliver has enough of them: no level
-/// is asked for where the surface would pass through more cells than a few of these for each.
+/// All faces together are cut into about so many pieces at most. Every face that is no sliver has enough of them: no
+/// level is asked for where the surface would pass through more cells than a few of these for each.
 const ALL_PIECES: f64 = 3e7;
 /// No face is cut into more rows, or a row into more pieces: such a face is larger than any grid that is asked for.
 const MOST_PIECES: f64 = 4096.0;

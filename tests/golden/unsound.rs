@@ -1,5 +1,5 @@
-//! Scans with points that are none, with points and scans that come twice, and with scanners that are told wrongly: each
-//! has to come out as the sound scans do.
+//! Scans with points that are none, with points and scans that come twice, and with scanners that are told wrongly:
+//! each has to come out as the sound scans do.
 
 use std::collections::BTreeMap;
 use std::sync::OnceLock;

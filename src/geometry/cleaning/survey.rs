@@ -35,8 +35,8 @@ pub struct Survey {
 }
 
 impl Survey {
-    /// Surveys points with this spacing and range accuracy, without normals: they cost more than all the rest, and most sets
-    /// are judged without.
+    /// Surveys points with this spacing and range accuracy, without normals: they cost more than all the rest, and most
+    /// sets are judged without.
     pub fn new(points: &[LocalPoint], spacing: f64, range_accuracy: f64) -> Self {
         let mut edge = spacing * (EDGE_FACTOR * (points.len() as f64 / SURFELS).sqrt()).max(FINEST_EDGE);
         let mut thinned = thin(points, edge as f32);
