@@ -46,6 +46,23 @@ impl BlobError {
         let BlobError::Io { source, .. } = self else { return false };
         matches!(source.kind(), io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded)
     }
+
+    /// Whether the process or the machine is out of something that comes free again: descriptors or memory.
+    pub fn is_shortage(&self) -> bool {
+        let BlobError::Io { source, .. } = self else { return false };
+        source.kind() == io::ErrorKind::OutOfMemory || is_out_of_descriptors(source)
+    }
+}
+
+#[cfg(unix)]
+fn is_out_of_descriptors(error: &io::Error) -> bool {
+    use nix::errno::Errno;
+    error.raw_os_error().is_some_and(|code| matches!(Errno::from_raw(code), Errno::EMFILE | Errno::ENFILE))
+}
+
+#[cfg(not(unix))]
+fn is_out_of_descriptors(_: &io::Error) -> bool {
+    false
 }
 
 /// Names what was being done when the file system said no.

@@ -1,6 +1,5 @@
 //! A server's life: open the data folder, pick up what a crash left, serve, stop within a deadline.
 
-use std::future::IntoFuture;
 use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
@@ -9,7 +8,9 @@ use tokio::net::TcpListener;
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 
-use super::router::{self, OpenApiError};
+use super::hosts::Hosts;
+use super::router::{self, RouterError};
+use super::connections;
 use super::state::AppState;
 use crate::blobs::{BlobError, Blobs};
 use crate::config::ServerConfig;
@@ -39,9 +40,9 @@ pub enum StartError {
     /// The database can't be used.
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// The contract can't be made.
+    /// The routes can't be made.
     #[error(transparent)]
-    Contract(#[from] OpenApiError),
+    Router(#[from] RouterError),
     /// A start-up task ended badly.
     #[error("starting: {0}")]
     Task(#[from] tokio::task::JoinError),
@@ -59,6 +60,8 @@ impl Server {
 
     /// Starts a server with other algorithms: for tests of the service, and for failure injection.
     pub async fn start_with(config: ServerConfig, engine: Arc<dyn Engine>) -> Result<ServerHandle, StartError> {
+        let mut config = config;
+        config.edge.connections = connections::most(config.edge.connections);
         let config = Arc::new(config);
         let shop = open(&config, engine).await?;
         let listener =
@@ -66,10 +69,9 @@ impl Server {
         let addr = listener.local_addr().map_err(|source| StartError::Listen { addr: config.addr, source })?;
         let stop = CancellationToken::new();
         let crash = CancellationToken::new();
-        let state = AppState::new(shop.clone(), stop.clone());
+        let state = AppState::new(shop.clone(), Hosts::new(addr, &config.hosts), stop.clone());
         let router = router::router(state)?;
-        let serving = axum::serve(listener, router).with_graceful_shutdown(stop.clone().cancelled_owned());
-        let serving = tokio::spawn(serving.into_future());
+        let serving = tokio::spawn(connections::serve(listener, router, config.edge, stop.clone()));
         let runner = Runner::start(&shop, &stop, &crash);
         let chores = tokio::spawn(chores(shop.store.clone(), shop.gallery.clone(), shop.board.clone(), stop.clone()));
         tracing::info!(%addr, data = %config.data_dir.display(), threads = config.threads, "serving");
@@ -135,7 +137,7 @@ pub struct ServerHandle {
     shop: Workshop,
     stop: CancellationToken,
     crash: CancellationToken,
-    serving: JoinHandle<std::io::Result<()>>,
+    serving: JoinHandle<()>,
     runner: Runner,
     chores: JoinHandle<()>,
 }

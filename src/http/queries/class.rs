@@ -7,7 +7,7 @@ use super::super::problem::Problem;
 use super::super::standards::{self, Ranking};
 use super::super::state::AppState;
 use super::super::verdicts::VerdictView;
-use super::cursor;
+use super::super::cursor;
 use super::question::{Question, unknown_standard};
 use super::views::{MatchView, QueryAnswer};
 use crate::faces::judgement::MATCH_SCORE;
