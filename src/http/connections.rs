@@ -12,7 +12,7 @@ use hyper::server::conn::http1;
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
 use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
 use tokio::task::JoinSet;
 use tokio_io_timeout::TimeoutStream;
 use tokio_util::sync::CancellationToken;
@@ -29,6 +29,15 @@ const PAUSE: Duration = Duration::from_millis(200);
 const DESCRIPTORS_KEPT: u64 = 128;
 /// Descriptors of a connection: itself, and the file that it sends or receives.
 const DESCRIPTORS_EACH: u64 = 2;
+
+/// How many connections there are, and were.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Connections {
+    /// Those that there are.
+    pub open: usize,
+    /// All that were accepted so far.
+    pub accepted: u64,
+}
 
 /// The connections that there can be: those that are wished for, or as many as the descriptors of the process allow.
 pub fn most(wished: usize) -> usize {
@@ -53,7 +62,13 @@ fn descriptors() -> Option<u64> {
 }
 
 /// Serves until `stop`, then until all that was begun has been answered. When this is dropped, connections are cut.
-pub async fn serve(listener: TcpListener, router: Router, limits: EdgeLimits, stop: CancellationToken) {
+pub async fn serve(
+    listener: TcpListener,
+    router: Router,
+    limits: EdgeLimits,
+    stop: CancellationToken,
+    count: watch::Sender<Connections>,
+) {
     let places = Arc::new(Semaphore::new(limits.connections.max(1)));
     let mut door = Door { listener, places, full: false, failing: false };
     let mut open = JoinSet::new();
@@ -61,13 +76,16 @@ pub async fn serve(listener: TcpListener, router: Router, limits: EdgeLimits, st
         tokio::select! {
             accepted = door.next() => {
                 open.spawn(connection(accepted, router.clone(), limits, stop.clone()));
+                count.send_modify(|count| *count = Connections { open: open.len(), accepted: count.accepted + 1 });
             }
-            Some(_) = open.join_next() => {}
+            Some(_) = open.join_next() => count.send_modify(|count| count.open = open.len()),
             () = stop.cancelled() => break,
         }
     }
     drop(door);
-    while open.join_next().await.is_some() {}
+    while open.join_next().await.is_some() {
+        count.send_modify(|count| count.open = open.len());
+    }
 }
 
 /// Where connections come in.

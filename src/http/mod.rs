@@ -46,5 +46,6 @@ mod state;
 mod upload;
 mod verdicts;
 
+pub use connections::Connections;
 pub use router::{OpenApiError, openapi_yaml};
 pub use server::{Server, ServerHandle, StartError};

@@ -5,12 +5,13 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use tokio::net::TcpListener;
+use tokio::sync::watch;
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 
 use super::hosts::Hosts;
 use super::router::{self, RouterError};
-use super::connections;
+use super::connections::{self, Connections};
 use super::state::AppState;
 use crate::blobs::{BlobError, Blobs};
 use crate::config::ServerConfig;
@@ -71,11 +72,12 @@ impl Server {
         let crash = CancellationToken::new();
         let state = AppState::new(shop.clone(), Hosts::new(addr, &config.hosts), stop.clone());
         let router = router::router(state)?;
-        let serving = tokio::spawn(connections::serve(listener, router, config.edge, stop.clone()));
+        let (count, connections) = watch::channel(Connections::default());
+        let serving = tokio::spawn(connections::serve(listener, router, config.edge, stop.clone(), count));
         let runner = Runner::start(&shop, &stop, &crash);
         let chores = tokio::spawn(chores(shop.store.clone(), shop.gallery.clone(), shop.board.clone(), stop.clone()));
         tracing::info!(%addr, data = %config.data_dir.display(), threads = config.threads, "serving");
-        Ok(ServerHandle { addr, shop, stop, crash, serving, runner, chores })
+        Ok(ServerHandle { addr, connections, shop, stop, crash, serving, runner, chores })
     }
 }
 
@@ -134,6 +136,7 @@ async fn chores(store: Store, gallery: LiveGallery, board: Arc<Board>, stop: Can
 #[derive(Debug)]
 pub struct ServerHandle {
     addr: SocketAddr,
+    connections: watch::Receiver<Connections>,
     shop: Workshop,
     stop: CancellationToken,
     crash: CancellationToken,
@@ -146,6 +149,11 @@ impl ServerHandle {
     /// Where it listens.
     pub fn addr(&self) -> SocketAddr {
         self.addr
+    }
+
+    /// How many connections there are, and were: to be watched.
+    pub fn connections(&self) -> watch::Receiver<Connections> {
+        self.connections.clone()
     }
 
     /// `http://` and the address.
