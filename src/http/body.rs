@@ -37,10 +37,10 @@ const UNIT: usize = 1 << 10;
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Late {
     /// It came to a standstill.
-    #[error("nothing arrived for {} s", .0.as_secs_f64())]
+    #[error("nothing arrived for {:.1} s", .0.as_secs_f64())]
     Silent(Duration),
     /// It trickles.
-    #[error("{received} bytes arrived in {} s of waiting, less than {rate} a second", .waited.as_secs_f64())]
+    #[error("{received} bytes arrived in {:.1} s of waiting, less than {rate} a second", .waited.as_secs_f64())]
     Slow {
         /// What arrived.
         received: u64,

@@ -10,6 +10,7 @@ mod gallery;
 mod hosts;
 mod jobs;
 mod models;
+mod pressure;
 mod queries;
 mod recovery;
 mod scan_sets;
