@@ -24,7 +24,9 @@ pub enum Host {
 
 /// A text that is no host.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{0:?} is no host: write a name such as visage.example or an address, with a port or without, and no scheme or path")]
+#[error(
+    "{0:?} is no host: write a name such as visage.example or an address, with a port or without, and no scheme or path"
+)]
 pub struct NoHostName(String);
 
 impl FromStr for HostName {
@@ -109,8 +111,24 @@ mod tests {
     #[test]
     fn what_is_no_host_is_refused() {
         for text in [
-            "", ".", "a..b", "http://a", "a/b", "a:b", "a:99999", "a:+80", "a:", ":80", "[::1", "[a]:80", "user@a",
-            "a b", "2130706433", "0x7f.1", "a,b", "*",
+            "",
+            ".",
+            "a..b",
+            "http://a",
+            "a/b",
+            "a:b",
+            "a:99999",
+            "a:+80",
+            "a:",
+            ":80",
+            "[::1",
+            "[a]:80",
+            "user@a",
+            "a b",
+            "2130706433",
+            "0x7f.1",
+            "a,b",
+            "*",
         ] {
             assert!(text.parse::<HostName>().is_err(), "{text}");
         }

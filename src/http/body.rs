@@ -114,10 +114,7 @@ impl HttpBody for Paced {
     type Data = Bytes;
     type Error = axum::Error;
 
-    fn poll_frame(
-        self: Pin<&mut Self>,
-        context: &mut Context<'_>,
-    ) -> Poll<Option<Result<Frame<Bytes>, axum::Error>>> {
+    fn poll_frame(self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<Option<Result<Frame<Bytes>, axum::Error>>> {
         let mut guard = self.lock();
         let inner = &mut *guard;
         inner.touched = true;
@@ -132,8 +129,7 @@ impl HttpBody for Paced {
             return Poll::Ready(frame);
         }
         let patience = inner.patience();
-        let (begin, timer) =
-            inner.wait.get_or_insert_with(|| (Instant::now(), Box::pin(tokio::time::sleep(patience))));
+        let (begin, timer) = inner.wait.get_or_insert_with(|| (Instant::now(), Box::pin(tokio::time::sleep(patience))));
         ready!(timer.as_mut().poll(context));
         let silence = begin.elapsed();
         inner.over = true;

@@ -70,10 +70,7 @@ pub struct Turn {
 impl Conditions {
     /// Of these headers.
     pub fn of(headers: &HeaderMap) -> Conditions {
-        Conditions {
-            if_match: tags(headers, header::IF_MATCH),
-            if_none_match: tags(headers, header::IF_NONE_MATCH),
-        }
+        Conditions { if_match: tags(headers, header::IF_MATCH), if_none_match: tags(headers, header::IF_NONE_MATCH) }
     }
 
     /// Whether anything is asked.

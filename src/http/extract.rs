@@ -114,10 +114,7 @@ pub fn wrong_media_type(found: &str, wanted: &str) -> Problem {
 }
 
 /// A JSON body.
-pub async fn read_json<T: DeserializeOwned>(
-    state: &AppState,
-    request: Request,
-) -> Result<(T, bytes::Bytes), Problem> {
+pub async fn read_json<T: DeserializeOwned>(state: &AppState, request: Request) -> Result<(T, bytes::Bytes), Problem> {
     let found = media_type(request.headers());
     if !is_json(&found) {
         return Err(wrong_media_type(&found, "application/json"));

@@ -103,7 +103,8 @@ mod tests {
 
     #[test]
     fn loopback_names_and_the_bound_address_are_known() {
-        for name in ["localhost", "localhost:1", "app.localhost:9000", "127.0.0.1:80", "[::1]:80", "[::ffff:127.0.0.1]"] {
+        for name in ["localhost", "localhost:1", "app.localhost:9000", "127.0.0.1:80", "[::1]:80", "[::ffff:127.0.0.1]"]
+        {
             assert!(allows("127.0.0.1:8080", &[], name), "{name}");
         }
         for name in ["evil.example", "127.0.0.1.evil.example", "localhost.evil.example", "10.0.0.1", "visage"] {

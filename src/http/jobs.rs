@@ -138,7 +138,8 @@ async fn evaluate(state: AppState, attempt: Attempt, body: NewJobBody) -> Result
             let created = Created::new(StatusCode::ACCEPTED, job_views::address(job.id), &JobView::of(job))?;
             Ok(created.retry_after(1))
         };
-        let replay = |job: &JobRecord| answer(job).ok().and_then(|created| attempt.replay(&created, job.id.to_string()));
+        let replay =
+            |job: &JobRecord| answer(job).ok().and_then(|created| attempt.replay(&created, job.id.to_string()));
         let job = state.shop.store.demand_evaluation(replay).await?;
         state.shop.board.announce_work();
         answer(&job)

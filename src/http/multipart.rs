@@ -82,7 +82,8 @@ fn unreadable(error: &multer::Error) -> Problem {
             Problem::new(Code::TooLarge, refused.to_string(), hint)
         }
         Some(refused @ Refused::Whole(_)) => {
-            let hint = "send the scans one by one with PUT /v1/scan-sets/{id}/scans/{name}; GET /v1/info states the limits";
+            let hint =
+                "send the scans one by one with PUT /v1/scan-sets/{id}/scans/{name}; GET /v1/info states the limits";
             Problem::new(Code::TooLarge, refused.to_string(), hint)
         }
         None => broken("the form", error),

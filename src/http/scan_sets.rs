@@ -7,11 +7,9 @@ use axum::response::{IntoResponse, Response};
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
-use super::conditions::{Conditions, ETag};
-use super::extract::{
-    IdempotencyKey, PageQuery, Path, Query, is_json, media_type, read_json, wrong_media_type,
-};
 use super::body::read_body;
+use super::conditions::{Conditions, ETag};
+use super::extract::{IdempotencyKey, PageQuery, Path, Query, is_json, media_type, read_json, wrong_media_type};
 use super::idempotency::{Attempt, Created};
 use super::problem::{Code, Problem};
 use super::scan_set_views::{NewScanSetBody, PosesView, ScanSetForm, ScanSetList, ScanSetView, ScanView};
@@ -19,7 +17,9 @@ use super::state::{AppState, blocking, deleted, forget, uninterrupted};
 use super::upload::{self, Form, FormRules, UploadedFile};
 use super::{cursor, digest, names, responses};
 use crate::jobs::admission;
-use crate::store::{FileId, NewScanSet, PoseFile, PutScan, ScanRecord, ScanSetId, ScanSetRecord, StoreError, sort_naturally};
+use crate::store::{
+    FileId, NewScanSet, PoseFile, PutScan, ScanRecord, ScanSetId, ScanSetRecord, StoreError, sort_naturally,
+};
 
 const TAG: &str = "scan sets";
 const PARTS: &[&str] = &["poses", "name", "unit"];

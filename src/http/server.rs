@@ -9,9 +9,9 @@ use tokio::sync::watch;
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 
+use super::connections::{self, Connections};
 use super::hosts::Hosts;
 use super::router::{self, RouterError};
-use super::connections::{self, Connections};
 use super::state::AppState;
 use crate::blobs::{BlobError, Blobs};
 use crate::config::ServerConfig;

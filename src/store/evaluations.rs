@@ -6,8 +6,8 @@
 use sqlx::{FromRow, SqliteConnection};
 
 use super::{
-    JobId, JobRecord, ModelId, Replay, StandardId, Store, StoreError, StoredSignature, damaged, jobs, replays, stored_id,
-    to_i64, to_u64,
+    JobId, JobRecord, ModelId, Replay, StandardId, Store, StoreError, StoredSignature, damaged, jobs, replays,
+    stored_id, to_i64, to_u64,
 };
 use crate::classes::{Class, Found};
 use crate::faces::Signature;

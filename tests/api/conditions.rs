@@ -118,7 +118,8 @@ async fn jobs_are_stopped_and_run_again_in_the_state_that_is_known_alone() {
     let (_, job) = server.model().await;
     for action in ["cancel", "retry"] {
         let url = server.url(&format!("/v1/jobs/{job}/{action}"));
-        expect_problem(answer(server.client.post(&url).header("if-match", UNKNOWN)).await, 412, "precondition_failed").await;
+        expect_problem(answer(server.client.post(&url).header("if-match", UNKNOWN)).await, 412, "precondition_failed")
+            .await;
         let tag = etag(&server.get(&format!("/v1/jobs/{job}")).await);
         expect_problem(answer(server.client.post(&url).header("if-match", tag)).await, 409, "wrong_status").await;
     }
@@ -142,12 +143,24 @@ async fn cursors_lead_back_to_their_own_list_alone() {
         cursors.push((list, text(&page, "/next_cursor")));
     }
     // ids stand in addresses: anybody can make such a cursor
-    let forged = ["x", "", "zzzzzzzz", &sets[1], "018f0000-0000-7000-8000-000000000000", "~", "AAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAA"];
+    let forged = [
+        "x",
+        "",
+        "zzzzzzzz",
+        &sets[1],
+        "018f0000-0000-7000-8000-000000000000",
+        "~",
+        "AAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAA",
+    ];
     for list in lists {
         for (of, cursor) in &cursors {
             let page = server.get(&format!("{list}&cursor={cursor}")).await;
             if *of == list {
-                assert_eq!(expect_json(page, StatusCode::OK).await["items"].as_array().map(Vec::len), Some(1), "{list}");
+                assert_eq!(
+                    expect_json(page, StatusCode::OK).await["items"].as_array().map(Vec::len),
+                    Some(1),
+                    "{list}"
+                );
             } else {
                 expect_problem(page, 422, "invalid_field").await;
             }
@@ -162,9 +175,8 @@ async fn cursors_lead_back_to_their_own_list_alone() {
 async fn a_repeated_evaluation_is_the_same_one() {
     let server = TestServer::start().await;
     let url = server.url("/v1/jobs");
-    let evaluate = |key: &'static str, body| {
-        answer(server.client.post(&url).header("idempotency-key", key).json(&body))
-    };
+    let evaluate =
+        |key: &'static str, body| answer(server.client.post(&url).header("idempotency-key", key).json(&body));
     let first = expect_json(evaluate("a", json!({"kind": "evaluate"})).await, StatusCode::ACCEPTED).await;
     // one that has ended is not the answer to a new request
     let job = text(&first, "/id");

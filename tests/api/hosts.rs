@@ -21,9 +21,12 @@ fn refused(answer: &Answer, code: &str) -> bool {
 #[tokio::test]
 async fn a_name_that_was_led_here_gets_nothing() {
     let server = TestServer::start().await;
-    for line in ["GET /v1/scan-sets HTTP/1.1", "GET /healthz HTTP/1.1", "GET /nothing HTTP/1.1", "DELETE /v1/models/x HTTP/1.1"]
+    for line in
+        ["GET /v1/scan-sets HTTP/1.1", "GET /healthz HTTP/1.1", "GET /nothing HTTP/1.1", "DELETE /v1/models/x HTTP/1.1"]
     {
-        for host in ["evil.example", "evil.example:80", "127.0.0.1.evil.example", "localhost@evil.example", "", "10.1.2.3"] {
+        for host in
+            ["evil.example", "evil.example:80", "127.0.0.1.evil.example", "localhost@evil.example", "", "10.1.2.3"]
+        {
             let answer = ask(&server, line, &[&format!("Host: {host}")]).await;
             assert!(refused(&answer, "foreign_host"), "{line} {host}: {answer:?}");
         }
@@ -63,7 +66,9 @@ async fn pages_from_elsewhere_can_change_nothing() {
         &["Origin: http://localhost:1"],
     ];
     for headers in foreign {
-        for line in ["POST /v1/scan-sets HTTP/1.1", "DELETE /v1/models/x HTTP/1.1", "PUT /v1/scan-sets/x/poses HTTP/1.1"] {
+        for line in
+            ["POST /v1/scan-sets HTTP/1.1", "DELETE /v1/models/x HTTP/1.1", "PUT /v1/scan-sets/x/poses HTTP/1.1"]
+        {
             let headers = [&["Host: localhost", "content-type: application/json"], headers].concat();
             let answer = ask(&server, line, &headers).await;
             assert!(refused(&answer, "foreign_origin"), "{line} {headers:?}: {answer:?}");
@@ -76,7 +81,9 @@ async fn pages_from_elsewhere_can_change_nothing() {
     assert_eq!(list["items"], json!([]));
     // programs send neither; pages of the service's own send both
     let url = server.url("/v1/scan-sets");
-    for (origin, site) in [(None, None), (Some(own.as_str()), Some("same-origin")), (None, Some("none")), (Some(&own), None)] {
+    for (origin, site) in
+        [(None, None), (Some(own.as_str()), Some("same-origin")), (None, Some("none")), (Some(&own), None)]
+    {
         let mut request = server.client.post(&url).json(&json!({"name": "own"}));
         request = origin.into_iter().fold(request, |request, origin| request.header("origin", origin));
         request = site.into_iter().fold(request, |request, site| request.header("sec-fetch-site", site));
@@ -111,7 +118,8 @@ async fn a_proxy_passes_on_a_name_that_is_allowed() {
 async fn a_refused_upload_still_gets_its_answer() {
     let server = TestServer::start().await;
     let set = server.scan_set(2).await;
-    let request = server.client.put(server.url(&format!("/v1/scan-sets/{set}/scans/a.ply"))).header("host", "evil.example");
+    let request =
+        server.client.put(server.url(&format!("/v1/scan-sets/{set}/scans/a.ply"))).header("host", "evil.example");
     let response = request.body(vec![b' '; 8 << 20]).send().await.expect("an answer, not a broken connection");
     expect_problem(response, 403, "foreign_host").await;
 }

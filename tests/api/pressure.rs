@@ -93,9 +93,8 @@ async fn without_descriptors_jobs_wait_and_requests_are_told_to() {
     let url = |path: &str| format!("{}{path}", server.url);
     let set = client.post(url("/v1/scan-sets")).multipart(scan_form(3)).send().await.expect("an answer");
     let set = text(&expect_json(set, StatusCode::CREATED).await, "/id");
-    let post = |options: Value| {
-        client.post(url("/v1/jobs")).json(&json!({"scan_set_id": set, "options": options})).send()
-    };
+    let post =
+        |options: Value| client.post(url("/v1/jobs")).json(&json!({"scan_set_id": set, "options": options})).send();
     // a first one opens whatever the server opens once
     let first = expect_json(post(json!({"signature": false})).await.expect("an answer"), StatusCode::ACCEPTED).await;
     let ended = client.get(url(&format!("/v1/jobs/{}?wait=60", text(&first, "/id")))).send().await.expect("an answer");

@@ -14,14 +14,7 @@ const MOMENT: Duration = Duration::from_millis(150);
 const LONG: Duration = Duration::from_secs(600);
 
 fn patient() -> EdgeLimits {
-    EdgeLimits {
-        connections: 64,
-        head_time: LONG,
-        body_time: LONG,
-        body_rate: 1,
-        body_stall: LONG,
-        answer_stall: LONG,
-    }
+    EdgeLimits { connections: 64, head_time: LONG, body_time: LONG, body_rate: 1, body_stall: LONG, answer_stall: LONG }
 }
 
 async fn server(edge: EdgeLimits) -> TestServer {
@@ -95,15 +88,15 @@ async fn a_body_nobody_asked_for_keeps_no_connection() {
 
 #[tokio::test]
 async fn a_body_that_trickles_is_given_up_and_one_that_pauses_is_not() {
-    // a megabyte a second at least
-    let server = server(EdgeLimits { body_time: MOMENT * 4, body_rate: 1 << 20, ..patient() }).await;
+    // 64 kB a second at least
+    let server = server(EdgeLimits { body_time: MOMENT * 4, body_rate: 1 << 16, ..patient() }).await;
     let set = server.scan_set(2).await;
     let head = format!("PUT /v1/scan-sets/{set}/scans/a.ply HTTP/1.1\r\nhost: localhost\r\ncontent-length: ");
     let mut trickle = Raw::send_to(&server, format!("{head}100000\r\n\r\n")).await;
     while trickle.try_send(" ").await {
         tokio::time::sleep(MOMENT / 10).await;
     }
-    // what was quick before may pause for as long as that would have taken: 4 MB earn 4 s
+    // what was quick before may pause for as long as that would have taken: 4 MB earn a minute
     let points = b"1.000 2.000 3.000\n4.000 5.000 6.000\n".repeat(120_000);
     let scan = [files::header(240_000).as_bytes(), &points].concat();
     let (first, rest) = scan.split_at(scan.len() - 100);
@@ -120,9 +113,9 @@ async fn an_answer_that_nobody_takes_is_given_up() {
     // far more than the system keeps for a connection
     let many: Vec<String> = (0..400_000).map(|k| format!("{}.5 {}.25 1\n", k % 1000, k / 1000)).collect();
     let scan = [files::header(many.len()).into_bytes(), many.concat().into_bytes()].concat();
-    let form = ["a.ply", "b.ply", "c.ply"].iter().fold(Form::new(), |form, name| {
-        form.part("scans", Part::bytes(scan.clone()).file_name(*name))
-    });
+    let form = ["a.ply", "b.ply", "c.ply"]
+        .iter()
+        .fold(Form::new(), |form, name| form.part("scans", Part::bytes(scan.clone()).file_name(*name)));
     let names = ["a.ply", "b.ply", "c.ply"].map(str::to_owned);
     let form = form.part("poses", Part::text(files::poses(&names)).file_name("poses.json"));
     let job = expect_json(server.post_form("/v1/jobs", form).await, StatusCode::ACCEPTED).await;
@@ -153,7 +146,8 @@ async fn others_wait_while_all_connections_are_taken() {
 
 #[tokio::test]
 async fn limits_on_connections_are_stated() {
-    let server = server(EdgeLimits { connections: 7, head_time: Duration::from_secs(11), ..EdgeLimits::default() }).await;
+    let server =
+        server(EdgeLimits { connections: 7, head_time: Duration::from_secs(11), ..EdgeLimits::default() }).await;
     let info = expect_json(server.get("/v1/info").await, StatusCode::OK).await;
     let limits = &info["limits"];
     assert_eq!((limits["connections"].as_u64(), limits["head_seconds"].as_u64()), (Some(7), Some(11)), "{limits}");

@@ -206,7 +206,9 @@ pub async fn of_form(state: &AppState, mut form: Form) -> Result<Question, Probl
     let turn = describe::turn(state, &file).await?;
     let (file, surface) = upload::read_surface(state, file).await?;
     let about = match class {
-        Some(standard) => About::ClassVerdict(Box::new(looked_for(state, turn, &file.name, surface, unit, standard).await?)),
+        Some(standard) => {
+            About::ClassVerdict(Box::new(looked_for(state, turn, &file.name, surface, unit, standard).await?))
+        }
         None => {
             let signature = Box::new(describe::describe(state, turn, &file.name, surface, unit).await?);
             match standard.as_deref().and_then(standard::by_name) {
