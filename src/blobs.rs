@@ -47,22 +47,11 @@ impl BlobError {
         matches!(source.kind(), io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded)
     }
 
-    /// Whether the process or the machine is out of something that comes free again: descriptors or memory.
+    /// Whether memory or descriptors have run out (ENOMEM, ENFILE, EMFILE), which come free again.
     pub fn is_shortage(&self) -> bool {
-        let BlobError::Io { source, .. } = self else { return false };
-        source.kind() == io::ErrorKind::OutOfMemory || is_out_of_descriptors(source)
+        cfg!(unix)
+            && matches!(self, BlobError::Io { source, .. } if matches!(source.raw_os_error(), Some(12 | 23 | 24)))
     }
-}
-
-#[cfg(unix)]
-fn is_out_of_descriptors(error: &io::Error) -> bool {
-    use nix::errno::Errno;
-    error.raw_os_error().is_some_and(|code| matches!(Errno::from_raw(code), Errno::EMFILE | Errno::ENFILE))
-}
-
-#[cfg(not(unix))]
-fn is_out_of_descriptors(_: &io::Error) -> bool {
-    false
 }
 
 /// Names what was being done when the file system said no.

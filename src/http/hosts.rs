@@ -19,6 +19,9 @@ use crate::config::{Host, HostName};
 const HINT: &str = "call the service by its address or by localhost; other names have to be allowed when it is started: \
                     visage serve --host NAME";
 
+/// Makes the answer to a request of a foreign page.
+pub type Refusal = fn(ProtectionError) -> Response;
+
 /// By which names the service may be called.
 #[derive(Debug, Clone)]
 pub struct Hosts {
@@ -64,8 +67,8 @@ impl Hosts {
 
     /// Refuses changes that a page of another origin asks a browser for. Pages under the allowed names may ask for them,
     /// whatever a proxy made of `Host` on the way.
-    pub fn same_origin(&self) -> Result<CsrfLayer<fn(ProtectionError) -> Response>, ConfigError> {
-        let layer = CsrfLayer::new().with_rejection_response(foreign_origin as fn(ProtectionError) -> Response);
+    pub fn same_origin(&self) -> Result<CsrfLayer<Refusal>, ConfigError> {
+        let layer = CsrfLayer::new().with_rejection_response(foreign_origin as Refusal);
         let origins = self.others.iter().flat_map(|name| [origin("https", 443, name), origin("http", 80, name)]);
         origins.into_iter().try_fold(layer, |layer, origin| layer.add_trusted_origin(origin))
     }
