@@ -46,7 +46,6 @@ impl BlobError {
         let BlobError::Io { source, .. } = self else { return false };
         matches!(source.kind(), io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded)
     }
-
     /// Whether memory or descriptors have run out (ENOMEM, ENFILE, EMFILE), which come free again.
     pub fn is_shortage(&self) -> bool {
         cfg!(unix)
