@@ -7,6 +7,7 @@ use axum::response::{IntoResponse, Response};
 use tokio::io::{AsyncReadExt, AsyncSeekExt};
 use tokio_util::io::ReaderStream;
 
+use super::conditions::{Conditions, ETag};
 use super::extract::Path;
 use super::model_views::media_type;
 use super::models::{TAG, parse_id};
@@ -28,19 +29,21 @@ const CHUNK: usize = 256 << 10;
            ("asset" = String, Path, description = "The file.", example = "poses.json"),
            ("Range" = Option<String>, Header, description = "One range of bytes."),
            ("If-Range" = Option<String>, Header, description = "The ETag for which the range is wanted."),
-           ("If-None-Match" = Option<String>, Header, description = "The ETag that is known already.")),
+           ("If-None-Match" = Option<String>, Header, description = "The ETag that is known already."),
+           ("If-Match" = Option<String>, Header, description = "The ETag that the file must have.")),
     responses(
         (status = 200, description = "The file.", content((Vec<u8> = "application/octet-stream")),
          headers(("ETag" = String, description = "Changes with the content."))),
         (status = 206, description = "The range that was asked for.", content((Vec<u8> = "application/octet-stream")),
          headers(("Content-Range" = String, description = "Which bytes of how many."))),
         (status = 304, description = "The file is the one that is known."),
-        responses::NotFound, responses::BadRange, responses::Other,
+        responses::NotFound, responses::OtherState, responses::BadRange, responses::Other,
     )
 )]
 pub async fn get_asset(
     State(state): State<AppState>,
     Path((id, asset)): Path<(String, String)>,
+    conditions: Conditions,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
     let id = parse_id(&id)?;
@@ -50,13 +53,13 @@ pub async fn get_asset(
     };
     let known = state.shop.store.assets(id).await?;
     let record = known.into_iter().find(|record| record.name == asset).ok_or_else(missing)?;
-    let etag = format!("\"{}\"", record.checksum);
-    let mut answer = HeaderMap::new();
-    answer.insert(header::ETAG, HeaderValue::try_from(&etag).map_err(Problem::internal)?);
+    let etag = ETag::of_checksum(&record.checksum);
+    conditions.check_match(Some(&etag))?;
+    let mut answer = HeaderMap::from_iter([etag.header()?]);
     answer.insert(header::ACCEPT_RANGES, HeaderValue::from_static("bytes"));
     // the content under an address never changes, but deleting must be seen: always ask again
     answer.insert(header::CACHE_CONTROL, HeaderValue::from_static("private, no-cache"));
-    if matches_etag(headers.get(header::IF_NONE_MATCH), &etag) {
+    if conditions.knows(&etag) {
         return Ok((StatusCode::NOT_MODIFIED, answer).into_response());
     }
     answer.insert(header::CONTENT_TYPE, HeaderValue::from_static(media_type(&record.name)));
@@ -65,7 +68,7 @@ pub async fn get_asset(
     let mut file = state.shop.blobs.open_asset(id, &record.name).await?.ok_or_else(missing)?;
     let wanted = headers
         .get(header::RANGE)
-        .filter(|_| headers.get(header::IF_RANGE).is_none_or(|known| known.as_bytes() == etag.as_bytes()))
+        .filter(|_| headers.get(header::IF_RANGE).is_none_or(|known| etag.is_given_by(known)))
         .and_then(|range| range.to_str().ok());
     let (status, first, length) = match wanted.map_or(Wanted::All, |range| parse_range(range, record.bytes)) {
         Wanted::All => (StatusCode::OK, 0, record.bytes),
@@ -90,13 +93,6 @@ pub async fn get_asset(
 
 fn content_range(range: &str, bytes: u64) -> Result<HeaderValue, Problem> {
     HeaderValue::try_from(format!("bytes {range}/{bytes}")).map_err(Problem::internal)
-}
-
-/// `If-None-Match`: `*`, or a list of tags; weak ones match too.
-fn matches_etag(value: Option<&HeaderValue>, etag: &str) -> bool {
-    value.and_then(|value| value.to_str().ok()).is_some_and(|value| {
-        value.split(',').map(str::trim).any(|tag| tag == "*" || tag.strip_prefix("W/").unwrap_or(tag) == etag)
-    })
 }
 
 /// What a `Range` header asks for.
@@ -148,16 +144,5 @@ mod tests {
         for range in ["bytes=5-3", "bytes=0-1,4-5", "lines=0-1", "bytes=a-b", "bytes=-", "bytes", "bytes=--5"] {
             assert_eq!(parse_range(range, 10), Wanted::All, "{range}");
         }
-    }
-
-    #[test]
-    fn known_tags_match() {
-        let matches = |value: &'static str| matches_etag(Some(&HeaderValue::from_static(value)), "\"ab\"");
-        assert!(matches("\"ab\""));
-        assert!(matches("W/\"ab\""));
-        assert!(matches("\"x\", \"ab\""));
-        assert!(matches("*"));
-        assert!(!matches("\"x\""));
-        assert!(!matches_etag(None, "\"ab\""));
     }
 }

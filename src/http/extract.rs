@@ -5,7 +5,10 @@ use axum::http::request::Parts;
 use axum::http::{HeaderMap, header};
 use serde::de::DeserializeOwned;
 
+use super::body::read_body;
+use super::cursor::{self, Fingerprint};
 use super::problem::{Code, Problem};
+use super::state::AppState;
 use crate::store::PageRequest;
 
 /// Path parameters.
@@ -80,14 +83,15 @@ impl PageQuery {
     const DEFAULT: usize = 20;
     const MOST: usize = 100;
 
-    /// The page as the store wants it.
-    pub fn request(&self) -> Result<PageRequest, Problem> {
+    /// The page of this list as the store wants it.
+    pub fn request(&self, list: &Fingerprint) -> Result<PageRequest, Problem> {
         let limit = self.limit.unwrap_or(Self::DEFAULT);
         if !(1..=Self::MOST).contains(&limit) {
             let detail = format!("limit is {limit}, which is not between 1 and {}", Self::MOST);
             return Err(Problem::new(Code::InvalidField, detail, "ask for several pages"));
         }
-        Ok(PageRequest { before: self.cursor.clone(), limit })
+        let last = self.cursor.as_deref().map(|text| cursor::read_item(text, list)).transpose()?;
+        Ok(PageRequest { before: last.map(|id| uuid::Uuid::from_u128(id).to_string()), limit })
     }
 }
 
@@ -109,41 +113,13 @@ pub fn wrong_media_type(found: &str, wanted: &str) -> Problem {
     Problem::new(Code::UnsupportedMediaType, detail, format!("send {wanted}"))
 }
 
-/// The whole body, if it is not larger than `limit`.
-pub async fn read_body(request: Request, limit: usize) -> Result<bytes::Bytes, Problem> {
-    let too_large = || {
-        let detail = format!("this body may have at most {limit} bytes");
-        Problem::new(Code::TooLarge, detail, "send less; GET /v1/info states the limits")
-    };
-    match axum::body::to_bytes(request.into_body(), limit).await {
-        Ok(bytes) => Ok(bytes),
-        Err(error) if caused_by_limit(&error) => Err(too_large()),
-        Err(error) => Err(Problem::new(
-            Code::MalformedRequest,
-            format!("the body ended early: {error}"),
-            "send the request again",
-        )),
-    }
-}
-
-fn caused_by_limit(error: &axum::Error) -> bool {
-    let mut cause: Option<&dyn std::error::Error> = Some(error);
-    while let Some(error) = cause {
-        if error.is::<http_body_util::LengthLimitError>() {
-            return true;
-        }
-        cause = error.source();
-    }
-    false
-}
-
 /// A JSON body.
-pub async fn read_json<T: DeserializeOwned>(request: Request, limit: usize) -> Result<(T, bytes::Bytes), Problem> {
+pub async fn read_json<T: DeserializeOwned>(state: &AppState, request: Request) -> Result<(T, bytes::Bytes), Problem> {
     let found = media_type(request.headers());
     if !is_json(&found) {
         return Err(wrong_media_type(&found, "application/json"));
     }
-    let body = read_body(request, limit).await?;
+    let body = read_body(state, request, state.limits().text_bytes).await?;
     // serde would also take an array of the values in their order
     if body.trim_ascii_start().starts_with(b"[") {
         return Err(Problem::new(Code::InvalidField, "the body is a JSON array", "send a JSON object"));
@@ -185,15 +161,9 @@ mod tests {
         assert_eq!(unknown.code(), Code::InvalidField);
     }
 
-    #[tokio::test]
-    async fn a_large_body_is_told_from_a_broken_one() {
-        let request = Request::new(axum::body::Body::from(vec![b' '; 100]));
-        assert_eq!(read_body(request, 99).await.expect_err("too large").code(), Code::TooLarge);
-    }
-
     #[test]
     fn pages_have_bounds() {
-        let page = |limit| PageQuery { limit, cursor: None }.request();
+        let page = |limit| PageQuery { limit, cursor: None }.request(&cursor::fingerprint(&[]));
         assert_eq!(page(None).expect("default").limit, 20);
         assert!(page(Some(0)).is_err());
         assert!(page(Some(101)).is_err());

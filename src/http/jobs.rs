@@ -5,10 +5,12 @@ use std::time::Duration;
 use axum::Json;
 use axum::extract::{Request, State};
 use axum::http::StatusCode;
+use axum::response::Response;
 use serde::Deserialize;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
+use super::conditions::Conditions;
 use super::extract::{IdempotencyKey, Path, Query, is_json, media_type, parse_json, read_json, wrong_media_type};
 use super::idempotency::{Attempt, Created};
 use super::job_views::{JobList, JobView, NewJobBody, NewJobForm};
@@ -16,7 +18,7 @@ use super::problem::{Code, Problem};
 use super::scan_sets::{form_rules, from_form, keep_files, parse_id as parse_scan_set_id, undo_unless_stored};
 use super::state::{AppState, deleted, forget, uninterrupted};
 use super::upload::{self, UploadedFile};
-use super::{events, extract, job_views, models, names, responses};
+use super::{cursor, events, extract, job_views, models, names, responses};
 use crate::jobs::{admission, options};
 use crate::pipeline::Options;
 use crate::store::{
@@ -89,7 +91,7 @@ async fn create(
         }
         order_of_form(&state, form).await?
     } else if is_json(&found) {
-        let (body, bytes) = read_json::<NewJobBody>(request, state.limits().text_bytes).await?;
+        let (body, bytes) = read_json::<NewJobBody>(&state, request).await?;
         if let Some(answer) = attempt.known(&state, || blake3::hash(&bytes).to_hex().to_string()).await? {
             return Ok(answer);
         }
@@ -132,11 +134,15 @@ async fn evaluate(state: AppState, attempt: Attempt, body: NewJobBody) -> Result
         return Err(Problem::new(Code::InvalidField, detail, "send {\"kind\": \"evaluate\"} alone"));
     }
     uninterrupted(async move {
-        let _attempt = attempt;
-        let id = state.shop.store.demand_evaluation().await?;
+        let answer = |job: &JobRecord| -> Result<Created, Problem> {
+            let created = Created::new(StatusCode::ACCEPTED, job_views::address(job.id), &JobView::of(job))?;
+            Ok(created.retry_after(1))
+        };
+        let replay =
+            |job: &JobRecord| answer(job).ok().and_then(|created| attempt.replay(&created, job.id.to_string()));
+        let job = state.shop.store.demand_evaluation(replay).await?;
         state.shop.board.announce_work();
-        let view = JobView::of(&look_up(&state, id).await?);
-        Ok(Created::new(StatusCode::ACCEPTED, job_views::address(id), &view)?.retry_after(1))
+        answer(&job)
     })
     .await
 }
@@ -218,12 +224,13 @@ struct ListQuery {
 async fn list(State(state): State<AppState>, Query(query): Query<ListQuery>) -> Result<Json<JobList>, Problem> {
     let scan_set_id = query.scan_set_id.as_deref().map(parse_scan_set_id).transpose()?;
     let filter = JobFilter { status: query.status, scan_set_id };
-    let page = extract::PageQuery { limit: query.limit, cursor: query.cursor }.request()?;
+    let list = cursor::fingerprint(&[b"jobs", format!("{filter:?}").as_bytes()]);
+    let page = extract::PageQuery { limit: query.limit, cursor: query.cursor }.request(&list)?;
     let mut page = state.shop.store.jobs(&filter, &page).await?;
     for job in &mut page.items {
         state.shop.board.refresh(job);
     }
-    let next_cursor = page.next_cursor(|job| job.id.to_string());
+    let next_cursor = page.next_cursor(|job| cursor::after_item(&list, job.id.number()));
     Ok(Json(JobList { items: page.items.iter().map(JobView::of).collect(), next_cursor }))
 }
 
@@ -240,13 +247,14 @@ struct WaitQuery {
     get, path = "/v1/jobs/{id}", tag = TAG, operation_id = "getJob",
     params(("id" = String, Path, description = "The job."), WaitQuery),
     responses((status = 200, description = "The job.", body = JobView), responses::BadRequest, responses::NotFound,
-              responses::Unprocessable, responses::Other)
+              responses::OtherState, responses::Unprocessable, responses::Other)
 )]
 async fn get_one(
     State(state): State<AppState>,
     Path(id): Path<String>,
     Query(query): Query<WaitQuery>,
-) -> Result<Json<JobView>, Problem> {
+    conditions: Conditions,
+) -> Result<Response, Problem> {
     let id = parse_id(&id)?;
     let wait = query.wait.unwrap_or(0);
     if wait > LONGEST_WAIT {
@@ -259,14 +267,21 @@ async fn get_one(
         let mut changes = state.shop.board.changes();
         let job = look_up(&state, id).await?;
         if job.status.is_finished() || wait == 0 || state.stop.is_cancelled() {
-            return Ok(Json(JobView::of(&job)));
+            return conditions.answer(&JobView::of(&job));
         }
         tokio::select! {
             _ = changes.changed() => {}
             () = state.stop.cancelled() => {}
-            () = tokio::time::sleep_until(end) => return Ok(Json(JobView::of(&look_up(&state, id).await?))),
+            () = tokio::time::sleep_until(end) => {
+                return conditions.answer(&JobView::of(&look_up(&state, id).await?));
+            }
         }
     }
+}
+
+/// Refuses a change of a job that is not as the request wants it.
+async fn check(state: &AppState, id: JobId, conditions: &Conditions) -> Result<(), Problem> {
+    if conditions.any() { conditions.check_view(&JobView::of(&look_up(state, id).await?)) } else { Ok(()) }
 }
 
 /// Stop a job.
@@ -276,10 +291,16 @@ async fn get_one(
     post, path = "/v1/jobs/{id}/cancel", tag = TAG, operation_id = "cancelJob",
     params(("id" = String, Path, description = "The job.")),
     responses((status = 202, description = "The stop is asked for.", body = JobView), responses::NotFound,
-              responses::Conflict, responses::Other)
+              responses::Conflict, responses::OtherState, responses::Other)
 )]
-async fn cancel(State(state): State<AppState>, Path(id): Path<String>) -> Result<(StatusCode, Json<JobView>), Problem> {
+async fn cancel(
+    State(state): State<AppState>,
+    Path(id): Path<String>,
+    conditions: Conditions,
+) -> Result<(StatusCode, Json<JobView>), Problem> {
     let id = parse_id(&id)?;
+    let _turn = conditions.turn(&state).await;
+    check(&state, id, &conditions).await?;
     state.shop.store.cancel_job(id).await?;
     state.shop.board.cancel(id);
     Ok((StatusCode::ACCEPTED, Json(JobView::of(&look_up(&state, id).await?))))
@@ -290,10 +311,17 @@ async fn cancel(State(state): State<AppState>, Path(id): Path<String>) -> Result
     post, path = "/v1/jobs/{id}/retry", tag = TAG, operation_id = "retryJob",
     params(("id" = String, Path, description = "The job.")),
     responses((status = 202, description = "The job is queued again.", body = JobView), responses::NotFound,
-              responses::Conflict, responses::Unprocessable, responses::QueueFull, responses::Other)
+              responses::Conflict, responses::OtherState, responses::Unprocessable, responses::QueueFull,
+              responses::Other)
 )]
-async fn retry(State(state): State<AppState>, Path(id): Path<String>) -> Result<(StatusCode, Json<JobView>), Problem> {
+async fn retry(
+    State(state): State<AppState>,
+    Path(id): Path<String>,
+    conditions: Conditions,
+) -> Result<(StatusCode, Json<JobView>), Problem> {
     let id = parse_id(&id)?;
+    let _turn = conditions.turn(&state).await;
+    check(&state, id, &conditions).await?;
     // the scan set may have changed since the job ended
     let job = state.shop.store.job(id).await?;
     if let Some(set) = job.scan_set_id {
@@ -309,11 +337,18 @@ async fn retry(State(state): State<AppState>, Path(id): Path<String>) -> Result<
 #[utoipa::path(
     delete, path = "/v1/jobs/{id}", tag = TAG, operation_id = "deleteJob",
     params(("id" = String, Path, description = "The job.")),
-    responses((status = 204, description = "It is gone."), responses::NotFound, responses::Conflict, responses::Other)
+    responses((status = 204, description = "It is gone."), responses::NotFound, responses::Conflict,
+              responses::OtherState, responses::Other)
 )]
-async fn delete(State(state): State<AppState>, Path(id): Path<String>) -> Result<StatusCode, Problem> {
+async fn delete(
+    State(state): State<AppState>,
+    Path(id): Path<String>,
+    conditions: Conditions,
+) -> Result<StatusCode, Problem> {
     let id = parse_id(&id)?;
     deleted(async move {
+        let _turn = conditions.turn(&state).await;
+        check(&state, id, &conditions).await?;
         let model = state.shop.store.delete_job(id).await?;
         state.shop.board.announce_change();
         forget(&state, model.into_iter().collect()).await

@@ -27,10 +27,12 @@ problem_responses! {
     /// 404
     NotFound = "404", "There is no such resource (`not_found`).";
     /// 408
-    Stalled = "408", "The upload came to a standstill (`upload_stalled`).";
+    Stalled = "408", "The body came too slowly or not to its end (`upload_stalled`).";
     /// 409
     Conflict = "409", "An unfinished job, its status or a request in progress forbids it (`in_use`, `wrong_status`, \
                        `request_in_progress`).";
+    /// 412
+    OtherState = "412", "The resource is not as `If-Match` or `If-None-Match` wants it (`precondition_failed`).";
     /// 413
     TooLarge = "413", "The body is larger than `GET /v1/info` allows (`too_large`).";
     /// 415

@@ -3,20 +3,23 @@
 use axum::Json;
 use axum::extract::{Request, State};
 use axum::http::StatusCode;
+use axum::response::{IntoResponse, Response};
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
-use super::extract::{
-    IdempotencyKey, PageQuery, Path, Query, is_json, media_type, read_body, read_json, wrong_media_type,
-};
+use super::body::read_body;
+use super::conditions::{Conditions, ETag};
+use super::extract::{IdempotencyKey, PageQuery, Path, Query, is_json, media_type, read_json, wrong_media_type};
 use super::idempotency::{Attempt, Created};
 use super::problem::{Code, Problem};
 use super::scan_set_views::{NewScanSetBody, PosesView, ScanSetForm, ScanSetList, ScanSetView, ScanView};
 use super::state::{AppState, blocking, deleted, forget, uninterrupted};
 use super::upload::{self, Form, FormRules, UploadedFile};
-use super::{digest, names, responses};
+use super::{cursor, digest, names, responses};
 use crate::jobs::admission;
-use crate::store::{FileId, NewScanSet, PoseFile, PutScan, ScanRecord, ScanSetId, StoreError, sort_naturally};
+use crate::store::{
+    FileId, NewScanSet, PoseFile, PutScan, ScanRecord, ScanSetId, ScanSetRecord, StoreError, sort_naturally,
+};
 
 const TAG: &str = "scan sets";
 const PARTS: &[&str] = &["poses", "name", "unit"];
@@ -67,7 +70,7 @@ async fn create(
         }
         from_form(&state, form).await?
     } else if is_json(&found) {
-        let (body, bytes) = read_json::<NewScanSetBody>(request, state.limits().text_bytes).await?;
+        let (body, bytes) = read_json::<NewScanSetBody>(&state, request).await?;
         if let Some(answer) = attempt.known(&state, || blake3::hash(&bytes).to_hex().to_string()).await? {
             return Ok(answer);
         }
@@ -165,8 +168,9 @@ pub(super) async fn undo_unless_stored(
               responses::Unprocessable, responses::Other)
 )]
 async fn list(State(state): State<AppState>, Query(page): Query<PageQuery>) -> Result<Json<ScanSetList>, Problem> {
-    let page = state.shop.store.scan_sets(&page.request()?).await?;
-    let next_cursor = page.next_cursor(|set| set.id.to_string());
+    let list = cursor::fingerprint(&[b"scan sets"]);
+    let page = state.shop.store.scan_sets(&page.request(&list)?).await?;
+    let next_cursor = page.next_cursor(|set| cursor::after_item(&list, set.id.number()));
     Ok(Json(ScanSetList { items: page.items.iter().map(ScanSetView::of).collect(), next_cursor }))
 }
 
@@ -174,21 +178,35 @@ async fn list(State(state): State<AppState>, Query(page): Query<PageQuery>) -> R
 #[utoipa::path(
     get, path = "/v1/scan-sets/{id}", tag = TAG, operation_id = "getScanSet",
     params(("id" = String, Path, description = "The scan set.")),
-    responses((status = 200, description = "The scan set.", body = ScanSetView), responses::NotFound, responses::Other)
+    responses((status = 200, description = "The scan set.", body = ScanSetView), responses::NotFound,
+              responses::OtherState, responses::Other)
 )]
-async fn get_one(State(state): State<AppState>, Path(id): Path<String>) -> Result<Json<ScanSetView>, Problem> {
-    Ok(Json(ScanSetView::of(&state.shop.store.scan_set(parse_id(&id)?).await?)))
+async fn get_one(
+    State(state): State<AppState>,
+    Path(id): Path<String>,
+    conditions: Conditions,
+) -> Result<Response, Problem> {
+    conditions.answer(&ScanSetView::of(&state.shop.store.scan_set(parse_id(&id)?).await?))
 }
 
 /// Delete a scan set with everything derived from it: jobs, models, files, signatures.
 #[utoipa::path(
     delete, path = "/v1/scan-sets/{id}", tag = TAG, operation_id = "deleteScanSet",
     params(("id" = String, Path, description = "The scan set.")),
-    responses((status = 204, description = "It is gone."), responses::NotFound, responses::Conflict, responses::Other)
+    responses((status = 204, description = "It is gone."), responses::NotFound, responses::Conflict,
+              responses::OtherState, responses::Other)
 )]
-async fn delete(State(state): State<AppState>, Path(id): Path<String>) -> Result<StatusCode, Problem> {
+async fn delete(
+    State(state): State<AppState>,
+    Path(id): Path<String>,
+    conditions: Conditions,
+) -> Result<StatusCode, Problem> {
     let id = parse_id(&id)?;
     deleted(async move {
+        let _turn = conditions.turn(&state).await;
+        if conditions.any() {
+            conditions.check_view(&ScanSetView::of(&state.shop.store.scan_set(id).await?))?;
+        }
         let models = state.shop.store.delete_scan_set(id).await?;
         state.shop.board.announce_change();
         // whichever fails, the other is done
@@ -212,25 +230,28 @@ async fn delete(State(state): State<AppState>, Path(id): Path<String>) -> Result
     responses(
         (status = 200, description = "It replaces the scan of the same name.", body = ScanView),
         (status = 201, description = "It is added.", body = ScanView),
-        responses::BadRequest, responses::NotFound, responses::Stalled, responses::Conflict, responses::TooLarge,
-        responses::Unprocessable, responses::Other,
+        responses::BadRequest, responses::NotFound, responses::Stalled, responses::Conflict, responses::OtherState,
+        responses::TooLarge, responses::Unprocessable, responses::Other,
     )
 )]
 async fn put_scan(
     State(state): State<AppState>,
     Path((id, name)): Path<(String, String)>,
+    conditions: Conditions,
     request: Request,
-) -> Result<(StatusCode, Json<ScanView>), Problem> {
+) -> Result<Response, Problem> {
     let id = parse_id(&id)?;
     let name = names::surface_file_name(&name)?;
     // before megabytes are sent in vain
-    state.shop.store.scan_set(id).await?;
+    conditions.check(scan_tag(&state, id, &name).await?.as_ref())?;
     let headers = request.headers().clone();
     let (staged, digests) = upload::receive_body(&state, &name, request).await?;
     digest::check(&headers, &name, &digests)?;
     let mut checked = upload::check_scans(&state, vec![UploadedFile { name, staged }]).await?;
     let (file, points) = checked.pop().ok_or_else(|| Problem::internal("a checked scan vanished"))?;
     uninterrupted(async move {
+        let _turn = conditions.turn(&state).await;
+        conditions.check(scan_tag(&state, id, &file.name).await?.as_ref())?;
         let scan = record_of(&file, points);
         keep_files(&state, id, vec![(scan.file_id, file)]).await?;
         let put = state.shop.store.put_scan(id, &scan, state.limits().scans_per_set).await;
@@ -244,23 +265,37 @@ async fn put_scan(
             blocking(move || blobs.remove_scan(id, file)).await??;
         }
         put?;
-        Ok((status, Json(ScanView::of(&scan))))
+        let etag = ETag::of_checksum(&scan.checksum).header()?;
+        Ok((status, [etag], Json(ScanView::of(&scan))).into_response())
     })
     .await
+}
+
+/// The tag of the scan of this name, if the set has one.
+async fn scan_tag(state: &AppState, set: ScanSetId, name: &str) -> Result<Option<ETag>, Problem> {
+    let set = state.shop.store.scan_set(set).await?;
+    Ok(set.scans.iter().find(|scan| scan.name == name).map(|scan| ETag::of_checksum(&scan.checksum)))
 }
 
 /// Take one scan out of a scan set.
 #[utoipa::path(
     delete, path = "/v1/scan-sets/{id}/scans/{name}", tag = TAG, operation_id = "deleteScan",
     params(("id" = String, Path, description = "The scan set."), ("name" = String, Path, description = "The scan.")),
-    responses((status = 204, description = "It is gone."), responses::NotFound, responses::Conflict, responses::Other)
+    responses((status = 204, description = "It is gone."), responses::NotFound, responses::Conflict,
+              responses::OtherState, responses::Other)
 )]
 async fn delete_scan(
     State(state): State<AppState>,
     Path((id, name)): Path<(String, String)>,
+    conditions: Conditions,
 ) -> Result<StatusCode, Problem> {
     let id = parse_id(&id)?;
     deleted(async move {
+        let _turn = conditions.turn(&state).await;
+        // one that is not there is a 404 below
+        if let Some(etag) = scan_tag(&state, id, &name).await? {
+            conditions.check(Some(&etag))?;
+        }
         let file = state.shop.store.delete_scan(id, &name).await?;
         let blobs = state.shop.blobs.clone();
         Ok(blocking(move || blobs.remove_scan(id, file)).await??)
@@ -278,26 +313,37 @@ async fn delete_scan(
     request_body(content((String = "text/plain"), (serde_json::Value = "application/json")), description = "The pose file."),
     responses(
         (status = 200, description = "The poses are stored.", body = PosesView),
-        responses::BadRequest, responses::NotFound, responses::Conflict, responses::TooLarge, responses::Unprocessable,
-        responses::Other,
+        responses::BadRequest, responses::NotFound, responses::Stalled, responses::Conflict, responses::OtherState,
+        responses::TooLarge, responses::Unprocessable, responses::Other,
     )
 )]
 async fn put_poses(
     State(state): State<AppState>,
     Path(id): Path<String>,
+    conditions: Conditions,
     request: Request,
-) -> Result<Json<PosesView>, Problem> {
+) -> Result<Response, Problem> {
     let id = parse_id(&id)?;
-    let set = state.shop.store.scan_set(id).await?;
+    // before all of it is sent in vain
+    conditions.check(poses_tag(&state.shop.store.scan_set(id).await?).as_ref())?;
     let name = if is_json(&media_type(request.headers())) { "poses.json" } else { "poses" };
-    let content = read_body(request, state.limits().pose_file_bytes).await?.to_vec();
+    let content = read_body(&state, request, state.limits().pose_file_bytes).await?.to_vec();
     if content.is_empty() {
         let hint = "send a Stanford .conf, JSON {\"scan name\": 4x4}, or text blocks of a name and 4 rows";
         return Err(Problem::new(Code::UnreadablePoses, "the pose file is empty", hint));
     }
     let poses = PoseFile { name: name.to_owned(), content };
+    let _turn = conditions.turn(&state).await;
+    let set = state.shop.store.scan_set(id).await?;
+    conditions.check(poses_tag(&set).as_ref())?;
     let names: Vec<&str> = set.scans.iter().map(|scan| scan.name.as_str()).collect();
     let fit = admission::fit_poses(&names, &poses).map_err(|error| Problem::unreadable_poses(&error))?;
     state.shop.store.put_poses(id, &poses).await?;
-    Ok(Json(PosesView::of(&poses.name, &fit)))
+    let etag = ETag::of_bytes(&poses.content).header()?;
+    Ok(([etag], Json(PosesView::of(&poses.name, &fit))).into_response())
+}
+
+/// The tag of a set's pose file, if it has one.
+fn poses_tag(set: &ScanSetRecord) -> Option<ETag> {
+    set.poses.as_ref().map(|poses| ETag::of_bytes(&poses.content))
 }

@@ -1,13 +1,12 @@
 //! `/v1/queries`: which of the models are faces, which are like this one.
 //!
 //! - `question`: what is asked, read from JSON or from a form; `triangle`: a bare triangle
-//! - `terms`: what every question may add: limit, threshold, filter; `cursor`: where the next page begins
+//! - `terms`: what every question may add: limit, threshold, filter
 //! - `answer`: ranked matches with what is stored of their models; `class`: those of a class that a user has made
 //! - `views`: all of it as it goes over the wire
 
 mod answer;
 mod class;
-mod cursor;
 mod question;
 mod terms;
 mod triangle;
@@ -49,7 +48,7 @@ async fn ask(State(state): State<AppState>, request: Request) -> Result<Json<Que
     let question = if found == "multipart/form-data" {
         question::of_form(&state, upload::read_form(&state, request, &question::RULES).await?).await?
     } else if is_json(&found) {
-        let (body, _) = read_json::<QueryBody>(request, state.limits().text_bytes).await?;
+        let (body, _) = read_json::<QueryBody>(&state, request).await?;
         question::of_json(&state, body).await?
     } else {
         return Err(wrong_media_type(&found, "application/json, or multipart/form-data with a part `probe`"));
