@@ -46,6 +46,16 @@ impl<T: DeserializeOwned, S: Send + Sync> FromRequestParts<S> for Query<T> {
 /// The `Idempotency-Key` of a request.
 pub struct IdempotencyKey(pub Option<String>);
 
+/// The same as the contract describes it.
+#[derive(utoipa::IntoParams)]
+#[into_params(parameter_in = Header)]
+#[expect(dead_code, reason = "only describes the header")]
+pub struct IdempotencyHeader {
+    /// Makes a repeated request harmless: 1 to 255 visible ASCII characters, such as a UUID.
+    #[param(rename = "Idempotency-Key", min_length = 1, max_length = 255, pattern = "^[!-~]([ -~]*[!-~])?$")]
+    idempotency_key: Option<String>,
+}
+
 /// The longest key that is kept.
 pub const LONGEST_KEY: usize = 255;
 
@@ -101,6 +111,9 @@ pub fn media_type(headers: &HeaderMap) -> String {
 pub fn is_json(media_type: &str) -> bool {
     media_type == "application/json" || media_type.ends_with("+json")
 }
+
+/// The media type of forms with files.
+pub const FORM: &str = "multipart/form-data";
 
 /// Neither JSON nor a form.
 pub fn wrong_media_type(found: &str, wanted: &str) -> Problem {

@@ -9,7 +9,9 @@ use serde::Deserialize;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
-use super::extract::{IdempotencyKey, Path, Query, is_json, media_type, parse_json, read_json, wrong_media_type};
+use super::extract::{
+    FORM, IdempotencyHeader, IdempotencyKey, Path, Query, is_json, media_type, parse_json, read_json, wrong_media_type,
+};
 use super::idempotency::{Attempt, Created};
 use super::job_views::{JobList, JobView, NewJobBody, NewJobForm};
 use super::problem::{Code, Problem};
@@ -33,6 +35,7 @@ const LONGEST_WAIT: u64 = 60;
 pub fn router() -> OpenApiRouter<AppState> {
     OpenApiRouter::new()
         .routes(routes!(create, list))
+        .routes(routes!(create_from_form))
         .routes(routes!(get_one, delete))
         .routes(routes!(cancel))
         .routes(routes!(retry))
@@ -60,13 +63,15 @@ struct Order {
 /// Register a scan set.
 ///
 /// Accepted (202) only after it is durable. Refused at once when the scan set has fewer than two scans. Scans
-/// without an initial pose are placed by their surface. As a form, scans and poses come in the same call. With
-/// `base_model_id`, scans that the model has no pose for are added to it. With `{"kind": "evaluate"}` the stored models
-/// are judged against all standards and old signatures are made anew; where such a job waits already, it is the answer.
+/// without an initial pose are placed by their surface. With `base_model_id`, scans that the model has no pose for are
+/// added to it. With `{"kind": "evaluate"}` the stored models are judged against all standards and old signatures are
+/// made anew; where such a job waits already, it is the answer. A form as for `POST /v1/jobs/upload` is taken here too.
 #[utoipa::path(
     post, path = "/v1/jobs", tag = TAG, operation_id = "createJob",
-    params(("Idempotency-Key" = Option<String>, Header, description = "Makes a repeated request harmless.")),
-    request_body(content((NewJobBody = "application/json"), (NewJobForm = "multipart/form-data"))),
+    params(IdempotencyHeader),
+    request_body(content = NewJobBody, example = json!({
+        "scan_set_id": "0199c6a0-6d5b-7a35-9d2c-6f3b8d1e4a70", "options": {"threads": 2}, "label": "face",
+    })),
     responses(
         (status = 202, description = "The job is queued.", body = JobView,
          headers(("Location" = String, description = "The address of the job."),
@@ -80,29 +85,68 @@ async fn create(
     IdempotencyKey(key): IdempotencyKey,
     request: Request,
 ) -> Result<Created, Problem> {
-    let mut attempt = Attempt::begin(&state, "POST /v1/jobs", key.as_deref())?;
     let found = media_type(request.headers());
-    let order = if found == "multipart/form-data" {
-        let form = upload::read_form(&state, request, &form_rules(&state, PARTS)).await?;
-        if let Some(answer) = attempt.known(&state, || form.hash()).await? {
-            return Ok(answer);
-        }
-        order_of_form(&state, form).await?
-    } else if is_json(&found) {
-        let (body, bytes) = read_json::<NewJobBody>(request, state.limits().text_bytes).await?;
-        if let Some(answer) = attempt.known(&state, || blake3::hash(&bytes).to_hex().to_string()).await? {
-            return Ok(answer);
-        }
-        if body.kind == JobKind::Evaluate {
-            return evaluate(state, attempt, body).await;
-        }
-        order_of_json(&state, body).await?
-    } else {
-        return Err(wrong_media_type(
-            &found,
-            "application/json, or multipart/form-data with parts `scans` and `poses`",
-        ));
-    };
+    if found == FORM {
+        return register_form(state, key, request).await;
+    }
+    let mut attempt = begin(&state, key)?;
+    if !is_json(&found) {
+        return Err(wrong_media_type(&found, "application/json, or multipart/form-data with parts `scans`"));
+    }
+    let (body, bytes) = read_json::<NewJobBody>(request, state.limits().text_bytes).await?;
+    if let Some(answer) = attempt.known(&state, || blake3::hash(&bytes).to_hex().to_string()).await? {
+        return Ok(answer);
+    }
+    if body.kind == JobKind::Evaluate {
+        return evaluate(state, attempt, body).await;
+    }
+    let order = order_of_json(&state, body).await?;
+    accept(state, attempt, order).await
+}
+
+/// Store scans and poses and register them, in one form.
+///
+/// As `POST /v1/scan-sets/upload` and `POST /v1/jobs` in one call: either all of it is stored and queued or nothing.
+#[utoipa::path(
+    post, path = "/v1/jobs/upload", tag = TAG, operation_id = "uploadJob",
+    params(IdempotencyHeader),
+    request_body(content = NewJobForm, content_type = "multipart/form-data"),
+    responses(
+        (status = 202, description = "The job is queued.", body = JobView,
+         headers(("Location" = String, description = "The address of the job."),
+                 ("Retry-After" = u64, description = "Seconds until a look at it is worth while."))),
+        responses::BadRequest, responses::Stalled, responses::Conflict, responses::TooLarge, responses::WrongType,
+        responses::Unprocessable, responses::QueueFull, responses::Other,
+    )
+)]
+async fn create_from_form(
+    State(state): State<AppState>,
+    IdempotencyKey(key): IdempotencyKey,
+    request: Request,
+) -> Result<Created, Problem> {
+    match media_type(request.headers()).as_str() {
+        FORM => register_form(state, key, request).await,
+        found => Err(wrong_media_type(found, "multipart/form-data with parts `scans`")),
+    }
+}
+
+/// A repeated request is known at either address.
+fn begin(state: &AppState, key: Option<String>) -> Result<Attempt, Problem> {
+    Attempt::begin(state, "POST /v1/jobs", key.as_deref())
+}
+
+async fn register_form(state: AppState, key: Option<String>, request: Request) -> Result<Created, Problem> {
+    let mut attempt = begin(&state, key)?;
+    let form = upload::read_form(&state, request, &form_rules(&state, PARTS)).await?;
+    if let Some(answer) = attempt.known(&state, || form.hash()).await? {
+        return Ok(answer);
+    }
+    let order = order_of_form(&state, form).await?;
+    accept(state, attempt, order).await
+}
+
+/// Queues a registration.
+async fn accept(state: AppState, attempt: Attempt, order: Order) -> Result<Created, Problem> {
     let view = JobView::of_new(&order.job);
     let created = Created::new(StatusCode::ACCEPTED, job_views::address(order.job.id), &view)?.retry_after(1);
     let replay = attempt.replay(&created, order.job.id.to_string());
@@ -201,6 +245,7 @@ struct ListQuery {
     /// Only those of this status.
     status: Option<JobStatus>,
     /// Only those of this scan set.
+    #[param(format = "uuid")]
     scan_set_id: Option<String>,
     /// At most so many items (1 to 100, 20 if not given).
     #[param(minimum = 1, maximum = 100, default = 20)]
@@ -238,7 +283,7 @@ struct WaitQuery {
 /// Look at a job, at once or at its end.
 #[utoipa::path(
     get, path = "/v1/jobs/{id}", tag = TAG, operation_id = "getJob",
-    params(("id" = String, Path, description = "The job."), WaitQuery),
+    params(("id" = String, Path, format = "uuid", description = "The job."), WaitQuery),
     responses((status = 200, description = "The job.", body = JobView), responses::BadRequest, responses::NotFound,
               responses::Unprocessable, responses::Other)
 )]
@@ -274,7 +319,7 @@ async fn get_one(
 /// A waiting job is canceled at once, a running one within a second: look at it again, or wait for it.
 #[utoipa::path(
     post, path = "/v1/jobs/{id}/cancel", tag = TAG, operation_id = "cancelJob",
-    params(("id" = String, Path, description = "The job.")),
+    params(("id" = String, Path, format = "uuid", description = "The job.")),
     responses((status = 202, description = "The stop is asked for.", body = JobView), responses::NotFound,
               responses::Conflict, responses::Other)
 )]
@@ -288,7 +333,7 @@ async fn cancel(State(state): State<AppState>, Path(id): Path<String>) -> Result
 /// Run a failed or canceled job again, from its beginning.
 #[utoipa::path(
     post, path = "/v1/jobs/{id}/retry", tag = TAG, operation_id = "retryJob",
-    params(("id" = String, Path, description = "The job.")),
+    params(("id" = String, Path, format = "uuid", description = "The job.")),
     responses((status = 202, description = "The job is queued again.", body = JobView), responses::NotFound,
               responses::Conflict, responses::Unprocessable, responses::QueueFull, responses::Other)
 )]
@@ -308,7 +353,7 @@ async fn retry(State(state): State<AppState>, Path(id): Path<String>) -> Result<
 /// Delete a finished job with the model it made.
 #[utoipa::path(
     delete, path = "/v1/jobs/{id}", tag = TAG, operation_id = "deleteJob",
-    params(("id" = String, Path, description = "The job.")),
+    params(("id" = String, Path, format = "uuid", description = "The job.")),
     responses((status = 204, description = "It is gone."), responses::NotFound, responses::Conflict, responses::Other)
 )]
 async fn delete(State(state): State<AppState>, Path(id): Path<String>) -> Result<StatusCode, Problem> {

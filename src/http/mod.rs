@@ -4,6 +4,7 @@
 //! - `scan_sets`, `jobs` (with `events`), `models` (with `assets`), `queries`, `evaluation`, `standards`, `meta`: one
 //!   file or folder a resource; what goes over the wire is in the `*_views` beside them
 //! - `problem`, `responses`: every error that leaves the service, and how the contract names them
+//! - `schemas`: bounds of values that the contract tells and Rust types don't
 //! - `upload`, `digest`, `names`, `describe`: what comes in is hostile until it has passed here
 //! - `verdicts`: how models were judged, as queries and models show it
 //! - `extract`, `idempotency`, `state`: parts of requests, repeated requests, what handlers share
@@ -11,6 +12,8 @@
 #![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used))]
 
 mod assets;
+#[cfg(test)]
+mod contract_tests;
 mod describe;
 mod digest;
 mod evaluation;
@@ -29,6 +32,7 @@ mod responses;
 mod router;
 mod scan_set_views;
 mod scan_sets;
+mod schemas;
 mod server;
 mod standard_views;
 mod standards;

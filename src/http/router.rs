@@ -56,9 +56,14 @@ fn resources() -> OpenApiRouter<AppState> {
         .merge(meta::router())
 }
 
-/// The contract as YAML, made from the routes that are served.
+/// The contract, made from the routes that are served.
+pub(super) fn contract() -> utoipa::openapi::OpenApi {
+    resources().into_openapi()
+}
+
+/// The contract as YAML.
 pub fn openapi_yaml() -> Result<String, OpenApiError> {
-    resources().into_openapi().to_yaml().map_err(|error| OpenApiError(error.to_string()))
+    contract().to_yaml().map_err(|error| OpenApiError(error.to_string()))
 }
 
 /// The contract could not be written.

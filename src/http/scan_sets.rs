@@ -7,11 +7,13 @@ use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
 use super::extract::{
-    IdempotencyKey, PageQuery, Path, Query, is_json, media_type, read_body, read_json, wrong_media_type,
+    FORM, IdempotencyHeader, IdempotencyKey, PageQuery, Path, Query, is_json, media_type, read_body, read_json,
+    wrong_media_type,
 };
 use super::idempotency::{Attempt, Created};
 use super::problem::{Code, Problem};
 use super::scan_set_views::{NewScanSetBody, PosesView, ScanSetForm, ScanSetList, ScanSetView, ScanView};
+use super::schemas::{FileContent, Poses, ScanName};
 use super::state::{AppState, blocking, deleted, forget, uninterrupted};
 use super::upload::{self, Form, FormRules, UploadedFile};
 use super::{digest, names, responses};
@@ -25,9 +27,11 @@ const PARTS: &[&str] = &["poses", "name", "unit"];
 pub fn router() -> OpenApiRouter<AppState> {
     OpenApiRouter::new()
         .routes(routes!(create, list))
+        .routes(routes!(create_from_form))
         .routes(routes!(get_one, delete))
         .routes(routes!(put_scan, delete_scan))
         .routes(routes!(put_poses))
+        .routes(routes!(put_pose_file))
 }
 
 pub(super) fn parse_id(text: &str) -> Result<ScanSetId, Problem> {
@@ -39,13 +43,13 @@ pub(super) fn form_rules(state: &AppState, texts: &'static [&'static str]) -> Fo
     FormRules { files: &["scans"], most_files: state.limits().scans_per_set, texts }
 }
 
-/// Store a scan set, with its scans and poses or empty.
+/// Store a scan set that is empty yet.
 ///
-/// As a form, the scans are streamed to disk and checked one by one: either all are kept or none.
+/// Scans and poses are put into it one by one. A form as for `POST /v1/scan-sets/upload` is taken here too.
 #[utoipa::path(
     post, path = "/v1/scan-sets", tag = TAG, operation_id = "createScanSet",
-    params(("Idempotency-Key" = Option<String>, Header, description = "Makes a repeated request harmless.")),
-    request_body(content((ScanSetForm = "multipart/form-data"), (NewScanSetBody = "application/json"))),
+    params(IdempotencyHeader),
+    request_body(content = NewScanSetBody, example = json!({"name": "bunny", "unit": "m"})),
     responses(
         (status = 201, description = "The scan set is stored.", body = ScanSetView,
          headers(("Location" = String, description = "The address of the scan set."))),
@@ -58,23 +62,67 @@ async fn create(
     IdempotencyKey(key): IdempotencyKey,
     request: Request,
 ) -> Result<Created, Problem> {
-    let mut attempt = Attempt::begin(&state, "POST /v1/scan-sets", key.as_deref())?;
     let found = media_type(request.headers());
-    let (set, files) = if found == "multipart/form-data" {
-        let form = upload::read_form(&state, request, &form_rules(&state, PARTS)).await?;
-        if let Some(answer) = attempt.known(&state, || form.hash()).await? {
-            return Ok(answer);
-        }
-        from_form(&state, form).await?
-    } else if is_json(&found) {
-        let (body, bytes) = read_json::<NewScanSetBody>(request, state.limits().text_bytes).await?;
-        if let Some(answer) = attempt.known(&state, || blake3::hash(&bytes).to_hex().to_string()).await? {
-            return Ok(answer);
-        }
-        (body.new_set()?, Vec::new())
-    } else {
-        return Err(wrong_media_type(&found, "multipart/form-data with parts `scans`, or application/json"));
-    };
+    if found == FORM {
+        return store_form(state, key, request).await;
+    }
+    let mut attempt = begin(&state, key)?;
+    if !is_json(&found) {
+        return Err(wrong_media_type(&found, "application/json, or multipart/form-data with parts `scans`"));
+    }
+    let (body, bytes) = read_json::<NewScanSetBody>(request, state.limits().text_bytes).await?;
+    if let Some(answer) = attempt.known(&state, || blake3::hash(&bytes).to_hex().to_string()).await? {
+        return Ok(answer);
+    }
+    store_new(state, attempt, body.new_set()?, Vec::new()).await
+}
+
+/// Store a scan set with its scans and poses, in one form.
+///
+/// The scans are streamed to disk and checked one by one: either all are kept or none.
+#[utoipa::path(
+    post, path = "/v1/scan-sets/upload", tag = TAG, operation_id = "uploadScanSet",
+    params(IdempotencyHeader),
+    request_body(content = ScanSetForm, content_type = "multipart/form-data"),
+    responses(
+        (status = 201, description = "The scan set is stored.", body = ScanSetView,
+         headers(("Location" = String, description = "The address of the scan set."))),
+        responses::BadRequest, responses::Stalled, responses::Conflict, responses::TooLarge, responses::WrongType,
+        responses::Unprocessable, responses::Other,
+    )
+)]
+async fn create_from_form(
+    State(state): State<AppState>,
+    IdempotencyKey(key): IdempotencyKey,
+    request: Request,
+) -> Result<Created, Problem> {
+    match media_type(request.headers()).as_str() {
+        FORM => store_form(state, key, request).await,
+        found => Err(wrong_media_type(found, "multipart/form-data with parts `scans`")),
+    }
+}
+
+/// A repeated request is known at either address.
+fn begin(state: &AppState, key: Option<String>) -> Result<Attempt, Problem> {
+    Attempt::begin(state, "POST /v1/scan-sets", key.as_deref())
+}
+
+async fn store_form(state: AppState, key: Option<String>, request: Request) -> Result<Created, Problem> {
+    let mut attempt = begin(&state, key)?;
+    let form = upload::read_form(&state, request, &form_rules(&state, PARTS)).await?;
+    if let Some(answer) = attempt.known(&state, || form.hash()).await? {
+        return Ok(answer);
+    }
+    let (set, files) = from_form(&state, form).await?;
+    store_new(state, attempt, set, files).await
+}
+
+async fn store_new(
+    state: AppState,
+    attempt: Attempt,
+    set: NewScanSet,
+    files: Vec<(FileId, UploadedFile)>,
+) -> Result<Created, Problem> {
     let view = ScanSetView::of_new(&set);
     let created = Created::new(StatusCode::CREATED, view.links.self_.clone(), &view)?;
     let replay = attempt.replay(&created, set.id.to_string());
@@ -173,7 +221,7 @@ async fn list(State(state): State<AppState>, Query(page): Query<PageQuery>) -> R
 /// Look at one scan set.
 #[utoipa::path(
     get, path = "/v1/scan-sets/{id}", tag = TAG, operation_id = "getScanSet",
-    params(("id" = String, Path, description = "The scan set.")),
+    params(("id" = String, Path, format = "uuid", description = "The scan set.")),
     responses((status = 200, description = "The scan set.", body = ScanSetView), responses::NotFound, responses::Other)
 )]
 async fn get_one(State(state): State<AppState>, Path(id): Path<String>) -> Result<Json<ScanSetView>, Problem> {
@@ -183,7 +231,7 @@ async fn get_one(State(state): State<AppState>, Path(id): Path<String>) -> Resul
 /// Delete a scan set with everything derived from it: jobs, models, files, signatures.
 #[utoipa::path(
     delete, path = "/v1/scan-sets/{id}", tag = TAG, operation_id = "deleteScanSet",
-    params(("id" = String, Path, description = "The scan set.")),
+    params(("id" = String, Path, format = "uuid", description = "The scan set.")),
     responses((status = 204, description = "It is gone."), responses::NotFound, responses::Conflict, responses::Other)
 )]
 async fn delete(State(state): State<AppState>, Path(id): Path<String>) -> Result<StatusCode, Problem> {
@@ -200,15 +248,26 @@ async fn delete(State(state): State<AppState>, Path(id): Path<String>) -> Result
     .await
 }
 
+/// What a body is held against, as the contract describes it.
+#[derive(utoipa::IntoParams)]
+#[into_params(parameter_in = Header)]
+#[expect(dead_code, reason = "only describes the header")]
+struct DigestHeader {
+    /// RFC 9530, sha-256 or sha-512; checked.
+    #[param(rename = "Content-Digest", example = "sha-256=:47DEQpj8HBSa+/TImW+5JCeuQeRkm5NMpJWZG3hSuFU=:")]
+    content_digest: Option<String>,
+}
+
 /// Add one scan, or replace the one of the same name.
 ///
 /// Retryable scan by scan: after a lost connection only the scan under way has to be sent again.
 #[utoipa::path(
     put, path = "/v1/scan-sets/{id}/scans/{name}", tag = TAG, operation_id = "putScan",
-    params(("id" = String, Path, description = "The scan set."),
-           ("name" = String, Path, description = "The scan's file name; its ending tells the format.", example = "bun045.ply"),
-           ("Content-Digest" = Option<String>, Header, description = "RFC 9530, sha-256 or sha-512; checked.")),
-    request_body(content = Vec<u8>, content_type = "application/octet-stream", description = "The file itself."),
+    params(("id" = String, Path, format = "uuid", description = "The scan set."),
+           ("name" = inline(ScanName), Path, description = "The scan's file name; its ending tells the format."),
+           DigestHeader),
+    request_body(content = inline(FileContent), content_type = "application/octet-stream",
+                 description = "The file itself."),
     responses(
         (status = 200, description = "It replaces the scan of the same name.", body = ScanView),
         (status = 201, description = "It is added.", body = ScanView),
@@ -252,7 +311,8 @@ async fn put_scan(
 /// Take one scan out of a scan set.
 #[utoipa::path(
     delete, path = "/v1/scan-sets/{id}/scans/{name}", tag = TAG, operation_id = "deleteScan",
-    params(("id" = String, Path, description = "The scan set."), ("name" = String, Path, description = "The scan.")),
+    params(("id" = String, Path, format = "uuid", description = "The scan set."),
+           ("name" = inline(ScanName), Path, description = "The scan.")),
     responses((status = 204, description = "It is gone."), responses::NotFound, responses::Conflict, responses::Other)
 )]
 async fn delete_scan(
@@ -270,12 +330,15 @@ async fn delete_scan(
 
 /// Set the initial poses of a scan set.
 ///
-/// A Stanford `.conf`, JSON `{"scan name": 4x4}` or `{"poses": {...}}`, or text blocks of a name and 4 rows. The
-/// format is told by the content. A pose maps its scan into the world frame; matrices are row-major.
+/// Matrices may also be flat lists of 16 numbers, and all of it may stand in `{"poses": {...}}`. Any other pose file as
+/// for `PUT /v1/scan-sets/{id}/pose-file` is taken here too.
 #[utoipa::path(
     put, path = "/v1/scan-sets/{id}/poses", tag = TAG, operation_id = "putPoses",
-    params(("id" = String, Path, description = "The scan set.")),
-    request_body(content((String = "text/plain"), (serde_json::Value = "application/json")), description = "The pose file."),
+    params(("id" = String, Path, format = "uuid", description = "The scan set.")),
+    request_body(content = Poses, description = "The poses.", example = json!({
+        "bun000.ply": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]],
+        "bun045.ply": [[0.83, 0, 0.56, -0.05], [0, 1, 0, 0], [-0.56, 0, 0.83, -0.01], [0, 0, 0, 1]],
+    })),
     responses(
         (status = 200, description = "The poses are stored.", body = PosesView),
         responses::BadRequest, responses::NotFound, responses::Conflict, responses::TooLarge, responses::Unprocessable,
@@ -287,7 +350,35 @@ async fn put_poses(
     Path(id): Path<String>,
     request: Request,
 ) -> Result<Json<PosesView>, Problem> {
-    let id = parse_id(&id)?;
+    store_poses(state, &id, request).await
+}
+
+/// Set the initial poses of a scan set by a pose file of any format.
+///
+/// A Stanford `.conf`, JSON `{"scan name": 4x4}` or `{"poses": {...}}`, or text blocks of a name and 4 rows. The
+/// format is told by the content, whatever the `Content-Type`. A pose maps its scan into the world frame; matrices are
+/// row-major.
+#[utoipa::path(
+    put, path = "/v1/scan-sets/{id}/pose-file", tag = TAG, operation_id = "putPoseFile",
+    params(("id" = String, Path, format = "uuid", description = "The scan set.")),
+    request_body(content = inline(FileContent), content_type = "application/octet-stream",
+                 description = "The pose file."),
+    responses(
+        (status = 200, description = "The poses are stored.", body = PosesView),
+        responses::BadRequest, responses::NotFound, responses::Conflict, responses::TooLarge, responses::Unprocessable,
+        responses::Other,
+    )
+)]
+async fn put_pose_file(
+    State(state): State<AppState>,
+    Path(id): Path<String>,
+    request: Request,
+) -> Result<Json<PosesView>, Problem> {
+    store_poses(state, &id, request).await
+}
+
+async fn store_poses(state: AppState, id: &str, request: Request) -> Result<Json<PosesView>, Problem> {
+    let id = parse_id(id)?;
     let set = state.shop.store.scan_set(id).await?;
     let name = if is_json(&media_type(request.headers())) { "poses.json" } else { "poses" };
     let content = read_body(request, state.limits().pose_file_bytes).await?.to_vec();

@@ -6,7 +6,9 @@ use axum::http::StatusCode;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
-use super::extract::{IdempotencyKey, Path, media_type, parse_json, read_json, wrong_media_type};
+use super::extract::{
+    FORM, IdempotencyHeader, IdempotencyKey, Path, media_type, parse_json, read_json, wrong_media_type,
+};
 use super::idempotency::{Attempt, Created};
 use super::problem::{Code, Problem};
 use super::standard_views::{
@@ -44,7 +46,7 @@ pub fn router() -> OpenApiRouter<AppState> {
 /// those that are judged.
 #[utoipa::path(
     post, path = "/v1/standards", tag = TAG, operation_id = "createStandard",
-    params(("Idempotency-Key" = Option<String>, Header, description = "Makes a repeated request harmless.")),
+    params(IdempotencyHeader),
     request_body(content = NewStandardForm, content_type = "multipart/form-data"),
     responses(
         (status = 201, description = "The standard is stored.", body = StandardView,
@@ -60,7 +62,7 @@ async fn create(
 ) -> Result<Created, Problem> {
     let mut attempt = Attempt::begin(&state, "POST /v1/standards", key.as_deref())?;
     let found = media_type(request.headers());
-    if found != "multipart/form-data" {
+    if found != FORM {
         return Err(wrong_media_type(&found, "multipart/form-data with parts `model`, `name` and `landmarks`"));
     }
     let form = upload::read_form(&state, request, &RULES).await?;
