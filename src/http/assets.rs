@@ -24,8 +24,8 @@ const CHUNK: usize = 256 << 10;
 #[expect(dead_code, reason = "only describes the headers")]
 struct Conditions {
     /// The ETag that is known already.
-    #[param(rename = "If-None-Match")]
-    if_none_match: Option<String>,
+    #[param(rename = "If-None-Match", required = false)]
+    if_none_match: String,
 }
 
 /// Which part of a file is sent, as the contract describes it.
@@ -34,11 +34,11 @@ struct Conditions {
 #[expect(dead_code, reason = "only describes the headers")]
 struct PartHeaders {
     /// One range of bytes.
-    #[param(rename = "Range", example = "bytes=0-1023")]
-    range: Option<String>,
+    #[param(rename = "Range", required = false, example = "bytes=0-1023")]
+    range: String,
     /// The ETag for which the range is wanted.
-    #[param(rename = "If-Range")]
-    if_range: Option<String>,
+    #[param(rename = "If-Range", required = false)]
+    if_range: String,
 }
 
 /// Fetch the poses of a registered model.
@@ -107,7 +107,7 @@ pub async fn get_report(
 #[utoipa::path(
     get, path = "/v1/models/{id}/{file}", tag = TAG, operation_id = "getModelFile",
     params(("id" = String, Path, format = "uuid", description = "The model."),
-           ("file" = inline(SurfaceFile), Path, description = "The file."), Conditions, PartHeaders),
+           ("file" = SurfaceFile, Path, description = "The file."), Conditions, PartHeaders),
     responses(
         (status = 200, description = "The file.", body = inline(FileContent), content_type = "application/octet-stream",
          headers(("ETag" = String, description = "Changes with the content."))),

@@ -10,7 +10,8 @@ use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
 use super::extract::{
-    FORM, IdempotencyHeader, IdempotencyKey, Path, Query, is_json, media_type, parse_json, read_json, wrong_media_type,
+    FORM, IdempotencyHeader, IdempotencyKey, Path, Query, is_json, media_type, parse_json, read_json, whole_numbers,
+    wrong_media_type,
 };
 use super::idempotency::{Attempt, Created};
 use super::job_views::{JobList, JobView, NewJobBody, NewJobForm};
@@ -186,7 +187,7 @@ async fn evaluate(state: AppState, attempt: Attempt, body: NewJobBody) -> Result
 }
 
 async fn order_of_json(state: &AppState, body: NewJobBody) -> Result<Order, Problem> {
-    let options = body.options.map(options::parse).transpose()?.unwrap_or_default();
+    let options = body.options.map(options_of).transpose()?.unwrap_or_default();
     let label = body.label.map(|label| names::text("label", &label)).transpose()?;
     let scan_set_id = body.scan_set_id.ok_or_else(|| {
         let detail = "a registration needs a scan_set_id";
@@ -201,9 +202,14 @@ async fn order_of_json(state: &AppState, body: NewJobBody) -> Result<Order, Prob
     Ok(Order { job: NewJob { id: JobId::new(), scan_set_id: set.id, label, options, base }, upload: None })
 }
 
+fn options_of(mut value: serde_json::Value) -> Result<Options, Problem> {
+    whole_numbers(&mut value);
+    Ok(options::parse(value)?)
+}
+
 async fn order_of_form(state: &AppState, form: upload::Form) -> Result<Order, Problem> {
     let options: Options = match form.text("options")? {
-        Some(text) => options::parse(parse_json("the part options", text.as_bytes())?)?,
+        Some(text) => options_of(parse_json("the part options", text.as_bytes())?)?,
         None => Options::default(),
     };
     let label = form.text("label")?.map(|label| names::text("label", label)).transpose()?;

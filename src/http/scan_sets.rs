@@ -254,8 +254,12 @@ async fn delete(State(state): State<AppState>, Path(id): Path<String>) -> Result
 #[expect(dead_code, reason = "only describes the header")]
 struct DigestHeader {
     /// RFC 9530, sha-256 or sha-512; checked.
-    #[param(rename = "Content-Digest", example = "sha-256=:47DEQpj8HBSa+/TImW+5JCeuQeRkm5NMpJWZG3hSuFU=:")]
-    content_digest: Option<String>,
+    #[param(
+        rename = "Content-Digest",
+        required = false,
+        example = "sha-256=:47DEQpj8HBSa+/TImW+5JCeuQeRkm5NMpJWZG3hSuFU=:"
+    )]
+    content_digest: String,
 }
 
 /// Add one scan, or replace the one of the same name.
@@ -264,7 +268,7 @@ struct DigestHeader {
 #[utoipa::path(
     put, path = "/v1/scan-sets/{id}/scans/{name}", tag = TAG, operation_id = "putScan",
     params(("id" = String, Path, format = "uuid", description = "The scan set."),
-           ("name" = inline(ScanName), Path, description = "The scan's file name; its ending tells the format."),
+           ("name" = ScanName, Path, description = "The scan's file name; its ending tells the format."),
            DigestHeader),
     request_body(content = inline(FileContent), content_type = "application/octet-stream",
                  description = "The file itself."),
@@ -312,7 +316,7 @@ async fn put_scan(
 #[utoipa::path(
     delete, path = "/v1/scan-sets/{id}/scans/{name}", tag = TAG, operation_id = "deleteScan",
     params(("id" = String, Path, format = "uuid", description = "The scan set."),
-           ("name" = inline(ScanName), Path, description = "The scan.")),
+           ("name" = ScanName, Path, description = "The scan.")),
     responses((status = 204, description = "It is gone."), responses::NotFound, responses::Conflict, responses::Other)
 )]
 async fn delete_scan(

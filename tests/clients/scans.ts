@@ -11,4 +11,5 @@ export async function read(folder: string): Promise<Scans> {
   return { scans: await Promise.all(names.map(file)), poses: await file("rough.json") };
 }
 
-export const identity = [0, 1, 2, 3].map((row) => [0, 1, 2, 3].map((column) => Number(row === column)));
+type Row = [number, number, number, number];
+export const identity: [Row, Row, Row, Row] = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]];

@@ -1,4 +1,4 @@
-"""Small surfaces made by code, as OBJ files."""
+"""Small surfaces made by code."""
 
 import math
 
@@ -9,7 +9,7 @@ STRAIGHT = ((75.0, 0.0, 0.0), (-75.0, 0.0, 0.0), (0.0, 0.0, 76.0))
 
 
 def knobbed_ball(tips=TIPS, size=1.0, rows=range(ROWS + 1)):
-    """A ball with three knobs; only some of its rows, if they are given, as a scan from one side sees it."""
+    """A ball with three knobs as an OBJ file; only some of its rows, if they are given, as a scan from one side sees it."""
     tips = [[size * x for x in tip] for tip in tips]
     lengths = [math.dist(tip, (0, 0, 0)) for tip in tips]
     lines, numbers = [], {}
@@ -36,3 +36,19 @@ def knobbed_ball(tips=TIPS, size=1.0, rows=range(ROWS + 1)):
                 if None not in corners and len(set(corners)) == 3:
                     lines.append("f {} {} {}".format(*corners))
     return ("\n".join(lines) + "\n").encode()
+
+
+def content(name):
+    """The vertices of the ball in the format that the ending of a file name asks for."""
+    ball = knobbed_ball()
+    points = [line[2:] for line in ball.decode().splitlines() if line.startswith("v ")]
+    heads = {
+        "obj": None,
+        "ply": ["ply", "format ascii 1.0", f"element vertex {len(points)}"]
+        + [f"property float {axis}" for axis in "xyz"]
+        + ["end_header"],
+        "pcd": ["FIELDS x y z", "SIZE 4 4 4", "TYPE F F F", "COUNT 1 1 1", f"WIDTH {len(points)}", "HEIGHT 1"]
+        + [f"POINTS {len(points)}", "DATA ascii"],
+    }
+    head = heads[name.rsplit(".", 1)[1].lower()]
+    return ball if head is None else ("\n".join(head + points) + "\n").encode()
