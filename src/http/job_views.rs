@@ -254,5 +254,10 @@ mod tests {
         actual.sort_unstable();
         assert_eq!(stated, actual);
         assert_eq!(schema.get("required"), None);
+        for option in &table {
+            let stated = &schema["properties"][option.name];
+            assert_eq!(stated["minimum"].as_f64(), option.minimum, "{}", option.name);
+            assert_eq!(stated["maximum"].as_f64(), option.maximum, "{}", option.name);
+        }
     }
 }

@@ -284,9 +284,13 @@ def before_call(context, case, kwargs):
     def is_valid(location):
         return not meta.is_negative_at(location)
 
-    # a run of calls that follow from each other keeps its own ids
-    if operation in IDS and is_valid(ParameterLocation.PATH) and meta.phase.name != TestPhase.STATEFUL:
-        case.path_parameters.update(IDS[operation]())
+    if operation in IDS and is_valid(ParameterLocation.PATH):
+        # calls that follow from each other keep their own ids
+        if meta.phase.name != TestPhase.STATEFUL:
+            case.path_parameters.update(IDS[operation]())
+        elif operation in ("putScan", "deleteScan"):
+            # there the name of a scan set is taken for that of a scan
+            case.path_parameters["name"] = "north.obj"
     if operation in QUERY_RULES and is_valid(ParameterLocation.QUERY):
         QUERY_RULES[operation](case.query)
     if is_valid(ParameterLocation.HEADER) and "Idempotency-Key" in case.headers:
