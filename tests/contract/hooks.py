@@ -10,7 +10,6 @@ import copy
 import hashlib
 import json
 import os
-import time
 import uuid
 
 import requests
