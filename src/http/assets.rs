@@ -1,4 +1,4 @@
-//! `/v1/models/{id}/{asset}`: files of models, with `ETag` and single ranges.
+//! `/v1/models/{id}/{file}`: files of models, an operation a media type, with `ETag` and single ranges.
 
 use axum::body::Body;
 use axum::extract::State;
@@ -7,46 +7,125 @@ use axum::response::{IntoResponse, Response};
 use tokio::io::{AsyncReadExt, AsyncSeekExt};
 use tokio_util::io::ReaderStream;
 
-use super::conditions::{Conditions, ETag};
+use super::conditions::{ConditionHeaders, Conditions, ETag};
 use super::extract::Path;
 use super::model_views::media_type;
 use super::models::{TAG, parse_id};
 use super::problem::{Code, Problem};
 use super::responses;
+use super::schemas::{FileContent, Poses, SurfaceFile};
 use super::state::AppState;
 
 /// How much is read from disk at a time.
 const CHUNK: usize = 256 << 10;
 
-/// Fetch a file of a model.
-///
-/// `poses.json` (`{"scan name": 4x4 row-major scan-to-world}`, null for a view without a place), `poses.conf`
-/// (Stanford's convention; left out when a scan's name has a blank), `cloud.ply`, `report.json`; of an uploaded model
-/// the file itself, as `mesh.ply`, `mesh.obj`, `cloud.ply` or `cloud.obj`. `GET /v1/models/{id}` lists what there is.
+/// Which part of a file is sent, as the contract describes it.
+#[derive(utoipa::IntoParams)]
+#[into_params(parameter_in = Header)]
+#[expect(dead_code, reason = "only describes the headers")]
+struct PartHeaders {
+    /// One range of bytes.
+    #[param(rename = "Range", required = false, example = "bytes=0-1023")]
+    range: String,
+    /// The ETag for which the range is wanted.
+    #[param(rename = "If-Range", required = false)]
+    if_range: String,
+}
+
+/// Fetch the poses of a registered model.
 #[utoipa::path(
-    get, path = "/v1/models/{id}/{asset}", tag = TAG, operation_id = "getModelAsset",
-    params(("id" = String, Path, description = "The model."),
-           ("asset" = String, Path, description = "The file.", example = "poses.json"),
-           ("Range" = Option<String>, Header, description = "One range of bytes."),
-           ("If-Range" = Option<String>, Header, description = "The ETag for which the range is wanted."),
-           ("If-None-Match" = Option<String>, Header, description = "The ETag that is known already."),
-           ("If-Match" = Option<String>, Header, description = "The ETag that the file must have.")),
+    get, path = "/v1/models/{id}/poses.json", tag = TAG, operation_id = "getModelPoses",
+    params(("id" = String, Path, format = "uuid", description = "The model."), ConditionHeaders),
     responses(
-        (status = 200, description = "The file.", content((Vec<u8> = "application/octet-stream")),
+        (status = 200, description = "The poses.", body = Poses,
          headers(("ETag" = String, description = "Changes with the content."))),
-        (status = 206, description = "The range that was asked for.", content((Vec<u8> = "application/octet-stream")),
-         headers(("Content-Range" = String, description = "Which bytes of how many."))),
-        (status = 304, description = "The file is the one that is known."),
-        responses::NotFound, responses::OtherState, responses::BadRange, responses::Other,
+        responses::Unchanged, responses::NotFound, responses::OtherState, responses::BadRange, responses::Other,
     )
 )]
-pub async fn get_asset(
+pub async fn get_poses(
     State(state): State<AppState>,
-    Path((id, asset)): Path<(String, String)>,
+    Path(id): Path<String>,
     conditions: Conditions,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    let id = parse_id(&id)?;
+    send(state, &id, "poses.json", &conditions, &headers).await
+}
+
+/// Fetch the poses of a registered model in Stanford's format.
+///
+/// There is none where a scan's name has a blank or a view a scale, which that format can't hold.
+#[utoipa::path(
+    get, path = "/v1/models/{id}/poses.conf", tag = TAG, operation_id = "getModelConf",
+    params(("id" = String, Path, format = "uuid", description = "The model."), ConditionHeaders),
+    responses(
+        (status = 200, description = "The pose file.", body = String, content_type = "text/plain",
+         headers(("ETag" = String, description = "Changes with the content."))),
+        responses::Unchanged, responses::NotFound, responses::OtherState, responses::BadRange, responses::Other,
+    )
+)]
+pub async fn get_conf(
+    State(state): State<AppState>,
+    Path(id): Path<String>,
+    conditions: Conditions,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    send(state, &id, "poses.conf", &conditions, &headers).await
+}
+
+/// Fetch the report on a registration.
+#[utoipa::path(
+    get, path = "/v1/models/{id}/report.json", tag = TAG, operation_id = "getModelReport",
+    params(("id" = String, Path, format = "uuid", description = "The model."), ConditionHeaders),
+    responses(
+        (status = 200, description = "`result` (the same for the same scans) and `run` (times, memory, host).",
+         body = Object, headers(("ETag" = String, description = "Changes with the content."))),
+        responses::Unchanged, responses::NotFound, responses::OtherState, responses::BadRange, responses::Other,
+    )
+)]
+pub async fn get_report(
+    State(state): State<AppState>,
+    Path(id): Path<String>,
+    conditions: Conditions,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    send(state, &id, "report.json", &conditions, &headers).await
+}
+
+/// Fetch the surface of a model.
+///
+/// `cloud.ply` of a registered model; of an uploaded one the file itself, as `mesh` or `cloud` with its own ending.
+/// `GET /v1/models/{id}` lists what there is.
+#[utoipa::path(
+    get, path = "/v1/models/{id}/{file}", tag = TAG, operation_id = "getModelFile",
+    params(("id" = String, Path, format = "uuid", description = "The model."),
+           ("file" = SurfaceFile, Path, description = "The file."), ConditionHeaders, PartHeaders),
+    responses(
+        (status = 200, description = "The file.", body = inline(FileContent), content_type = "application/octet-stream",
+         headers(("ETag" = String, description = "Changes with the content."))),
+        (status = 206, description = "The range that was asked for.", body = inline(FileContent),
+         content_type = "application/octet-stream",
+         headers(("Content-Range" = String, description = "Which bytes of how many."))),
+        responses::Unchanged, responses::NotFound, responses::OtherState, responses::BadRange, responses::Other,
+    )
+)]
+pub async fn get_surface(
+    State(state): State<AppState>,
+    Path((id, file)): Path<(String, String)>,
+    conditions: Conditions,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    send(state, &id, &file, &conditions, &headers).await
+}
+
+/// Any file of a model, whole or a part of it.
+async fn send(
+    state: AppState,
+    id: &str,
+    asset: &str,
+    conditions: &Conditions,
+    headers: &HeaderMap,
+) -> Result<Response, Problem> {
+    let id = parse_id(id)?;
     let missing = || {
         let detail = format!("model {id} has no file {:?}", asset.chars().take(64).collect::<String>());
         Problem::new(Code::NotFound, detail, format!("GET /v1/models/{id} lists its files"))

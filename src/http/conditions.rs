@@ -53,6 +53,19 @@ pub struct Conditions {
     if_none_match: Option<Vec<String>>,
 }
 
+/// The same as the contract describes them.
+#[derive(utoipa::IntoParams)]
+#[into_params(parameter_in = Header)]
+#[expect(dead_code, reason = "only describes the headers")]
+pub struct ConditionHeaders {
+    /// The request is for this ETag (or one of several, or `*` for whatever is there), and refused (412) for any other.
+    #[param(rename = "If-Match", required = false)]
+    if_match: String,
+    /// The ETag that is known already (or several, or `*`): such a content is not sent again (304) and not changed (412).
+    #[param(rename = "If-None-Match", required = false)]
+    if_none_match: String,
+}
+
 impl<S: Send + Sync> FromRequestParts<S> for Conditions {
     type Rejection = Problem;
 

@@ -49,6 +49,22 @@ impl<T: DeserializeOwned, S: Send + Sync> FromRequestParts<S> for Query<T> {
 /// The `Idempotency-Key` of a request.
 pub struct IdempotencyKey(pub Option<String>);
 
+/// The same as the contract describes it.
+#[derive(utoipa::IntoParams)]
+#[into_params(parameter_in = Header)]
+#[expect(dead_code, reason = "only describes the header")]
+pub struct IdempotencyHeader {
+    /// Makes a repeated request harmless: 1 to 255 visible ASCII characters, such as a UUID.
+    #[param(
+        rename = "Idempotency-Key",
+        required = false,
+        min_length = 1,
+        max_length = 255,
+        pattern = "^[!-~]([ -~]*[!-~])?$"
+    )]
+    idempotency_key: String,
+}
+
 /// The longest key that is kept.
 pub const LONGEST_KEY: usize = 255;
 
@@ -58,7 +74,10 @@ impl<S: Send + Sync> FromRequestParts<S> for IdempotencyKey {
     async fn from_request_parts(parts: &mut Parts, _state: &S) -> Result<Self, Problem> {
         let Some(value) = parts.headers.get("idempotency-key") else { return Ok(IdempotencyKey(None)) };
         match value.to_str() {
-            Ok(key) if !key.is_empty() && key.len() <= LONGEST_KEY => Ok(IdempotencyKey(Some(key.to_owned()))),
+            // a tab passes as a part of a header's text
+            Ok(key) if (1..=LONGEST_KEY).contains(&key.len()) && !key.contains('\t') => {
+                Ok(IdempotencyKey(Some(key.to_owned())))
+            }
             _ => Err(Problem::new(
                 Code::MalformedRequest,
                 format!("the idempotency key must be 1 to {LONGEST_KEY} visible ASCII characters"),
@@ -106,6 +125,9 @@ pub fn is_json(media_type: &str) -> bool {
     media_type == "application/json" || media_type.ends_with("+json")
 }
 
+/// The media type of forms with files.
+pub const FORM: &str = "multipart/form-data";
+
 /// Neither JSON nor a form.
 pub fn wrong_media_type(found: &str, wanted: &str) -> Problem {
     let detail =
@@ -129,7 +151,14 @@ pub async fn read_json<T: DeserializeOwned>(state: &AppState, request: Request) 
 
 /// JSON that came as a body or as a part of a form.
 pub fn parse_json<T: DeserializeOwned>(what: &str, bytes: &[u8]) -> Result<T, Problem> {
-    serde_json::from_slice(bytes).map_err(|error| {
+    let parsed = serde_json::from_slice(bytes);
+    // the first error tells the place; it stands unless 20.0 is all that is wrong with a 20
+    let parsed = parsed.or_else(|error| {
+        let mut value = if error.is_data() { serde_json::from_slice(bytes)? } else { return Err(error) };
+        whole_numbers(&mut value);
+        serde_json::from_value(value).map_err(|_| error)
+    });
+    parsed.map_err(|error| {
         if error.is_data() {
             let detail = format!("{what} has a field that is not allowed: {error}");
             Problem::new(Code::InvalidField, detail, "see /openapi.yaml for the fields of this call")
@@ -138,6 +167,22 @@ pub fn parse_json<T: DeserializeOwned>(what: &str, bytes: &[u8]) -> Result<T, Pr
             Problem::new(Code::MalformedRequest, detail, "send well-formed JSON in UTF-8")
         }
     })
+}
+
+/// Makes integers of numbers such as 20.0: to JSON Schema, and so to the contract, they are integers, to serde they aren't.
+pub fn whole_numbers(value: &mut serde_json::Value) {
+    /// Beyond this not every integer has a floating point number of its own.
+    const EXACT: f64 = 9_007_199_254_740_992.0;
+    match value {
+        serde_json::Value::Number(number) => {
+            if let Some(float) = number.as_f64().filter(|x| number.is_f64() && x.fract() == 0.0 && x.abs() <= EXACT) {
+                *value = (float as i64).into();
+            }
+        }
+        serde_json::Value::Array(items) => items.iter_mut().for_each(whole_numbers),
+        serde_json::Value::Object(fields) => fields.values_mut().for_each(whole_numbers),
+        _ => {}
+    }
 }
 
 #[cfg(test)]
@@ -159,6 +204,19 @@ mod tests {
         assert_eq!(wrong.code(), Code::InvalidField);
         let unknown = parse_json::<Sample>("the body", b"{\"a\": 1, \"b\": 2}").expect_err("unknown field");
         assert_eq!(unknown.code(), Code::InvalidField);
+    }
+
+    #[test]
+    fn a_whole_number_is_an_integer_however_it_is_written() {
+        for whole in ["7", "7.0", "70e-1"] {
+            assert_eq!(parse_json::<u8>("the body", whole.as_bytes()).expect(whole), 7);
+        }
+        for other in ["7.5", "-7.0", "1e300", "\"7\""] {
+            assert_eq!(parse_json::<u8>("the body", other.as_bytes()).expect_err(other).code(), Code::InvalidField);
+        }
+        let mut value = serde_json::json!({"a": [1.0, 0.5], "b": 1e17});
+        whole_numbers(&mut value);
+        assert_eq!(value, serde_json::json!({"a": [1, 0.5], "b": 1e17}));
     }
 
     #[test]

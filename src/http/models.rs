@@ -8,8 +8,8 @@ use serde::Deserialize;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
-use super::conditions::Conditions;
-use super::extract::{IdempotencyKey, PageQuery, Path, Query, media_type, wrong_media_type};
+use super::conditions::{ConditionHeaders, Conditions};
+use super::extract::{FORM, IdempotencyHeader, IdempotencyKey, PageQuery, Path, Query, media_type, wrong_media_type};
 use super::idempotency::{Attempt, Created};
 use super::model_views::{ModelList, ModelSummary, ModelView, NewModelForm, address};
 use super::problem::{Code, Problem};
@@ -32,7 +32,10 @@ pub fn router() -> OpenApiRouter<AppState> {
     OpenApiRouter::new()
         .routes(routes!(create, list))
         .routes(routes!(get_one, delete))
-        .routes(routes!(assets::get_asset))
+        .routes(routes!(assets::get_poses))
+        .routes(routes!(assets::get_conf))
+        .routes(routes!(assets::get_report))
+        .routes(routes!(assets::get_surface))
 }
 
 pub(super) fn parse_id(text: &str) -> Result<ModelId, Problem> {
@@ -45,7 +48,7 @@ pub(super) fn parse_id(text: &str) -> Result<ModelId, Problem> {
 /// The file is kept as it is; its signature is computed before the answer, so the next query finds the model.
 #[utoipa::path(
     post, path = "/v1/models", tag = TAG, operation_id = "createModel",
-    params(("Idempotency-Key" = Option<String>, Header, description = "Makes a repeated request harmless.")),
+    params(IdempotencyHeader),
     request_body(content = NewModelForm, content_type = "multipart/form-data"),
     responses(
         (status = 201, description = "The model is stored and can be found.", body = ModelView,
@@ -61,7 +64,7 @@ async fn create(
 ) -> Result<Created, Problem> {
     let mut attempt = Attempt::begin(&state, "POST /v1/models", key.as_deref())?;
     let found = media_type(request.headers());
-    if found != "multipart/form-data" {
+    if found != FORM {
         return Err(wrong_media_type(&found, "multipart/form-data with a part `model`"));
     }
     let form = upload::read_form(&state, request, &RULES).await?;
@@ -174,6 +177,7 @@ struct ListQuery {
     /// Only those of this class.
     label: Option<String>,
     /// Only those made from this scan set.
+    #[param(format = "uuid")]
     scan_set_id: Option<String>,
     /// At most so many items (1 to 100, 20 if not given).
     #[param(minimum = 1, maximum = 100, default = 20)]
@@ -201,9 +205,10 @@ async fn list(State(state): State<AppState>, Query(query): Query<ListQuery>) -> 
 /// Look at one model, with its report, its files and what its signature holds.
 #[utoipa::path(
     get, path = "/v1/models/{id}", tag = TAG, operation_id = "getModel",
-    params(("id" = String, Path, description = "The model.")),
-    responses((status = 200, description = "The model.", body = ModelView), responses::NotFound,
-              responses::OtherState, responses::Other)
+    params(("id" = String, Path, format = "uuid", description = "The model."), ConditionHeaders),
+    responses((status = 200, description = "The model.", body = ModelView,
+               headers(("ETag" = String, description = "Changes with the content."))),
+              responses::Unchanged, responses::NotFound, responses::OtherState, responses::Other)
 )]
 async fn get_one(
     State(state): State<AppState>,
@@ -245,7 +250,7 @@ pub(super) async fn read_asset(state: &AppState, id: ModelId, name: &str) -> Res
 /// Delete a model with its files and its signature. The job and the scans it came from stay.
 #[utoipa::path(
     delete, path = "/v1/models/{id}", tag = TAG, operation_id = "deleteModel",
-    params(("id" = String, Path, description = "The model.")),
+    params(("id" = String, Path, format = "uuid", description = "The model."), ConditionHeaders),
     responses((status = 204, description = "It is gone."), responses::NotFound, responses::OtherState,
               responses::Other)
 )]

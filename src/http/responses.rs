@@ -49,6 +49,29 @@ problem_responses! {
     Other = "default", "Any other error.";
 }
 
+/// 304
+pub struct Unchanged;
+
+impl utoipa::IntoResponses for Unchanged {
+    fn responses() -> BTreeMap<String, RefOr<Response>> {
+        let answer = ResponseBuilder::new().description("The content is the one that is known.");
+        BTreeMap::from([("304".to_owned(), answer.build().into())])
+    }
+}
+
+/// 200: server-sent events. They have no schema: the body is no JSON, and what a schema means here is told differently by
+/// generators (the text as a whole) and checkers (each event).
+pub struct Events;
+
+impl utoipa::IntoResponses for Events {
+    fn responses() -> BTreeMap<String, RefOr<Response>> {
+        let answer = ResponseBuilder::new()
+            .description("Events named `progress`, then one named `end`; the data is a job as JSON.")
+            .content("text/event-stream", ContentBuilder::new().build());
+        BTreeMap::from([("200".to_owned(), answer.build().into())])
+    }
+}
+
 fn problem(description: &str) -> RefOr<Response> {
     let schema = Ref::from_schema_name(<ProblemBody as utoipa::ToSchema>::name());
     ResponseBuilder::new()

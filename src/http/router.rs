@@ -17,6 +17,7 @@ use utoipa::OpenApi;
 use utoipa_axum::router::OpenApiRouter;
 
 use super::problem::{Code, Problem, ProblemBody};
+use super::schemas::SurfaceFile;
 use super::state::AppState;
 use super::{access_log, body, evaluation, hosts, jobs, meta, models, queries, scan_sets, standards};
 use crate::telemetry::panic_message;
@@ -33,7 +34,7 @@ const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
             `Idempotency-Key`: the same key with the same body gives the same answer for a day, with another body a 422.",
         license(name = "MIT OR Apache-2.0", identifier = "MIT OR Apache-2.0"),
     ),
-    components(schemas(ProblemBody)),
+    components(schemas(ProblemBody, SurfaceFile)),
     tags(
         (name = "scan sets", description = "The ordered scans of one object, with their initial poses."),
         (name = "jobs", description = "Asynchronous registration: queued, running, succeeded, failed, canceled."),
@@ -56,9 +57,14 @@ fn resources() -> OpenApiRouter<AppState> {
         .merge(meta::router())
 }
 
-/// The contract as YAML, made from the routes that are served.
+/// The contract, made from the routes that are served.
+pub(super) fn contract() -> utoipa::openapi::OpenApi {
+    resources().into_openapi()
+}
+
+/// The contract as YAML.
 pub fn openapi_yaml() -> Result<String, OpenApiError> {
-    resources().into_openapi().to_yaml().map_err(|error| OpenApiError(error.to_string()))
+    contract().to_yaml().map_err(|error| OpenApiError(error.to_string()))
 }
 
 /// The contract could not be written.

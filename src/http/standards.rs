@@ -7,8 +7,10 @@ use axum::response::Response;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
-use super::conditions::Conditions;
-use super::extract::{IdempotencyKey, Path, media_type, parse_json, read_json, wrong_media_type};
+use super::conditions::{ConditionHeaders, Conditions};
+use super::extract::{
+    FORM, IdempotencyHeader, IdempotencyKey, Path, media_type, parse_json, read_json, wrong_media_type,
+};
 use super::idempotency::{Attempt, Created};
 use super::problem::{Code, Problem};
 use super::standard_views::{
@@ -46,7 +48,7 @@ pub fn router() -> OpenApiRouter<AppState> {
 /// those that are judged.
 #[utoipa::path(
     post, path = "/v1/standards", tag = TAG, operation_id = "createStandard",
-    params(("Idempotency-Key" = Option<String>, Header, description = "Makes a repeated request harmless.")),
+    params(IdempotencyHeader),
     request_body(content = NewStandardForm, content_type = "multipart/form-data"),
     responses(
         (status = 201, description = "The standard is stored.", body = StandardView,
@@ -62,7 +64,7 @@ async fn create(
 ) -> Result<Created, Problem> {
     let mut attempt = Attempt::begin(&state, "POST /v1/standards", key.as_deref())?;
     let found = media_type(request.headers());
-    if found != "multipart/form-data" {
+    if found != FORM {
         return Err(wrong_media_type(&found, "multipart/form-data with parts `model`, `name` and `landmarks`"));
     }
     let form = upload::read_form(&state, request, &RULES).await?;
@@ -200,9 +202,10 @@ pub async fn learned(state: &AppState, id: StandardId) -> Result<Learned, Proble
 /// Look at one standard, by name or id.
 #[utoipa::path(
     get, path = "/v1/standards/{name}", tag = TAG, operation_id = "getStandard",
-    params(("name" = String, Path, description = "The standard's name or id.")),
-    responses((status = 200, description = "The standard.", body = AnyStandard), responses::NotFound,
-              responses::OtherState, responses::Other)
+    params(("name" = String, Path, description = "The standard's name or id."), ConditionHeaders),
+    responses((status = 200, description = "The standard.", body = AnyStandard,
+               headers(("ETag" = String, description = "Changes with the content."))),
+              responses::Unchanged, responses::NotFound, responses::OtherState, responses::Other)
 )]
 async fn get_one(
     State(state): State<AppState>,
@@ -221,7 +224,7 @@ async fn get_one(
 /// Delete a standard with its file, its examples and the verdicts against it.
 #[utoipa::path(
     delete, path = "/v1/standards/{name}", tag = TAG, operation_id = "deleteStandard",
-    params(("name" = String, Path, description = "The standard's name or id.")),
+    params(("name" = String, Path, description = "The standard's name or id."), ConditionHeaders),
     responses((status = 204, description = "It is gone."), responses::NotFound, responses::Conflict,
               responses::OtherState, responses::Other)
 )]
@@ -261,7 +264,7 @@ async fn uploaded(state: &AppState, name: &str) -> Result<StandardRecord, Proble
 /// example; the answer says how many it rests on and how well they part.
 #[utoipa::path(
     put, path = "/v1/standards/{name}/examples", tag = TAG, operation_id = "markExamples",
-    params(("name" = String, Path, description = "The standard's name or id.")),
+    params(("name" = String, Path, description = "The standard's name or id."), ConditionHeaders),
     request_body = ExamplesView,
     responses((status = 200, description = "The standard.", body = StandardView), responses::BadRequest,
               responses::NotFound, responses::Stalled, responses::Conflict, responses::OtherState, responses::TooLarge,

@@ -73,16 +73,18 @@ async fn scans_and_poses_are_replaced_in_the_state_that_is_known_alone() {
     assert_eq!(server.files("scan-sets"), 3);
     assert_eq!(answer(server.client.delete(&scan).header("if-match", etag(&second))).await.status(), 204);
 
-    let poses = server.url(&format!("{set}/poses"));
     let content = files::poses(&["scan0.ply".to_owned()]);
-    let put = |value: &str, content: &str| {
-        answer(server.client.put(&poses).header("if-match", value).body(content.to_owned()))
-    };
-    expect_problem(put(UNKNOWN, &content).await, 412, "precondition_failed").await;
-    let stored = put("*", &content).await;
-    assert_eq!(stored.status(), StatusCode::OK);
-    assert_eq!(put(&etag(&stored), &files::poses(&["scan1.ply".to_owned()])).await.status(), StatusCode::OK);
-    expect_problem(put(&etag(&stored), &content).await, 412, "precondition_failed").await;
+    for address in ["poses", "pose-file"] {
+        let url = server.url(&format!("{set}/{address}"));
+        let put = |value: &str, content: &str| {
+            answer(server.client.put(&url).header("if-match", value).body(content.to_owned()))
+        };
+        expect_problem(put(UNKNOWN, &content).await, 412, "precondition_failed").await;
+        let stored = put("*", &content).await;
+        assert_eq!(stored.status(), StatusCode::OK);
+        assert_eq!(put(&etag(&stored), &files::poses(&["scan1.ply".to_owned()])).await.status(), StatusCode::OK);
+        expect_problem(put(&etag(&stored), &content).await, 412, "precondition_failed").await;
+    }
 }
 
 /// Of two that know the same state only one can change it.
@@ -103,13 +105,17 @@ async fn a_state_is_used_up_by_one_change() {
 async fn files_are_given_in_the_state_that_is_wanted() {
     let server = TestServer::start().await;
     let (model, _) = server.model().await;
-    let path = format!("/v1/models/{model}/poses.json");
-    let tag = etag(&server.get(&path).await);
-    let get = |value: &str| answer(server.client.get(server.url(&path)).header("if-match", value));
-    assert_eq!(get(&tag).await.status(), StatusCode::OK);
-    expect_problem(get(UNKNOWN).await, 412, "precondition_failed").await;
-    let ranged = server.client.get(server.url(&path)).header("if-match", UNKNOWN).header("range", "bytes=0-3");
-    expect_problem(answer(ranged).await, 412, "precondition_failed").await;
+    for file in ["poses.json", "poses.conf", "report.json", "cloud.ply"] {
+        let path = format!("/v1/models/{model}/{file}");
+        let tag = etag(&server.get(&path).await);
+        let get =
+            |header: &'static str, value: &str| answer(server.client.get(server.url(&path)).header(header, value));
+        assert_eq!(get("if-match", &tag).await.status(), StatusCode::OK, "{file}");
+        expect_problem(get("if-match", UNKNOWN).await, 412, "precondition_failed").await;
+        assert_eq!(get("if-none-match", &tag).await.status(), StatusCode::NOT_MODIFIED, "{file}");
+        let ranged = server.client.get(server.url(&path)).header("if-match", UNKNOWN).header("range", "bytes=0-3");
+        expect_problem(answer(ranged).await, 412, "precondition_failed").await;
+    }
 }
 
 #[tokio::test]
