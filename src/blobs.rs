@@ -46,6 +46,11 @@ impl BlobError {
         let BlobError::Io { source, .. } = self else { return false };
         matches!(source.kind(), io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded)
     }
+    /// Whether memory or descriptors have run out (ENOMEM, ENFILE, EMFILE), which come free again.
+    pub fn is_shortage(&self) -> bool {
+        cfg!(unix)
+            && matches!(self, BlobError::Io { source, .. } if matches!(source.raw_os_error(), Some(12 | 23 | 24)))
+    }
 }
 
 /// Names what was being done when the file system said no.

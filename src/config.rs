@@ -1,10 +1,14 @@
 //! What the operator may set: where the service listens, where it keeps things, and how much it takes on.
 
+mod host_name;
+
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::time::Duration;
 
 use crate::formats::ReadLimits;
+
+pub use self::host_name::{Host, HostName, NoHostName};
 
 /// Everything a server needs to know before it starts.
 #[derive(Debug, Clone)]
@@ -19,6 +23,10 @@ pub struct ServerConfig {
     pub concurrent_jobs: usize,
     /// Bounds on what clients may ask for.
     pub limits: Limits,
+    /// Names by which clients may call the service, besides loopback ones and the address it listens on.
+    pub hosts: Vec<HostName>,
+    /// Bounds on connections.
+    pub edge: EdgeLimits,
     /// Clocks of the job queue.
     pub queue: QueueTiming,
     /// How long a start waits for the lock of the data folder, which a killed process may hold for a moment.
@@ -36,6 +44,8 @@ impl ServerConfig {
             threads: available_threads(),
             concurrent_jobs: 1,
             limits: Limits::default(),
+            hosts: Vec::new(),
+            edge: EdgeLimits::default(),
             queue: QueueTiming::default(),
             lock_patience: Duration::from_secs(5),
             shutdown_deadline: Duration::from_secs(10),
@@ -67,8 +77,11 @@ pub struct Limits {
     pub queued_jobs: usize,
     /// Uploads that are read and checked at the same time (each holds one file in memory).
     pub concurrent_checks: usize,
-    /// How long a client may send nothing before its upload is given up.
-    pub upload_stall: Duration,
+    /// Uploaded models and probes that are described at the same time (each is in memory meanwhile). With two or more,
+    /// large ones leave one place to small ones.
+    pub concurrent_describing: usize,
+    /// Bytes of JSON bodies, pose files and text fields that are in memory while they arrive, over all requests.
+    pub buffered_bytes: usize,
 }
 
 impl Default for Limits {
@@ -82,7 +95,8 @@ impl Default for Limits {
             points_per_scan: 20_000_000,
             queued_jobs: 100,
             concurrent_checks: 2,
-            upload_stall: Duration::from_secs(60),
+            concurrent_describing: 2,
+            buffered_bytes: 64 << 20,
         }
     }
 }
@@ -91,6 +105,36 @@ impl Limits {
     /// What the readers of files accept. A closed mesh has about two faces a vertex, hence the factor.
     pub fn read_limits(&self) -> ReadLimits {
         ReadLimits { max_points: self.points_per_scan, max_faces: self.points_per_scan.saturating_mul(2) }
+    }
+}
+
+/// Bounds on connections: how many, and how long a client may keep one without using it. Stated in `GET /v1/info`.
+#[derive(Debug, Clone, Copy)]
+pub struct EdgeLimits {
+    /// Connections at the same time; others wait. Never more than the descriptors of the process allow.
+    pub connections: usize,
+    /// How long the head of a request may take, and how long a connection may lie idle.
+    pub head_time: Duration,
+    /// How long the server waits for a body in all, plus the time that what has arrived takes at `body_rate`.
+    pub body_time: Duration,
+    /// The least rate of a body, bytes a second.
+    pub body_rate: u64,
+    /// How long nothing may arrive of a body that was quick before.
+    pub body_stall: Duration,
+    /// How long a client may take nothing of an answer.
+    pub answer_stall: Duration,
+}
+
+impl Default for EdgeLimits {
+    fn default() -> Self {
+        EdgeLimits {
+            connections: 256,
+            head_time: Duration::from_secs(10),
+            body_time: Duration::from_secs(10),
+            body_rate: 4096,
+            body_stall: Duration::from_secs(60),
+            answer_stall: Duration::from_secs(60),
+        }
     }
 }
 

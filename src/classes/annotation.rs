@@ -140,6 +140,7 @@ pub(super) fn annotated(
 ) -> Result<Class, ClassError> {
     progress.report(Stage::Describing, 0.0);
     check_names(annotation)?;
+    let surface = &faces::cleaned(surface, progress)?;
     let bounds = faces::checked_bounds(surface)?;
     // the box that a search goes by lies along the principal axes
     let diagonal = faces::checked_bounds(&faces::in_own_frame(surface).0)?.diagonal();
@@ -147,8 +148,7 @@ pub(super) fn annotated(
     if size < LEAST_SIZE_OF_DIAGONAL * diagonal {
         return Err(ClassError::TooClose { percent: 100.0 * size / diagonal });
     }
-    let prepared = faces::Prepared::new(surface, diagonal);
-    progress.check()?;
+    let prepared = faces::Prepared::new(surface, diagonal, progress)?;
     let oriented = prepared.oriented(bounds);
     check_on_surface(&oriented, annotation, size)?;
     let mut refused = None;

@@ -81,10 +81,9 @@ impl Class {
         progress: &Progress,
     ) -> Result<Vec<Option<Found>>, DescribeError> {
         progress.report(Stage::Describing, 0.0);
-        let (surface, motion_file_own) = faces::in_own_frame(surface);
+        let (surface, motion_file_own) = faces::in_own_frame(&faces::cleaned(surface, progress)?);
         let bounds = faces::checked_bounds(&surface)?;
-        let prepared = faces::Prepared::new(&surface, bounds.diagonal());
-        progress.check()?;
+        let prepared = faces::Prepared::new(&surface, bounds.diagonal(), progress)?;
         let oriented = prepared.oriented(bounds);
         let in_file = |found: Found| Found { pose: found.pose.moved(&motion_file_own), ..found };
         let found: Result<Vec<_>, Canceled> =

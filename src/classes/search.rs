@@ -5,6 +5,7 @@ use rayon::prelude::*;
 
 use super::Class;
 use super::corners::{Candidate, SelectiveTriangle};
+use crate::faces::detection::MOST_CELLS_ACROSS;
 use crate::faces::features::{features, places};
 use crate::faces::finalists::{Finalist, distinct};
 use crate::faces::modes::Weights;
@@ -110,13 +111,14 @@ pub(super) fn find(
     for expected in levels {
         progress.check()?;
         let spacing = SPACING * expected;
-        if diagonal <= 0.0 || area / (spacing * spacing) > MOST_SAMPLES as f64 {
+        let is_fine = area / (spacing * spacing) > MOST_SAMPLES as f64 || diagonal / spacing > MOST_CELLS_ACROSS;
+        if diagonal <= 0.0 || is_fine {
             continue;
         }
         let samples = surface.sampled(spacing);
         if samples.points.len() <= MOST_SAMPLES {
             for &sign in surface.side.signs() {
-                sought.look_at_level(&samples, expected, sign, &mut finalists);
+                sought.look_at_level(&samples, expected, sign, &mut finalists, progress)?;
             }
         }
     }
@@ -124,11 +126,18 @@ pub(super) fn find(
     if let Some(scale) = true_scale {
         finalists.retain(|f| TRUE_SIZES.contains(&(f.finalist.fit.pose.scale / scale)));
     }
-    Ok(sought.best(surface, finalists))
+    sought.best(surface, finalists, progress)
 }
 
 impl Sought<'_> {
-    fn look_at_level(&self, samples: &Samples, expected: f64, sign: f64, finalists: &mut Vec<ClassFinalist>) {
+    fn look_at_level(
+        &self,
+        samples: &Samples,
+        expected: f64,
+        sign: f64,
+        finalists: &mut Vec<ClassFinalist>,
+        progress: &Progress,
+    ) -> Result<(), Canceled> {
         let grid = CellGrid::new(&samples.points, 0.18 * expected);
         let features = features(samples, &grid, expected);
         let places = places(samples, &grid, &features, expected, sign);
@@ -139,9 +148,12 @@ impl Sought<'_> {
             .iter()
             .flat_map(|t| t.candidates(&places, expected, self.class.expected_mm).into_iter().map(move |c| (t, c)))
             .collect();
-        let looks =
-            candidates.par_iter().map(|(triangle, candidate)| self.first_look(&target, triangle, candidate, sign));
-        finalists.extend(looks.collect::<Vec<ClassFinalist>>());
+        let looks = candidates.par_iter().map(|(triangle, candidate)| {
+            progress.check()?;
+            Ok(self.first_look(&target, triangle, candidate, sign))
+        });
+        finalists.extend(looks.collect::<Result<Vec<ClassFinalist>, Canceled>>()?);
+        Ok(())
     }
 
     fn first_look(&self, target: &Target, from: &SelectiveTriangle, to: &Candidate, sign: f64) -> ClassFinalist {
@@ -158,13 +170,29 @@ impl Sought<'_> {
     }
 
     /// The best of the second looks at the best of the first that stand at places of their own; ties by order.
-    fn best(&self, surface: &Oriented, finalists: Vec<ClassFinalist>) -> Option<Found> {
+    fn best(
+        &self,
+        surface: &Oriented,
+        finalists: Vec<ClassFinalist>,
+        progress: &Progress,
+    ) -> Result<Option<Found>, Canceled> {
         let corners: Vec<Point3> = self.class.triangles.iter().flat_map(|t| t.detected().corners).collect();
         let kept = distinct(finalists, &corners, FINALISTS, HOPELESS);
-        let looks = kept.iter().map(|place| self.second_look(surface, place));
-        let best = looks.reduce(|best, next| if next.finalist.is_better_than(&best.finalist) { next } else { best })?;
-        let ClassFinalist { finalist: Finalist { fit, .. }, matching_error_mm } = best;
-        Some(Found { pose: fit.pose, residual_mm: fit.residual_mm, observed: fit.observed, matching_error_mm })
+        let mut best: Option<ClassFinalist> = None;
+        for place in &kept {
+            progress.check()?;
+            let look = self.second_look(surface, place);
+            if best.as_ref().is_none_or(|best| look.finalist.is_better_than(&best.finalist)) {
+                best = Some(look);
+            }
+        }
+        let found = |ClassFinalist { finalist: Finalist { fit, .. }, matching_error_mm }: ClassFinalist| Found {
+            pose: fit.pose,
+            residual_mm: fit.residual_mm,
+            observed: fit.observed,
+            matching_error_mm,
+        };
+        Ok(best.map(found))
     }
 
     fn second_look(&self, surface: &Oriented, place: &ClassFinalist) -> ClassFinalist {

@@ -43,7 +43,7 @@ pub struct RegisterArgs {
     /// Range accuracy R_e of the scanner in the unit of the scans [default: estimated]
     #[arg(long)]
     range_accuracy: Option<f64>,
-    /// Where the scanner stood in each scan's frame, for outward normals [default: estimated]
+    /// Where the scanner stood in each scan's frame, for outward normals [default: the file's, else estimated]
     #[arg(long, value_name = "X,Y,Z", value_parser = position, allow_hyphen_values = true)]
     sensor: Option<[f64; 3]>,
     /// Whether scans are scaled: none, or per_view for scanners that disagree in unit
@@ -248,6 +248,9 @@ fn summarise(outcome: &Outcome, out: &Path) -> anyhow::Result<()> {
     for line in groups_in_words(&outcome.report).into_iter().chain(left_out_in_words(&outcome.report)) {
         println!("{line}");
     }
+    for note in notes(&outcome.report) {
+        eprintln!("note: {note}");
+    }
     if quality == "failed" {
         bail!("the registration failed; the files are written, but don't use them unseen");
     }
@@ -269,15 +272,40 @@ fn groups_in_words(report: &serde_json::Value) -> Vec<String> {
 }
 
 /// What was left out of the scans, if anything was.
-fn left_out_in_words(report: &serde_json::Value) -> Option<String> {
-    let views = || report["views"].as_array().into_iter().flatten();
+fn left_out_in_words(report: &serde_json::Value) -> Vec<String> {
+    let views = || report["views"].as_array().into_iter().flatten().filter(|view| view["copy_of"].is_null());
     let sum = |what: &str| views().filter_map(|view| view["left_out"][what].as_u64()).sum::<u64>();
     let (support, strays) = (sum("support"), sum("strays"));
-    (support + strays > 0).then(|| {
+    let (no_return, repeated) = (sum("no_return"), sum("repeated"));
+    let cleaned = (support + strays > 0).then(|| {
         format!(
             "left out: {support} points of turntable, floor or walls, {strays} stray points (--keep-all keeps them)"
         )
-    })
+    });
+    let none = (no_return + repeated > 0)
+        .then(|| format!("left out: {no_return} points where nothing was seen, {repeated} that repeat others"));
+    cleaned.into_iter().chain(none).collect()
+}
+
+/// What the user may not know of the scans.
+fn notes(report: &serde_json::Value) -> Vec<String> {
+    let views = || report["views"].as_array().into_iter().flatten();
+    let name = |view: &serde_json::Value| view["name"].as_str().unwrap_or_default().to_owned();
+    let copies = views().filter_map(|view| Some((name(view), view["copy_of"].as_str()?)));
+    let mut notes: Vec<String> = copies
+        .map(|(name, of)| {
+            format!("{name} has the points of {of}: a copy bears out nothing, it takes the pose of the other")
+        })
+        .collect();
+    let posed: Vec<String> = views().filter(|view| view["viewpoint_is_pose"] == true).map(name).collect();
+    if !posed.is_empty() {
+        notes.push(format!(
+            "the VIEWPOINT of {} is the pose of the scan, not the scanner's place in it: the scanner is taken to be at the \
+             origin (--sensor tells another place)",
+            posed.join(", ")
+        ));
+    }
+    notes
 }
 
 fn progress_bar() -> ProgressBar {

@@ -7,7 +7,7 @@ use std::time::Duration;
 use anyhow::Context;
 use clap::Args;
 
-use crate::config::{Limits, ServerConfig, available_threads};
+use crate::config::{EdgeLimits, HostName, Limits, ServerConfig, available_threads};
 use crate::http::Server;
 use crate::telemetry::{self, LogFormat};
 
@@ -17,6 +17,10 @@ pub struct ServeArgs {
     /// Where to listen; port 0 takes a free one
     #[arg(long, env = "VISAGE_ADDR", default_value = "127.0.0.1:8080")]
     addr: SocketAddr,
+    /// A name by which clients may call the service, such as visage.example behind a proxy; can be repeated. Loopback
+    /// names and the address it listens on are known without
+    #[arg(long = "host", env = "VISAGE_HOST", value_name = "NAME", value_delimiter = ',')]
+    hosts: Vec<HostName>,
     /// The folder of the database and of all files
     #[arg(long, env = "VISAGE_DATA_DIR", value_name = "DIR")]
     data: PathBuf,
@@ -41,6 +45,22 @@ pub struct ServeArgs {
     /// Points in one scan or model
     #[arg(long, env = "VISAGE_MAX_POINTS", default_value_t = Limits::default().points_per_scan)]
     max_points: u64,
+    /// Connections at the same time; others wait
+    #[arg(long, env = "VISAGE_MAX_CONNECTIONS", default_value_t = EdgeLimits::default().connections,
+          value_parser = at_least_one)]
+    max_connections: usize,
+    /// Seconds that the head of a request may take, and that a connection may lie idle
+    #[arg(long, env = "VISAGE_HEAD_SECONDS", default_value_t = EdgeLimits::default().head_time.as_secs(),
+          value_parser = clap::value_parser!(u64).range(1..))]
+    head_seconds: u64,
+    /// Seconds that a body is waited for in all, besides the time that it takes at --min-upload-rate
+    #[arg(long, env = "VISAGE_BODY_SECONDS", default_value_t = EdgeLimits::default().body_time.as_secs(),
+          value_parser = clap::value_parser!(u64).range(1..))]
+    body_seconds: u64,
+    /// Bytes a second that a body has to come at
+    #[arg(long, env = "VISAGE_MIN_UPLOAD_RATE", default_value_t = EdgeLimits::default().body_rate,
+          value_parser = clap::value_parser!(u64).range(1..))]
+    min_upload_rate: u64,
     /// Seconds that requests and jobs in flight get at shutdown
     #[arg(long, env = "VISAGE_SHUTDOWN_SECONDS", default_value = "10")]
     shutdown_seconds: u64,
@@ -68,6 +88,14 @@ impl ServeArgs {
                 points_per_scan: self.max_points,
                 queued_jobs: self.max_queued_jobs,
                 ..Limits::default()
+            },
+            hosts: self.hosts.clone(),
+            edge: EdgeLimits {
+                connections: self.max_connections,
+                head_time: Duration::from_secs(self.head_seconds),
+                body_time: Duration::from_secs(self.body_seconds),
+                body_rate: self.min_upload_rate,
+                ..EdgeLimits::default()
             },
             shutdown_deadline: Duration::from_secs(self.shutdown_seconds),
             ..ServerConfig::new(self.addr, &self.data)

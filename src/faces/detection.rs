@@ -8,7 +8,7 @@ use super::dense::DenseSignature;
 use super::features::{Features, features, features_where, places};
 use super::finalists::Finalist;
 use super::landmarks::Landmarks;
-use super::looks::Looks;
+use super::looks::{GOOD_ENOUGH_MM, Looks};
 use super::modes::Weights;
 use super::oriented::Oriented;
 use super::similarity::Similarity;
@@ -33,6 +33,9 @@ const SPACING: f64 = 0.1;
 /// A level that would need more samples than this is skipped: such a face would be a detail of the object. A closer look
 /// at a solid full of walls makes do with coarser ones.
 pub(super) const MOST_SAMPLES: usize = 80_000;
+
+/// Nor is one whose cells a surface has more of from end to end than can be told apart.
+pub(crate) const MOST_CELLS_ACROSS: f64 = 1e6;
 
 /// The edge of a level's grid cells, in expected inner-eye distances.
 const CELL: f64 = 0.18;
@@ -73,6 +76,11 @@ pub struct FoundFace {
 }
 
 impl Detection {
+    /// Whether what was found can only be a face.
+    pub fn has_face(&self) -> bool {
+        self.face.as_ref().is_some_and(|face| face.fit.residual_mm < GOOD_ENOUGH_MM)
+    }
+
     /// The same on the moved surface.
     pub fn moved(&self, motion: &Motion) -> Detection {
         Detection {
@@ -111,17 +119,18 @@ pub fn detect(surface: &Oriented, unit: Unit, standard: &Standard, progress: &Pr
             continue;
         }
         let found = level.triangles(surface.side);
-        let mut first_looks = level.first_looks(&found);
+        progress.check()?;
+        let mut first_looks = level.first_looks(&found, progress)?;
         first_looks.retain(|f| is_true_size(f.fit.pose.scale, unit));
-        looks.take_if_likely(&first_looks);
+        looks.take_if_likely(&first_looks, progress)?;
         finalists.extend(first_looks);
         candidates.extend(found.into_iter().map(|(candidate, _)| candidate));
     }
     progress.check()?;
-    looks.take_at_best_of(finalists);
+    looks.take_at_best_of(finalists, progress)?;
     candidates.retain(|c| is_true_size(c.triangle().size() / standard.detected.size(), unit));
     candidates.sort_by(|a, b| a.cost(standard).total().total_cmp(&b.cost(standard).total()));
-    Ok(Detection { candidates, face: looks.closest() })
+    Ok(Detection { candidates, face: looks.closest(progress)? })
 }
 
 /// Expected inner-eye distances in the file's unit, finest first, and the surface sampled for each.
@@ -137,7 +146,8 @@ fn sampled_levels(surface: &Oriented, unit: Unit, progress: &Progress) -> Result
         progress.check()?;
         let spacing = SPACING * expected;
         // a plane passes through at least area / spacing^2 cells: don't even start where that is too many
-        if diagonal <= 0.0 || area / (spacing * spacing) > MOST_SAMPLES as f64 {
+        let is_fine = area / (spacing * spacing) > MOST_SAMPLES as f64 || diagonal / spacing > MOST_CELLS_ACROSS;
+        if diagonal <= 0.0 || is_fine {
             continue;
         }
         let samples = levels.first().map_or_else(|| surface.sampled(spacing), |(_, finest)| finest.coarser(spacing));
@@ -183,9 +193,13 @@ impl Level<'_> {
     }
 
     /// The first look at every triangle that is cheap enough.
-    fn first_looks(&self, found: &[(Candidate, f64)]) -> Vec<Finalist> {
+    fn first_looks(&self, found: &[(Candidate, f64)], progress: &Progress) -> Result<Vec<Finalist>, Canceled> {
         let promising: Vec<_> = found.iter().filter(|(c, _)| c.cost(self.standard).total() < MOST_COST).collect();
-        promising.par_iter().map(|(candidate, sign)| self.first_look(candidate, *sign)).collect()
+        let look = |(candidate, sign): &&(Candidate, f64)| {
+            progress.check()?;
+            Ok(self.first_look(candidate, *sign))
+        };
+        promising.par_iter().map(look).collect()
     }
 
     fn first_look(&self, candidate: &Candidate, sign: f64) -> Finalist {

@@ -13,6 +13,7 @@ use super::target::Target;
 use super::template::{self, TEMPLATE_POINTS};
 use super::verification::{Fit, PROPORTION_WEIGHT, Search, fit_pose, score};
 use crate::geometry::{Point3, Unit, Vector3};
+use crate::progress::{Canceled, Progress};
 use crate::saliency::{CellGrid, Samples};
 
 /// The second look, of the best few, on finer samples.
@@ -30,7 +31,7 @@ const FINALISTS: usize = 4;
 const HOPELESS: f64 = 1.6;
 /// A second look that ends this near is at a face (no other thing of the public set: below 3), and no other place is
 /// looked at.
-const GOOD_ENOUGH_MM: f64 = 2.0;
+pub(super) const GOOD_ENOUGH_MM: f64 = 2.0;
 /// A first look this good gets its second before finer levels are searched (faces of the public set at the level of their
 /// size: below 3.7; other things: above 3.9).
 const LIKELY_MM: f64 = 3.5;
@@ -95,43 +96,50 @@ impl<'a> Looks<'a> {
     }
 
     /// A look at the best of a level's first fits, if it is so good that it may be a face.
-    pub(super) fn take_if_likely(&mut self, level: &[Finalist]) {
+    pub(super) fn take_if_likely(&mut self, level: &[Finalist], progress: &Progress) -> Result<(), Canceled> {
         let best = level.iter().min_by(|a, b| a.fit.residual_mm.total_cmp(&b.fit.residual_mm));
         if let Some(best) = best.filter(|best| best.fit.residual_mm < LIKELY_MM) {
-            self.take(best);
+            self.take(best, progress)?;
         }
+        Ok(())
     }
 
     /// Looks at the best of all first fits until one shows a face.
-    pub(super) fn take_at_best_of(&mut self, finalists: Vec<Finalist>) {
+    pub(super) fn take_at_best_of(&mut self, finalists: Vec<Finalist>, progress: &Progress) -> Result<(), Canceled> {
         for finalist in distinct(finalists, &self.standard.annotated.corners, FINALISTS, HOPELESS) {
             if self.face().is_some() {
                 break;
             }
-            self.take(&finalist);
+            self.take(&finalist, progress)?;
         }
+        Ok(())
     }
 
-    fn take(&mut self, first: &Finalist) {
+    fn take(&mut self, first: &Finalist, progress: &Progress) -> Result<(), Canceled> {
+        progress.check()?;
         if self.taken.contains(first) {
-            return;
+            return Ok(());
         }
         self.taken.push(*first);
         let near = around(self.surface, &first.fit.pose, MIDDLE, FINE_SPACING_MM, FINE_REACH_MM);
+        progress.check()?;
         let look = second_look(&near, first);
         if self.best.as_ref().is_none_or(|(best, _)| look.is_better_than(best)) {
             self.best = Some((look, near));
         }
+        Ok(())
     }
 
     /// What the surface shows at the best place, which is looked at from other sizes before.
-    pub(super) fn closest(self) -> Option<FoundFace> {
-        let (best, near) = self.best?;
+    pub(super) fn closest(self, progress: &Progress) -> Result<Option<FoundFace>, Canceled> {
+        progress.check()?;
+        let Some((best, near)) = self.best else { return Ok(None) };
         let sizes = OTHER_SIZES.iter().filter(|_| best.fit.residual_mm <= FAR_FROM_A_FACE_MM);
         let others = sizes.map(|growth| second_look(&near, &best.grown(*growth)));
         let possible = others.filter(|other| is_true_size(other.fit.pose.scale, self.unit));
         let best = possible.fold(best, |best, other| if other.is_better_than(&best) { other } else { best });
-        Some(closest_look(self.surface, &best))
+        progress.check()?;
+        Ok(Some(closest_look(self.surface, &best)))
     }
 }
 
@@ -212,12 +220,15 @@ mod tests {
         let standard = crate::faces::standard::face();
         let mut looks = Looks::new(&surface, Unit::Unknown, &standard);
         let [amiss, near] = [Vector3::new(-45.0, 20.0, 15.0), Vector3::new(2.0, -2.0, 1.0)].map(first_fit);
-        looks.take_if_likely(&[Finalist { fit: Fit { residual_mm: LIKELY_MM, ..near.fit }, ..near }]);
+        let silent = Progress::silent();
+        let unlikely = Finalist { fit: Fit { residual_mm: LIKELY_MM, ..near.fit }, ..near };
+        looks.take_if_likely(&[unlikely], &silent).expect("not canceled");
         assert!(looks.taken.is_empty(), "not good enough for a look before finer levels");
-        looks.take_if_likely(&[amiss]);
+        looks.take_if_likely(&[amiss], &silent).expect("not canceled");
         assert!(looks.face().is_none(), "half beside the face");
         // the one amiss was looked at before, the good one ends the search
-        looks.take_at_best_of(vec![amiss, near, first_fit(Vector3::new(0.0, 25.0, 0.0))]);
+        let finalists = vec![amiss, near, first_fit(Vector3::new(0.0, 25.0, 0.0))];
+        looks.take_at_best_of(finalists, &silent).expect("not canceled");
         assert_eq!(looks.taken, [amiss, near]);
         let face = looks.face().expect("it lies right on it");
         let nose = &standard.annotated.corners[2];

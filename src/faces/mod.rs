@@ -5,6 +5,7 @@
 
 pub mod alignment;
 pub mod candidates;
+pub mod cleaned;
 pub mod dense;
 pub mod detection;
 pub mod features;
@@ -30,7 +31,9 @@ pub mod verification;
 pub use crate::saliency::ShapeProfile;
 pub use alignment::sum_of_distances;
 pub use candidates::{Candidate, Cost};
+pub use cleaned::LeftOut;
 pub use dense::DenseSignature;
+use detection::Detection;
 pub use judgement::{MatchMethod, Verdict, judge};
 pub use landmarks::Landmarks;
 use oriented::{Form, Oriented};
@@ -66,26 +69,49 @@ const CLOUD_CELL_OF_DIAGONAL: f64 = 0.003;
 /// Everything is found in the surface's own frame, since grids and boxes lie along axes, and moved to the file's.
 pub fn describe(surface: &Surface, unit: Unit, progress: &Progress) -> Result<Signature, DescribeError> {
     progress.report(Stage::Describing, 0.0);
-    let (surface, motion_file_own) = in_own_frame(surface);
+    checked_size(surface)?;
+    let (surface, left_out) = cleaned::cleaned(surface, progress)?;
+    let (surface, motion_file_own) = in_own_frame(&surface);
     let bounds = checked_bounds(&surface)?;
-    let prepared = Prepared::new(&surface, bounds.diagonal());
-    progress.check()?;
+    let prepared = Prepared::new(&surface, bounds.diagonal(), progress)?;
     progress.report(Stage::Describing, 0.1);
-    let curved = prepared.curved();
+    let curved = prepared.curved(progress)?;
     let xi = curved.xi();
-    let map = saliency::saliency(&curved, xi);
+    let map = saliency::saliency(&curved, xi, progress)?;
     let regions = saliency::salient_regions(&curved, &map, xi, &RegionOptions::default());
     progress.check()?;
     progress.report(Stage::Describing, 0.4);
     let oriented = prepared.oriented(bounds);
     let mut detection = detection::detect(&oriented, unit, &standard::face(), progress)?;
+    if !detection.has_face()
+        && let Some(found) = before_a_wall(&surface, unit, progress)?
+    {
+        detection = found;
+    }
     detection.candidates.truncate(MOST_FACIAL_TRIANGLES);
     let radius = rms_radius(&curved);
     let profile = ShapeProfile::of(&curved, radius, oriented.side != Side::Unknown);
     progress.report(Stage::Describing, 1.0);
     let regions: Vec<Region> = regions.iter().map(|region| region.moved(&motion_file_own)).collect();
     let size = Size { origin: motion_file_own * bounds.center(), diagonal: bounds.diagonal(), radius, unit };
-    Ok(Signature::new(&size, &regions, &detection.moved(&motion_file_own)).with_profile(profile))
+    let signature = Signature::new(&size, &regions, &detection.moved(&motion_file_own));
+    Ok(signature.with_profile(profile).with_left_out(left_out))
+}
+
+/// The surface without what is none of it; see [`cleaned`].
+pub(crate) fn cleaned(surface: &Surface, progress: &Progress) -> Result<Surface, DescribeError> {
+    checked_size(surface)?;
+    Ok(cleaned::cleaned(surface, progress)?.0)
+}
+
+/// The face of what stands before a wall or on a floor, which would else set the scale of everything.
+fn before_a_wall(surface: &Surface, unit: Unit, progress: &Progress) -> Result<Option<Detection>, DescribeError> {
+    let Some(rest) = cleaned::without_supports(surface, progress)? else { return Ok(None) };
+    let (rest, motion) = in_own_frame(&cleaned::cleaned(&rest, progress)?.0);
+    let Ok(bounds) = checked_bounds(&rest) else { return Ok(None) };
+    let prepared = Prepared::new(&rest, bounds.diagonal(), progress)?;
+    let found = detection::detect(&prepared.oriented(bounds), unit, &standard::face(), progress)?;
+    Ok(found.has_face().then(|| found.moved(&motion)))
 }
 
 /// The surface in its own frame, and the motion back to the file's.
@@ -101,21 +127,26 @@ pub(crate) enum Prepared {
 }
 
 impl Prepared {
-    pub(crate) fn new(surface: &Surface, diagonal: f64) -> Prepared {
+    pub(crate) fn new(surface: &Surface, diagonal: f64, progress: &Progress) -> Result<Prepared, Canceled> {
         if let Some(mesh) = surface.mesh() {
             let side = saliency::orientation::side_of_mesh(&mesh);
-            return Prepared::Mesh { mesh, side };
+            progress.check()?;
+            return Ok(Prepared::Mesh { mesh, side });
         }
-        let cloud = saliency::orientation::oriented_cloud(surface, CLOUD_CELL_OF_DIAGONAL * diagonal);
-        let patches = Patches::new(&cloud.points, &cloud.normals, &cloud.proximity);
-        Prepared::Cloud { cloud, patches }
+        let cloud = saliency::orientation::oriented_cloud(surface, CLOUD_CELL_OF_DIAGONAL * diagonal, progress)?;
+        let patches = Patches::new(&cloud.points, &cloud.normals, &cloud.proximity, progress)?;
+        Ok(Prepared::Cloud { cloud, patches })
     }
 
     /// What the paper's saliency needs to know.
-    fn curved(&self) -> CurvedSurface {
+    fn curved(&self, progress: &Progress) -> Result<CurvedSurface, Canceled> {
         match self {
-            Prepared::Mesh { mesh, side } => CurvedSurface::from_mesh(mesh, side.first_sign()),
-            Prepared::Cloud { cloud, .. } => CurvedSurface::from_cloud(&cloud.points, &cloud.normals),
+            Prepared::Mesh { mesh, side } => {
+                let curved = CurvedSurface::from_mesh(mesh, side.first_sign());
+                progress.check()?;
+                Ok(curved)
+            }
+            Prepared::Cloud { cloud, .. } => CurvedSurface::from_cloud(&cloud.points, &cloud.normals, progress),
         }
     }
 
@@ -126,6 +157,21 @@ impl Prepared {
             Prepared::Cloud { cloud, patches } => (Form::Cloud(patches), cloud.side),
         };
         Oriented { form, bounds, side }
+    }
+}
+
+/// Coordinates beyond this have squares that single precision has no numbers for.
+const LARGEST_COORDINATE: f64 = 1e15;
+
+/// Refuses coordinates that can't be reckoned with.
+fn checked_size(surface: &Surface) -> Result<(), DescribeError> {
+    let is_sound = |p: &crate::geometry::Point3| p.iter().all(|x| x.abs() <= LARGEST_COORDINATE);
+    match surface.cloud.points.iter().find(|p| !is_sound(p)) {
+        None => Ok(()),
+        Some(p) => Err(DescribeError::Degenerate(format!(
+            "a point lies at ({:e}, {:e}, {:e}); send a model whose coordinates are no larger than {LARGEST_COORDINATE:e}",
+            p.x, p.y, p.z
+        ))),
     }
 }
 
@@ -276,6 +322,50 @@ pub(crate) mod tests {
         let plate = Surface { cloud: Cloud::from_points(points), ..Surface::default() };
         let signature = describe(&plate, Unit::Unknown, &Progress::silent()).expect("a sound surface");
         assert_eq!(signature.summary().triangles, 0);
+    }
+
+    /// Raises the flag as soon as so much is done.
+    struct StopAt(f64, std::sync::Arc<std::sync::atomic::AtomicBool>);
+
+    impl crate::progress::ProgressSink for StopAt {
+        fn report(&self, _: Stage, fraction: f64) {
+            if fraction >= self.0 {
+                self.1.store(true, std::sync::atomic::Ordering::Relaxed);
+            }
+        }
+    }
+
+    #[test]
+    fn a_stop_is_obeyed_at_every_stage() {
+        let bare = Surface { cloud: mask().cloud, ..Surface::default() };
+        for surface in [mask(), bare] {
+            for fraction in [0.0, 0.1, 0.4] {
+                let raised = std::sync::Arc::default();
+                let progress =
+                    Progress::new(std::sync::Arc::new(StopAt(fraction, std::sync::Arc::clone(&raised))), raised);
+                assert_eq!(
+                    describe(&surface, Unit::Mm, &progress),
+                    Err(DescribeError::Canceled(Canceled)),
+                    "{fraction}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn coordinates_of_any_size_are_described_or_refused() {
+        for scale in [1e-300, 1e-40, 1e-20, 1e-6, 1e9, 1e14, 1e19, 1e30, 1e200, f64::MAX] {
+            let mut surface = mask();
+            surface.cloud.points.iter_mut().for_each(|p| *p = p.map(|x| x / 100.0 * scale));
+            let bare = Surface { cloud: surface.cloud.clone(), ..Surface::default() };
+            for surface in [surface, bare] {
+                match describe(&surface, Unit::Unknown, &Progress::silent()) {
+                    Ok(_) => assert!(scale <= 1e15),
+                    Err(DescribeError::Degenerate(why)) => assert!(!(1e-20..=1e14).contains(&scale), "{scale}: {why}"),
+                    Err(error) => panic!("{scale}: {error}"),
+                }
+            }
+        }
     }
 
     #[test]

@@ -1,6 +1,8 @@
 //! Points, meshes, rigid motions and neighbours: what every other algorithm stands on. Pure.
 
+pub mod cleaning;
 pub mod cloud;
+pub mod coincidence;
 pub mod groups;
 pub mod mesh;
 pub mod neighbours;
@@ -10,6 +12,7 @@ pub mod own_frame;
 pub mod se3;
 pub mod surface;
 pub mod thinning;
+pub mod viewpoint;
 
 pub use cloud::{Bounds, Cloud};
 pub use groups::Groups;

@@ -1,4 +1,4 @@
-//! `/v1/models/{id}/{asset}`: files of models, with `ETag` and single ranges.
+//! `/v1/models/{id}/{file}`: files of models, an operation a media type, with `ETag` and single ranges.
 
 use axum::body::Body;
 use axum::extract::State;
@@ -7,56 +7,138 @@ use axum::response::{IntoResponse, Response};
 use tokio::io::{AsyncReadExt, AsyncSeekExt};
 use tokio_util::io::ReaderStream;
 
+use super::conditions::{ConditionHeaders, Conditions, ETag};
 use super::extract::Path;
 use super::model_views::media_type;
 use super::models::{TAG, parse_id};
 use super::problem::{Code, Problem};
 use super::responses;
+use super::schemas::{FileContent, Poses, SurfaceFile};
 use super::state::AppState;
 
 /// How much is read from disk at a time.
 const CHUNK: usize = 256 << 10;
 
-/// Fetch a file of a model.
-///
-/// `poses.json` (`{"scan name": 4x4 row-major scan-to-world}`, null for a view without a place), `poses.conf`
-/// (Stanford's convention; left out when a scan's name has a blank), `cloud.ply`, `report.json`; of an uploaded model
-/// the file itself, as `mesh.ply`, `mesh.obj`, `cloud.ply` or `cloud.obj`. `GET /v1/models/{id}` lists what there is.
+/// Which part of a file is sent, as the contract describes it.
+#[derive(utoipa::IntoParams)]
+#[into_params(parameter_in = Header)]
+#[expect(dead_code, reason = "only describes the headers")]
+struct PartHeaders {
+    /// One range of bytes.
+    #[param(rename = "Range", required = false, example = "bytes=0-1023")]
+    range: String,
+    /// The ETag for which the range is wanted.
+    #[param(rename = "If-Range", required = false)]
+    if_range: String,
+}
+
+/// Fetch the poses of a registered model.
 #[utoipa::path(
-    get, path = "/v1/models/{id}/{asset}", tag = TAG, operation_id = "getModelAsset",
-    params(("id" = String, Path, description = "The model."),
-           ("asset" = String, Path, description = "The file.", example = "poses.json"),
-           ("Range" = Option<String>, Header, description = "One range of bytes."),
-           ("If-Range" = Option<String>, Header, description = "The ETag for which the range is wanted."),
-           ("If-None-Match" = Option<String>, Header, description = "The ETag that is known already.")),
+    get, path = "/v1/models/{id}/poses.json", tag = TAG, operation_id = "getModelPoses",
+    params(("id" = String, Path, format = "uuid", description = "The model."), ConditionHeaders),
     responses(
-        (status = 200, description = "The file.", content((Vec<u8> = "application/octet-stream")),
+        (status = 200, description = "The poses.", body = Poses,
          headers(("ETag" = String, description = "Changes with the content."))),
-        (status = 206, description = "The range that was asked for.", content((Vec<u8> = "application/octet-stream")),
-         headers(("Content-Range" = String, description = "Which bytes of how many."))),
-        (status = 304, description = "The file is the one that is known."),
-        responses::NotFound, responses::BadRange, responses::Other,
+        responses::Unchanged, responses::NotFound, responses::OtherState, responses::BadRange, responses::Other,
     )
 )]
-pub async fn get_asset(
+pub async fn get_poses(
     State(state): State<AppState>,
-    Path((id, asset)): Path<(String, String)>,
+    Path(id): Path<String>,
+    conditions: Conditions,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    let id = parse_id(&id)?;
+    send(state, &id, "poses.json", &conditions, &headers).await
+}
+
+/// Fetch the poses of a registered model in Stanford's format.
+///
+/// There is none where a scan's name has a blank or a view a scale, which that format can't hold.
+#[utoipa::path(
+    get, path = "/v1/models/{id}/poses.conf", tag = TAG, operation_id = "getModelConf",
+    params(("id" = String, Path, format = "uuid", description = "The model."), ConditionHeaders),
+    responses(
+        (status = 200, description = "The pose file.", body = String, content_type = "text/plain",
+         headers(("ETag" = String, description = "Changes with the content."))),
+        responses::Unchanged, responses::NotFound, responses::OtherState, responses::BadRange, responses::Other,
+    )
+)]
+pub async fn get_conf(
+    State(state): State<AppState>,
+    Path(id): Path<String>,
+    conditions: Conditions,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    send(state, &id, "poses.conf", &conditions, &headers).await
+}
+
+/// Fetch the report on a registration.
+#[utoipa::path(
+    get, path = "/v1/models/{id}/report.json", tag = TAG, operation_id = "getModelReport",
+    params(("id" = String, Path, format = "uuid", description = "The model."), ConditionHeaders),
+    responses(
+        (status = 200, description = "`result` (the same for the same scans) and `run` (times, memory, host).",
+         body = Object, headers(("ETag" = String, description = "Changes with the content."))),
+        responses::Unchanged, responses::NotFound, responses::OtherState, responses::BadRange, responses::Other,
+    )
+)]
+pub async fn get_report(
+    State(state): State<AppState>,
+    Path(id): Path<String>,
+    conditions: Conditions,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    send(state, &id, "report.json", &conditions, &headers).await
+}
+
+/// Fetch the surface of a model.
+///
+/// `cloud.ply` of a registered model; of an uploaded one the file itself, as `mesh` or `cloud` with its own ending.
+/// `GET /v1/models/{id}` lists what there is.
+#[utoipa::path(
+    get, path = "/v1/models/{id}/{file}", tag = TAG, operation_id = "getModelFile",
+    params(("id" = String, Path, format = "uuid", description = "The model."),
+           ("file" = SurfaceFile, Path, description = "The file."), ConditionHeaders, PartHeaders),
+    responses(
+        (status = 200, description = "The file.", body = inline(FileContent), content_type = "application/octet-stream",
+         headers(("ETag" = String, description = "Changes with the content."))),
+        (status = 206, description = "The range that was asked for.", body = inline(FileContent),
+         content_type = "application/octet-stream",
+         headers(("Content-Range" = String, description = "Which bytes of how many."))),
+        responses::Unchanged, responses::NotFound, responses::OtherState, responses::BadRange, responses::Other,
+    )
+)]
+pub async fn get_surface(
+    State(state): State<AppState>,
+    Path((id, file)): Path<(String, String)>,
+    conditions: Conditions,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    send(state, &id, &file, &conditions, &headers).await
+}
+
+/// Any file of a model, whole or a part of it.
+async fn send(
+    state: AppState,
+    id: &str,
+    asset: &str,
+    conditions: &Conditions,
+    headers: &HeaderMap,
+) -> Result<Response, Problem> {
+    let id = parse_id(id)?;
     let missing = || {
         let detail = format!("model {id} has no file {:?}", asset.chars().take(64).collect::<String>());
         Problem::new(Code::NotFound, detail, format!("GET /v1/models/{id} lists its files"))
     };
     let known = state.shop.store.assets(id).await?;
     let record = known.into_iter().find(|record| record.name == asset).ok_or_else(missing)?;
-    let etag = format!("\"{}\"", record.checksum);
-    let mut answer = HeaderMap::new();
-    answer.insert(header::ETAG, HeaderValue::try_from(&etag).map_err(Problem::internal)?);
+    let etag = ETag::of_checksum(&record.checksum);
+    conditions.check_match(Some(&etag))?;
+    let mut answer = HeaderMap::from_iter([etag.header()?]);
     answer.insert(header::ACCEPT_RANGES, HeaderValue::from_static("bytes"));
     // the content under an address never changes, but deleting must be seen: always ask again
     answer.insert(header::CACHE_CONTROL, HeaderValue::from_static("private, no-cache"));
-    if matches_etag(headers.get(header::IF_NONE_MATCH), &etag) {
+    if conditions.knows(&etag) {
         return Ok((StatusCode::NOT_MODIFIED, answer).into_response());
     }
     answer.insert(header::CONTENT_TYPE, HeaderValue::from_static(media_type(&record.name)));
@@ -65,7 +147,7 @@ pub async fn get_asset(
     let mut file = state.shop.blobs.open_asset(id, &record.name).await?.ok_or_else(missing)?;
     let wanted = headers
         .get(header::RANGE)
-        .filter(|_| headers.get(header::IF_RANGE).is_none_or(|known| known.as_bytes() == etag.as_bytes()))
+        .filter(|_| headers.get(header::IF_RANGE).is_none_or(|known| etag.is_given_by(known)))
         .and_then(|range| range.to_str().ok());
     let (status, first, length) = match wanted.map_or(Wanted::All, |range| parse_range(range, record.bytes)) {
         Wanted::All => (StatusCode::OK, 0, record.bytes),
@@ -90,13 +172,6 @@ pub async fn get_asset(
 
 fn content_range(range: &str, bytes: u64) -> Result<HeaderValue, Problem> {
     HeaderValue::try_from(format!("bytes {range}/{bytes}")).map_err(Problem::internal)
-}
-
-/// `If-None-Match`: `*`, or a list of tags; weak ones match too.
-fn matches_etag(value: Option<&HeaderValue>, etag: &str) -> bool {
-    value.and_then(|value| value.to_str().ok()).is_some_and(|value| {
-        value.split(',').map(str::trim).any(|tag| tag == "*" || tag.strip_prefix("W/").unwrap_or(tag) == etag)
-    })
 }
 
 /// What a `Range` header asks for.
@@ -148,16 +223,5 @@ mod tests {
         for range in ["bytes=5-3", "bytes=0-1,4-5", "lines=0-1", "bytes=a-b", "bytes=-", "bytes", "bytes=--5"] {
             assert_eq!(parse_range(range, 10), Wanted::All, "{range}");
         }
-    }
-
-    #[test]
-    fn known_tags_match() {
-        let matches = |value: &'static str| matches_etag(Some(&HeaderValue::from_static(value)), "\"ab\"");
-        assert!(matches("\"ab\""));
-        assert!(matches("W/\"ab\""));
-        assert!(matches("\"x\", \"ab\""));
-        assert!(matches("*"));
-        assert!(!matches("\"x\""));
-        assert!(!matches_etag(None, "\"ab\""));
     }
 }

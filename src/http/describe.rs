@@ -1,16 +1,64 @@
-//! Signatures for requests: computed while the client waits, one at a time, and given up when it goes away.
+//! Signatures for requests: computed while the client waits, a few at a time, and given up when it goes away.
+//!
+//! Who waits has its file on disk: a surface is read when it is its turn. Turns come in the order in which they were asked
+//! for, and large surfaces never take all places, so a small one waits for small ones alone.
 
 use std::panic::AssertUnwindSafe;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+
 use super::problem::Problem;
 use super::state::{AppState, blocking};
+use super::upload::UploadedFile;
 use crate::faces::Signature;
 use crate::geometry::{Surface, Unit};
 use crate::jobs::engine::Engine;
 use crate::progress::{Progress, ProgressSink, Stage};
 use crate::telemetry::panic_message;
+
+/// Larger files count as large: they take more than a second or two.
+const LARGE: u64 = 8 << 20;
+
+/// The places at which surfaces are described. Cheap to clone.
+#[derive(Clone)]
+pub struct Turns {
+    all: Arc<Semaphore>,
+    /// Those of the places that large surfaces may take.
+    large: Arc<Semaphore>,
+}
+
+/// A place, until it is dropped.
+pub struct Turn {
+    _place: OwnedSemaphorePermit,
+    _large: Option<OwnedSemaphorePermit>,
+}
+
+impl Turns {
+    /// So many places; if there are several, one of them is for small surfaces alone.
+    pub fn new(places: usize) -> Turns {
+        let places = places.clamp(1, Semaphore::MAX_PERMITS);
+        Turns { all: Arc::new(Semaphore::new(places)), large: Arc::new(Semaphore::new((places - 1).max(1))) }
+    }
+
+    async fn take(&self, bytes: u64) -> Result<Turn, Problem> {
+        let large = match bytes > LARGE {
+            true => Some(self.large.clone().acquire_owned().await.map_err(Problem::internal)?),
+            false => None,
+        };
+        let place = self.all.clone().acquire_owned().await.map_err(Problem::internal)?;
+        Ok(Turn { _place: place, _large: large })
+    }
+}
+
+/// Waits until it is the file's turn to be read and described.
+pub async fn turn(state: &AppState, file: &UploadedFile) -> Result<Turn, Problem> {
+    tokio::select! {
+        turn = state.describing.take(file.staged.bytes) => turn,
+        () = state.stop.cancelled() => Err(Problem::shutting_down()),
+    }
+}
 
 /// Nobody watches the progress of a request.
 struct Nobody;
@@ -29,27 +77,34 @@ impl Drop for CancelOnDrop {
 }
 
 /// Computes the signature of an uploaded surface on a pool with the server's threads.
-pub async fn describe(state: &AppState, name: &str, surface: Surface, unit: Unit) -> Result<Signature, Problem> {
-    computed(state, move |engine, progress| engine.describe(&surface, unit, progress).map_err(Problem::from))
+pub async fn describe(
+    state: &AppState,
+    turn: Turn,
+    name: &str,
+    surface: Surface,
+    unit: Unit,
+) -> Result<Signature, Problem> {
+    computed(state, turn, move |engine, progress| engine.describe(&surface, unit, progress).map_err(Problem::from))
         .await
         .map_err(|problem| problem.scan(name))
 }
 
-/// Lets the engine work for a request, on a pool with the server's threads; one at a time.
+/// Lets the engine work for a request, on a pool with the server's threads. The place comes free when the work has ended,
+/// be it that nobody waits for it any more.
 pub async fn computed<T: Send + 'static>(
     state: &AppState,
+    turn: Turn,
     work: impl FnOnce(&dyn Engine, &Progress) -> Result<T, Problem> + Send + 'static,
 ) -> Result<T, Problem> {
     let cancel = Arc::new(AtomicBool::new(false));
     let given_up = CancelOnDrop(cancel.clone());
     let working = async {
-        let permit = state.describing.clone().acquire_owned().await.map_err(Problem::internal)?;
         let engine = state.shop.engine.clone();
         let threads = state.shop.config.threads.max(1);
         let progress = Progress::new(Arc::new(Nobody), cancel);
         blocking(move || {
-            let _permit = permit;
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(Problem::internal)?;
+            let _turn = turn;
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(Problem::shortage)?;
             let computed = AssertUnwindSafe(|| pool.install(|| work(&*engine, &progress)));
             std::panic::catch_unwind(computed)
                 .unwrap_or_else(|payload| Err(Problem::internal(panic_message(&*payload))))
@@ -62,4 +117,33 @@ pub async fn computed<T: Send + 'static>(
     };
     drop(given_up);
     outcome
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[tokio::test]
+    async fn large_surfaces_leave_a_place_and_keep_their_order() {
+        use futures_util::FutureExt;
+        let turns = Turns::new(3);
+        let large = || turns.take(LARGE + 1);
+        let (first, second) = (large().await.expect("a place"), large().await.expect("a place"));
+        let (mut third, mut fourth) = (Box::pin(large()), Box::pin(large()));
+        assert!(third.as_mut().now_or_never().is_none() && fourth.as_mut().now_or_never().is_none());
+        let small = turns.take(LARGE).await.expect("the place that is left");
+        assert!(Box::pin(turns.take(1)).now_or_never().is_none(), "all are taken");
+        drop(first);
+        assert!(fourth.as_mut().now_or_never().is_none(), "the third is before it");
+        let third = third.now_or_never().expect("its turn").expect("a place");
+        drop((second, small, third));
+        assert!(fourth.now_or_never().is_some());
+    }
+
+    #[tokio::test]
+    async fn one_place_is_for_all() {
+        let turns = Turns::new(0);
+        drop(turns.take(LARGE + 1).await.expect("a place"));
+        drop(turns.take(1).await.expect("a place"));
+    }
 }

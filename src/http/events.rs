@@ -28,12 +28,8 @@ const LOOK: Duration = Duration::from_secs(5);
 /// shuts down or the job is deleted: connect again to see which.
 #[utoipa::path(
     get, path = "/v1/jobs/{id}/events", tag = TAG, operation_id = "followJob",
-    params(("id" = String, Path, description = "The job.")),
-    responses(
-        (status = 200, description = "Events named `progress`, then one named `end`; the data is a job as JSON.",
-         content_type = "text/event-stream", body = String),
-        responses::NotFound, responses::Other,
-    )
+    params(("id" = String, Path, format = "uuid", description = "The job.")),
+    responses(responses::Events, responses::NotFound, responses::Other)
 )]
 pub async fn events(
     State(state): State<AppState>,

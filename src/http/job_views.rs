@@ -5,6 +5,8 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
+use super::scan_set_views::UnitView;
+use super::schemas::{MethodName, Point, ScaleName, ShortText};
 use crate::pipeline::Options;
 use crate::store::{JobError, JobId, JobKind, JobRecord, JobStatus, NewJob};
 
@@ -27,35 +29,36 @@ pub struct NewJobBody {
     #[schema(value_type = Option<OptionsView>)]
     pub options: Option<serde_json::Value>,
     /// A class label for the model, such as `face`.
-    #[schema(max_length = 200)]
+    #[schema(value_type = Option<ShortText>)]
     pub label: Option<String>,
 }
 
 /// The options of a job; all are optional in a request.
-#[derive(ToSchema)]
+#[derive(Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
 #[schema(as = JobOptions)]
 #[expect(dead_code, reason = "only describes `pipeline::Options`; a test holds them against each other")]
 pub struct OptionsView {
     /// The registration method: one of those that `GET /v1/info` lists.
-    #[schema(required = false, example = "ma-aticp")]
+    #[schema(required = false, value_type = MethodName)]
     method: String,
     /// Worker threads; capped by the server's own number.
-    #[schema(minimum = 1)]
+    #[schema(minimum = 1, maximum = 1024)]
     threads: Option<usize>,
     /// The least overlap of a pair that is registered.
     #[schema(required = false, example = 0.5, minimum = 0.05, maximum = 0.95)]
     min_overlap: f64,
     /// Depth error of the scanner, in the unit of the scans; estimated when not given.
-    #[schema(minimum = 0)]
+    #[schema(minimum = 0, maximum = 1_000_000)]
     range_accuracy: Option<f64>,
     /// The most rounds of overlap, ICP and averaging.
-    #[schema(required = false, example = 20, minimum = 1)]
+    #[schema(required = false, example = 20, minimum = 1, maximum = 1000)]
     max_rounds: usize,
-    /// Where the scanner stood in each scan's frame, if the files don't say.
-    #[schema(min_items = 3, max_items = 3)]
+    /// Where the scanner stood in each scan's frame; believed before what the files say.
+    #[schema(value_type = Option<Point>)]
     sensor: Option<Vec<f64>>,
     /// Whether each scan gets a scale factor of its own: `none` or `per_view`.
-    #[schema(required = false, example = "none")]
+    #[schema(required = false, value_type = ScaleName)]
     scale: String,
     /// The scan that keeps its pose and so fixes the world; the first when not given.
     reference: Option<String>,
@@ -71,26 +74,28 @@ pub struct OptionsView {
 }
 
 /// The form by which scans are stored and registered in one call.
-#[derive(ToSchema)]
+#[derive(Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
 #[expect(dead_code, reason = "only describes the form")]
 pub struct NewJobForm {
-    /// The scans: PLY, PCD or OBJ files, each with a name of its own.
-    #[schema(value_type = Vec<String>, format = Binary)]
+    /// The scans: PLY, PCD or OBJ files, at least two, each with a name of its own.
+    #[schema(value_type = Vec<String>, format = Binary, min_items = 2)]
     scans: Vec<Vec<u8>>,
-    /// The initial poses: a Stanford `.conf`, JSON, or text blocks.
-    #[schema(value_type = String, format = Binary)]
+    /// The initial poses: a Stanford `.conf`, JSON, or text blocks. Scans without one are placed by their surface.
+    #[schema(required = false, value_type = String, format = Binary)]
     poses: Vec<u8>,
     /// The options as JSON.
-    #[schema(value_type = Option<OptionsView>)]
-    options: Option<serde_json::Value>,
+    #[schema(required = false, value_type = OptionsView)]
+    options: serde_json::Value,
     /// A class label for the model.
-    #[schema(max_length = 200)]
-    label: Option<String>,
+    #[schema(required = false, value_type = ShortText)]
+    label: String,
     /// A name for people.
-    #[schema(max_length = 200)]
-    name: Option<String>,
-    /// The unit of all scans.
-    unit: Option<super::scan_set_views::UnitView>,
+    #[schema(required = false, value_type = ShortText)]
+    name: String,
+    /// The unit of all scans; not known if not given.
+    #[schema(required = false)]
+    unit: UnitView,
 }
 
 /// A job.
@@ -249,5 +254,10 @@ mod tests {
         actual.sort_unstable();
         assert_eq!(stated, actual);
         assert_eq!(schema.get("required"), None);
+        for option in &table {
+            let stated = &schema["properties"][option.name];
+            assert_eq!(stated["minimum"].as_f64(), option.minimum, "{}", option.name);
+            assert_eq!(stated["maximum"].as_f64(), option.maximum, "{}", option.name);
+        }
     }
 }

@@ -5,18 +5,23 @@ use std::time::Duration;
 use axum::Json;
 use axum::extract::{Request, State};
 use axum::http::StatusCode;
+use axum::response::Response;
 use serde::Deserialize;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
-use super::extract::{IdempotencyKey, Path, Query, is_json, media_type, parse_json, read_json, wrong_media_type};
+use super::conditions::{ConditionHeaders, Conditions};
+use super::extract::{
+    FORM, IdempotencyHeader, IdempotencyKey, Path, Query, is_json, media_type, parse_json, read_json, whole_numbers,
+    wrong_media_type,
+};
 use super::idempotency::{Attempt, Created};
 use super::job_views::{JobList, JobView, NewJobBody, NewJobForm};
 use super::problem::{Code, Problem};
 use super::scan_sets::{form_rules, from_form, keep_files, parse_id as parse_scan_set_id, undo_unless_stored};
 use super::state::{AppState, deleted, forget, uninterrupted};
 use super::upload::{self, UploadedFile};
-use super::{events, extract, job_views, models, names, responses};
+use super::{cursor, events, extract, job_views, models, names, responses};
 use crate::jobs::{admission, options};
 use crate::pipeline::Options;
 use crate::store::{
@@ -33,6 +38,7 @@ const LONGEST_WAIT: u64 = 60;
 pub fn router() -> OpenApiRouter<AppState> {
     OpenApiRouter::new()
         .routes(routes!(create, list))
+        .routes(routes!(create_from_form))
         .routes(routes!(get_one, delete))
         .routes(routes!(cancel))
         .routes(routes!(retry))
@@ -60,13 +66,15 @@ struct Order {
 /// Register a scan set.
 ///
 /// Accepted (202) only after it is durable. Refused at once when the scan set has fewer than two scans. Scans
-/// without an initial pose are placed by their surface. As a form, scans and poses come in the same call. With
-/// `base_model_id`, scans that the model has no pose for are added to it. With `{"kind": "evaluate"}` the stored models
-/// are judged against all standards and old signatures are made anew; where such a job waits already, it is the answer.
+/// without an initial pose are placed by their surface. With `base_model_id`, scans that the model has no pose for are
+/// added to it. With `{"kind": "evaluate"}` the stored models are judged against all standards and old signatures are
+/// made anew; where such a job waits already, it is the answer. A form as for `POST /v1/jobs/upload` is taken here too.
 #[utoipa::path(
     post, path = "/v1/jobs", tag = TAG, operation_id = "createJob",
-    params(("Idempotency-Key" = Option<String>, Header, description = "Makes a repeated request harmless.")),
-    request_body(content((NewJobBody = "application/json"), (NewJobForm = "multipart/form-data"))),
+    params(IdempotencyHeader),
+    request_body(content = NewJobBody, example = json!({
+        "scan_set_id": "0199c6a0-6d5b-7a35-9d2c-6f3b8d1e4a70", "options": {"threads": 2}, "label": "face",
+    })),
     responses(
         (status = 202, description = "The job is queued.", body = JobView,
          headers(("Location" = String, description = "The address of the job."),
@@ -80,29 +88,68 @@ async fn create(
     IdempotencyKey(key): IdempotencyKey,
     request: Request,
 ) -> Result<Created, Problem> {
-    let mut attempt = Attempt::begin(&state, "POST /v1/jobs", key.as_deref())?;
     let found = media_type(request.headers());
-    let order = if found == "multipart/form-data" {
-        let form = upload::read_form(&state, request, &form_rules(&state, PARTS)).await?;
-        if let Some(answer) = attempt.known(&state, || form.hash()).await? {
-            return Ok(answer);
-        }
-        order_of_form(&state, form).await?
-    } else if is_json(&found) {
-        let (body, bytes) = read_json::<NewJobBody>(request, state.limits().text_bytes).await?;
-        if let Some(answer) = attempt.known(&state, || blake3::hash(&bytes).to_hex().to_string()).await? {
-            return Ok(answer);
-        }
-        if body.kind == JobKind::Evaluate {
-            return evaluate(state, attempt, body).await;
-        }
-        order_of_json(&state, body).await?
-    } else {
-        return Err(wrong_media_type(
-            &found,
-            "application/json, or multipart/form-data with parts `scans` and `poses`",
-        ));
-    };
+    if found == FORM {
+        return register_form(state, key, request).await;
+    }
+    let mut attempt = begin(&state, key)?;
+    if !is_json(&found) {
+        return Err(wrong_media_type(&found, "application/json, or multipart/form-data with parts `scans`"));
+    }
+    let (body, bytes) = read_json::<NewJobBody>(&state, request).await?;
+    if let Some(answer) = attempt.known(&state, || blake3::hash(&bytes).to_hex().to_string()).await? {
+        return Ok(answer);
+    }
+    if body.kind == JobKind::Evaluate {
+        return evaluate(state, attempt, body).await;
+    }
+    let order = order_of_json(&state, body).await?;
+    accept(state, attempt, order).await
+}
+
+/// Store scans and poses and register them, in one form.
+///
+/// As `POST /v1/scan-sets/upload` and `POST /v1/jobs` in one call: either all of it is stored and queued or nothing.
+#[utoipa::path(
+    post, path = "/v1/jobs/upload", tag = TAG, operation_id = "uploadJob",
+    params(IdempotencyHeader),
+    request_body(content = NewJobForm, content_type = "multipart/form-data"),
+    responses(
+        (status = 202, description = "The job is queued.", body = JobView,
+         headers(("Location" = String, description = "The address of the job."),
+                 ("Retry-After" = u64, description = "Seconds until a look at it is worth while."))),
+        responses::BadRequest, responses::Stalled, responses::Conflict, responses::TooLarge, responses::WrongType,
+        responses::Unprocessable, responses::QueueFull, responses::Other,
+    )
+)]
+async fn create_from_form(
+    State(state): State<AppState>,
+    IdempotencyKey(key): IdempotencyKey,
+    request: Request,
+) -> Result<Created, Problem> {
+    match media_type(request.headers()).as_str() {
+        FORM => register_form(state, key, request).await,
+        found => Err(wrong_media_type(found, "multipart/form-data with parts `scans`")),
+    }
+}
+
+/// A repeated request is known at either address.
+fn begin(state: &AppState, key: Option<String>) -> Result<Attempt, Problem> {
+    Attempt::begin(state, "POST /v1/jobs", key.as_deref())
+}
+
+async fn register_form(state: AppState, key: Option<String>, request: Request) -> Result<Created, Problem> {
+    let mut attempt = begin(&state, key)?;
+    let form = upload::read_form(&state, request, &form_rules(&state, PARTS)).await?;
+    if let Some(answer) = attempt.known(&state, || form.hash()).await? {
+        return Ok(answer);
+    }
+    let order = order_of_form(&state, form).await?;
+    accept(state, attempt, order).await
+}
+
+/// Queues a registration.
+async fn accept(state: AppState, attempt: Attempt, order: Order) -> Result<Created, Problem> {
     let view = JobView::of_new(&order.job);
     let created = Created::new(StatusCode::ACCEPTED, job_views::address(order.job.id), &view)?.retry_after(1);
     let replay = attempt.replay(&created, order.job.id.to_string());
@@ -132,17 +179,21 @@ async fn evaluate(state: AppState, attempt: Attempt, body: NewJobBody) -> Result
         return Err(Problem::new(Code::InvalidField, detail, "send {\"kind\": \"evaluate\"} alone"));
     }
     uninterrupted(async move {
-        let _attempt = attempt;
-        let id = state.shop.store.demand_evaluation().await?;
+        let answer = |job: &JobRecord| -> Result<Created, Problem> {
+            let created = Created::new(StatusCode::ACCEPTED, job_views::address(job.id), &JobView::of(job))?;
+            Ok(created.retry_after(1))
+        };
+        let replay =
+            |job: &JobRecord| answer(job).ok().and_then(|created| attempt.replay(&created, job.id.to_string()));
+        let job = state.shop.store.demand_evaluation(replay).await?;
         state.shop.board.announce_work();
-        let view = JobView::of(&look_up(&state, id).await?);
-        Ok(Created::new(StatusCode::ACCEPTED, job_views::address(id), &view)?.retry_after(1))
+        answer(&job)
     })
     .await
 }
 
 async fn order_of_json(state: &AppState, body: NewJobBody) -> Result<Order, Problem> {
-    let options = body.options.map(options::parse).transpose()?.unwrap_or_default();
+    let options = body.options.map(options_of).transpose()?.unwrap_or_default();
     let label = body.label.map(|label| names::text("label", &label)).transpose()?;
     let scan_set_id = body.scan_set_id.ok_or_else(|| {
         let detail = "a registration needs a scan_set_id";
@@ -157,9 +208,14 @@ async fn order_of_json(state: &AppState, body: NewJobBody) -> Result<Order, Prob
     Ok(Order { job: NewJob { id: JobId::new(), scan_set_id: set.id, label, options, base }, upload: None })
 }
 
+fn options_of(mut value: serde_json::Value) -> Result<Options, Problem> {
+    whole_numbers(&mut value);
+    Ok(options::parse(value)?)
+}
+
 async fn order_of_form(state: &AppState, form: upload::Form) -> Result<Order, Problem> {
     let options: Options = match form.text("options")? {
-        Some(text) => options::parse(parse_json("the part options", text.as_bytes())?)?,
+        Some(text) => options_of(parse_json("the part options", text.as_bytes())?)?,
         None => Options::default(),
     };
     let label = form.text("label")?.map(|label| names::text("label", label)).transpose()?;
@@ -201,6 +257,7 @@ struct ListQuery {
     /// Only those of this status.
     status: Option<JobStatus>,
     /// Only those of this scan set.
+    #[param(format = "uuid")]
     scan_set_id: Option<String>,
     /// At most so many items (1 to 100, 20 if not given).
     #[param(minimum = 1, maximum = 100, default = 20)]
@@ -218,12 +275,13 @@ struct ListQuery {
 async fn list(State(state): State<AppState>, Query(query): Query<ListQuery>) -> Result<Json<JobList>, Problem> {
     let scan_set_id = query.scan_set_id.as_deref().map(parse_scan_set_id).transpose()?;
     let filter = JobFilter { status: query.status, scan_set_id };
-    let page = extract::PageQuery { limit: query.limit, cursor: query.cursor }.request()?;
+    let list = cursor::fingerprint(&[b"jobs", format!("{filter:?}").as_bytes()]);
+    let page = extract::PageQuery { limit: query.limit, cursor: query.cursor }.request(&list)?;
     let mut page = state.shop.store.jobs(&filter, &page).await?;
     for job in &mut page.items {
         state.shop.board.refresh(job);
     }
-    let next_cursor = page.next_cursor(|job| job.id.to_string());
+    let next_cursor = page.next_cursor(|job| cursor::after_item(&list, job.id.number()));
     Ok(Json(JobList { items: page.items.iter().map(JobView::of).collect(), next_cursor }))
 }
 
@@ -238,15 +296,18 @@ struct WaitQuery {
 /// Look at a job, at once or at its end.
 #[utoipa::path(
     get, path = "/v1/jobs/{id}", tag = TAG, operation_id = "getJob",
-    params(("id" = String, Path, description = "The job."), WaitQuery),
-    responses((status = 200, description = "The job.", body = JobView), responses::BadRequest, responses::NotFound,
+    params(("id" = String, Path, format = "uuid", description = "The job."), WaitQuery, ConditionHeaders),
+    responses((status = 200, description = "The job.", body = JobView,
+               headers(("ETag" = String, description = "Changes with the content."))),
+              responses::Unchanged, responses::BadRequest, responses::NotFound, responses::OtherState,
               responses::Unprocessable, responses::Other)
 )]
 async fn get_one(
     State(state): State<AppState>,
     Path(id): Path<String>,
     Query(query): Query<WaitQuery>,
-) -> Result<Json<JobView>, Problem> {
+    conditions: Conditions,
+) -> Result<Response, Problem> {
     let id = parse_id(&id)?;
     let wait = query.wait.unwrap_or(0);
     if wait > LONGEST_WAIT {
@@ -259,14 +320,21 @@ async fn get_one(
         let mut changes = state.shop.board.changes();
         let job = look_up(&state, id).await?;
         if job.status.is_finished() || wait == 0 || state.stop.is_cancelled() {
-            return Ok(Json(JobView::of(&job)));
+            return conditions.answer(&JobView::of(&job));
         }
         tokio::select! {
             _ = changes.changed() => {}
             () = state.stop.cancelled() => {}
-            () = tokio::time::sleep_until(end) => return Ok(Json(JobView::of(&look_up(&state, id).await?))),
+            () = tokio::time::sleep_until(end) => {
+                return conditions.answer(&JobView::of(&look_up(&state, id).await?));
+            }
         }
     }
+}
+
+/// Refuses a change of a job that is not as the request wants it.
+async fn check(state: &AppState, id: JobId, conditions: &Conditions) -> Result<(), Problem> {
+    if conditions.any() { conditions.check_view(&JobView::of(&look_up(state, id).await?)) } else { Ok(()) }
 }
 
 /// Stop a job.
@@ -274,12 +342,18 @@ async fn get_one(
 /// A waiting job is canceled at once, a running one within a second: look at it again, or wait for it.
 #[utoipa::path(
     post, path = "/v1/jobs/{id}/cancel", tag = TAG, operation_id = "cancelJob",
-    params(("id" = String, Path, description = "The job.")),
+    params(("id" = String, Path, format = "uuid", description = "The job."), ConditionHeaders),
     responses((status = 202, description = "The stop is asked for.", body = JobView), responses::NotFound,
-              responses::Conflict, responses::Other)
+              responses::Conflict, responses::OtherState, responses::Other)
 )]
-async fn cancel(State(state): State<AppState>, Path(id): Path<String>) -> Result<(StatusCode, Json<JobView>), Problem> {
+async fn cancel(
+    State(state): State<AppState>,
+    Path(id): Path<String>,
+    conditions: Conditions,
+) -> Result<(StatusCode, Json<JobView>), Problem> {
     let id = parse_id(&id)?;
+    let _turn = conditions.turn(&state).await;
+    check(&state, id, &conditions).await?;
     state.shop.store.cancel_job(id).await?;
     state.shop.board.cancel(id);
     Ok((StatusCode::ACCEPTED, Json(JobView::of(&look_up(&state, id).await?))))
@@ -288,12 +362,19 @@ async fn cancel(State(state): State<AppState>, Path(id): Path<String>) -> Result
 /// Run a failed or canceled job again, from its beginning.
 #[utoipa::path(
     post, path = "/v1/jobs/{id}/retry", tag = TAG, operation_id = "retryJob",
-    params(("id" = String, Path, description = "The job.")),
+    params(("id" = String, Path, format = "uuid", description = "The job."), ConditionHeaders),
     responses((status = 202, description = "The job is queued again.", body = JobView), responses::NotFound,
-              responses::Conflict, responses::Unprocessable, responses::QueueFull, responses::Other)
+              responses::Conflict, responses::OtherState, responses::Unprocessable, responses::QueueFull,
+              responses::Other)
 )]
-async fn retry(State(state): State<AppState>, Path(id): Path<String>) -> Result<(StatusCode, Json<JobView>), Problem> {
+async fn retry(
+    State(state): State<AppState>,
+    Path(id): Path<String>,
+    conditions: Conditions,
+) -> Result<(StatusCode, Json<JobView>), Problem> {
     let id = parse_id(&id)?;
+    let _turn = conditions.turn(&state).await;
+    check(&state, id, &conditions).await?;
     // the scan set may have changed since the job ended
     let job = state.shop.store.job(id).await?;
     if let Some(set) = job.scan_set_id {
@@ -308,12 +389,19 @@ async fn retry(State(state): State<AppState>, Path(id): Path<String>) -> Result<
 /// Delete a finished job with the model it made.
 #[utoipa::path(
     delete, path = "/v1/jobs/{id}", tag = TAG, operation_id = "deleteJob",
-    params(("id" = String, Path, description = "The job.")),
-    responses((status = 204, description = "It is gone."), responses::NotFound, responses::Conflict, responses::Other)
+    params(("id" = String, Path, format = "uuid", description = "The job."), ConditionHeaders),
+    responses((status = 204, description = "It is gone."), responses::NotFound, responses::Conflict, responses::OtherState,
+              responses::Other)
 )]
-async fn delete(State(state): State<AppState>, Path(id): Path<String>) -> Result<StatusCode, Problem> {
+async fn delete(
+    State(state): State<AppState>,
+    Path(id): Path<String>,
+    conditions: Conditions,
+) -> Result<StatusCode, Problem> {
     let id = parse_id(&id)?;
     deleted(async move {
+        let _turn = conditions.turn(&state).await;
+        check(&state, id, &conditions).await?;
         let model = state.shop.store.delete_job(id).await?;
         state.shop.board.announce_change();
         forget(&state, model.into_iter().collect()).await

@@ -78,8 +78,19 @@ struct LimitsView {
     concurrent_jobs: usize,
     /// Times a job is started before it counts as failed.
     attempts_per_job: u32,
+    /// Connections at the same time; others wait.
+    connections: usize,
+    /// Seconds that the head of a request may take, and that a connection may lie idle.
+    head_seconds: u64,
+    /// Seconds that the server waits for a body in all, plus the time that what has arrived takes at
+    /// `body_bytes_per_second`.
+    body_seconds: u64,
+    /// The least rate of a body, bytes a second.
+    body_bytes_per_second: u64,
     /// Seconds after which an upload that has come to a standstill is given up.
     upload_stall_seconds: u64,
+    /// Seconds after which an answer that its client does not take is given up.
+    answer_stall_seconds: u64,
     /// Characters of an idempotency key.
     idempotency_key_characters: usize,
     /// Standards made by users.
@@ -163,7 +174,12 @@ async fn info(State(state): State<AppState>) -> Result<Json<Info>, Problem> {
             threads_per_job: config.threads,
             concurrent_jobs: config.concurrent_jobs,
             attempts_per_job: config.queue.max_attempts,
-            upload_stall_seconds: limits.upload_stall.as_secs(),
+            connections: config.edge.connections,
+            head_seconds: config.edge.head_time.as_secs(),
+            body_seconds: config.edge.body_time.as_secs(),
+            body_bytes_per_second: config.edge.body_rate,
+            upload_stall_seconds: config.edge.body_stall.as_secs(),
+            answer_stall_seconds: config.edge.answer_stall.as_secs(),
             idempotency_key_characters: LONGEST_KEY,
             standards: MOST_STANDARDS,
         },

@@ -1,34 +1,50 @@
 //! The HTTP edge: router, resources, problem+json, uploads, and the server itself.
 //!
 //! - `router`: the table of contents, layers, the contract
-//! - `scan_sets`, `jobs` (with `events`), `models` (with `assets`), `queries`, `evaluation`, `standards`, `meta`: one
-//!   file or folder a resource; what goes over the wire is in the `*_views` beside them
+//! - `scan_sets` (with `scans`, `poses`), `jobs` (with `events`), `models` (with `assets`), `queries`, `evaluation`,
+//!   `standards`, `meta`: one file or folder a resource; what goes over the wire is in the `*_views` beside them
 //! - `problem`, `responses`: every error that leaves the service, and how the contract names them
-//! - `upload`, `digest`, `names`, `describe`: what comes in is hostile until it has passed here
+//! - `connections`: how many, and how long without being used; `hosts`: who is meant, and from where a page asks
+//! - `schemas`: bounds of values that the contract tells and Rust types don't
+//! - `body`, `multipart`, `upload`, `digest`, `names`, `describe`: what comes in is hostile until it has passed here
 //! - `verdicts`: how models were judged, as queries and models show it
-//! - `extract`, `idempotency`, `state`: parts of requests, repeated requests, what handlers share
+//! - `extract`, `conditions`, `idempotency`, `cursor`, `state`: parts of requests, repeated requests, where the next page
+//!   of a list begins, what handlers share
+//! - `access_log`: a line a request
 
 #![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used))]
 
+mod access_log;
 mod assets;
+mod body;
+mod conditions;
+mod connections;
+#[cfg(test)]
+mod contract_tests;
+mod cursor;
 mod describe;
 mod digest;
 mod evaluation;
 mod events;
 mod extract;
+mod hosts;
 mod idempotency;
 mod job_views;
 mod jobs;
 mod meta;
 mod model_views;
 mod models;
+mod multipart;
 mod names;
+mod poses;
 pub mod problem;
 mod queries;
 mod responses;
 mod router;
 mod scan_set_views;
 mod scan_sets;
+mod scans;
+mod schemas;
 mod server;
 mod standard_views;
 mod standards;
@@ -36,5 +52,6 @@ mod state;
 mod upload;
 mod verdicts;
 
+pub use connections::Connections;
 pub use router::{OpenApiError, openapi_yaml};
 pub use server::{Server, ServerHandle, StartError};

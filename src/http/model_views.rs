@@ -1,11 +1,12 @@
 //! Models as they go over the wire.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use super::scan_set_views::UnitView;
+use super::schemas::ShortText;
 use super::verdicts::VerdictView;
-use crate::faces::SignatureSummary;
+use crate::faces::{LeftOut, SignatureSummary};
 use crate::store::{AssetRecord, ModelId, ModelRecord};
 
 /// What a signature holds.
@@ -18,11 +19,31 @@ pub struct SignatureView {
     pub regions: usize,
     /// Facial triangles kept.
     pub triangles: usize,
+    /// Points of the model that it was made without.
+    pub left_out: LeftOutView,
+}
+
+/// Points that a description does without.
+#[derive(Debug, Clone, Serialize, ToSchema)]
+#[schema(as = LeftOut)]
+pub struct LeftOutView {
+    /// Points where nothing was seen, such as 0 0 0 or -9999 for all of them.
+    pub no_return: usize,
+    /// Points that repeat another one, or that no face has.
+    pub repeated: usize,
+    /// Points far from the rest.
+    pub strays: usize,
 }
 
 impl From<&SignatureSummary> for SignatureView {
     fn from(summary: &SignatureSummary) -> Self {
-        SignatureView { version: summary.version, regions: summary.regions, triangles: summary.triangles }
+        let LeftOut { no_return, repeated, strays } = summary.left_out;
+        SignatureView {
+            version: summary.version,
+            regions: summary.regions,
+            triangles: summary.triangles,
+            left_out: LeftOutView { no_return, repeated, strays },
+        }
     }
 }
 
@@ -36,8 +57,8 @@ pub struct AssetView {
     pub bytes: u64,
     /// BLAKE3 of its content, hexadecimal; also its `ETag`.
     pub checksum: String,
-    /// Its media type.
-    #[schema(example = "model/ply")]
+    /// The media type it is sent as.
+    #[schema(example = "application/octet-stream")]
     pub media_type: String,
     /// Where to fetch it.
     pub href: String,
@@ -55,12 +76,11 @@ impl AssetView {
     }
 }
 
-/// The media type of a file of a model.
+/// The media type that a file of a model is sent as. Meshes and clouds are bytes: no type is registered for PLY and PCD,
+/// and generated clients take `model/...` for JSON.
 pub fn media_type(asset: &str) -> &'static str {
     match asset.rsplit_once('.').map_or("", |(_, ending)| ending) {
         "json" => "application/json",
-        "ply" => "model/ply",
-        "obj" => "model/obj",
         "conf" => "text/plain; charset=utf-8",
         "png" => "image/png",
         _ => "application/octet-stream",
@@ -161,18 +181,20 @@ pub struct ModelList {
 }
 
 /// The form by which a finished model is put into the gallery.
-#[derive(ToSchema)]
+#[derive(Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
 #[expect(dead_code, reason = "only describes the form")]
 pub struct NewModelForm {
     /// A mesh or cloud: PLY, PCD or OBJ.
     #[schema(value_type = String, format = Binary)]
     model: Vec<u8>,
     /// Its class, such as `face`.
-    #[schema(max_length = 200)]
-    label: Option<String>,
+    #[schema(required = false, value_type = ShortText)]
+    label: String,
     /// A name for people; the file's name if not given.
-    #[schema(max_length = 200)]
-    name: Option<String>,
-    /// The unit of its coordinates.
-    unit: Option<UnitView>,
+    #[schema(required = false, value_type = ShortText)]
+    name: String,
+    /// The unit of its coordinates; not known if not given.
+    #[schema(required = false)]
+    unit: UnitView,
 }

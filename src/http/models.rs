@@ -3,11 +3,13 @@
 use axum::Json;
 use axum::extract::{Request, State};
 use axum::http::StatusCode;
+use axum::response::Response;
 use serde::Deserialize;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
-use super::extract::{IdempotencyKey, PageQuery, Path, Query, media_type, wrong_media_type};
+use super::conditions::{ConditionHeaders, Conditions};
+use super::extract::{FORM, IdempotencyHeader, IdempotencyKey, PageQuery, Path, Query, media_type, wrong_media_type};
 use super::idempotency::{Attempt, Created};
 use super::model_views::{ModelList, ModelSummary, ModelView, NewModelForm, address};
 use super::problem::{Code, Problem};
@@ -15,7 +17,7 @@ use super::scan_sets::parse_id as parse_scan_set_id;
 use super::state::{AppState, blocking, deleted, forget, uninterrupted};
 use super::upload::{self, Form, FormRules, UploadedFile};
 use super::verdicts::{self, VerdictView};
-use super::{assets, describe, names, responses};
+use super::{assets, cursor, describe, names, responses};
 use crate::faces::Signature;
 use crate::geometry::Surface;
 use crate::store::{AssetRecord, ModelFilter, ModelId, ModelRecord, NewModel, StoreError};
@@ -30,7 +32,10 @@ pub fn router() -> OpenApiRouter<AppState> {
     OpenApiRouter::new()
         .routes(routes!(create, list))
         .routes(routes!(get_one, delete))
-        .routes(routes!(assets::get_asset))
+        .routes(routes!(assets::get_poses))
+        .routes(routes!(assets::get_conf))
+        .routes(routes!(assets::get_report))
+        .routes(routes!(assets::get_surface))
 }
 
 pub(super) fn parse_id(text: &str) -> Result<ModelId, Problem> {
@@ -43,7 +48,7 @@ pub(super) fn parse_id(text: &str) -> Result<ModelId, Problem> {
 /// The file is kept as it is; its signature is computed before the answer, so the next query finds the model.
 #[utoipa::path(
     post, path = "/v1/models", tag = TAG, operation_id = "createModel",
-    params(("Idempotency-Key" = Option<String>, Header, description = "Makes a repeated request harmless.")),
+    params(IdempotencyHeader),
     request_body(content = NewModelForm, content_type = "multipart/form-data"),
     responses(
         (status = 201, description = "The model is stored and can be found.", body = ModelView,
@@ -59,7 +64,7 @@ async fn create(
 ) -> Result<Created, Problem> {
     let mut attempt = Attempt::begin(&state, "POST /v1/models", key.as_deref())?;
     let found = media_type(request.headers());
-    if found != "multipart/form-data" {
+    if found != FORM {
         return Err(wrong_media_type(&found, "multipart/form-data with a part `model`"));
     }
     let form = upload::read_form(&state, request, &RULES).await?;
@@ -121,6 +126,7 @@ async fn described(state: &AppState, mut form: Form) -> Result<Upload, Problem> 
             "send the mesh or cloud as a file named `model`",
         )
     })?;
+    let turn = describe::turn(state, &file).await?;
     let (file, surface) = upload::read_surface(state, file).await?;
     let asset = AssetRecord {
         name: asset_name(&file.name, &surface),
@@ -128,7 +134,7 @@ async fn described(state: &AppState, mut form: Form) -> Result<Upload, Problem> 
         checksum: file.staged.checksum.clone(),
     };
     let points = surface.cloud.len() as u64;
-    let signature = describe::describe(state, &file.name, surface, unit).await?;
+    let signature = describe::describe(state, turn, &file.name, surface, unit).await?;
     let model = NewModel {
         id: ModelId::new(),
         origin: None,
@@ -171,6 +177,7 @@ struct ListQuery {
     /// Only those of this class.
     label: Option<String>,
     /// Only those made from this scan set.
+    #[param(format = "uuid")]
     scan_set_id: Option<String>,
     /// At most so many items (1 to 100, 20 if not given).
     #[param(minimum = 1, maximum = 100, default = 20)]
@@ -187,25 +194,36 @@ struct ListQuery {
 )]
 async fn list(State(state): State<AppState>, Query(query): Query<ListQuery>) -> Result<Json<ModelList>, Problem> {
     let scan_set_id = query.scan_set_id.as_deref().map(parse_scan_set_id).transpose()?;
-    let page = PageQuery { limit: query.limit, cursor: query.cursor }.request()?;
-    let page = state.shop.store.models(&ModelFilter { label: query.label, scan_set_id }, &page).await?;
-    let next_cursor = page.next_cursor(|model| model.id.to_string());
+    let filter = ModelFilter { label: query.label, scan_set_id };
+    let list = cursor::fingerprint(&[b"models", format!("{filter:?}").as_bytes()]);
+    let page = PageQuery { limit: query.limit, cursor: query.cursor }.request(&list)?;
+    let page = state.shop.store.models(&filter, &page).await?;
+    let next_cursor = page.next_cursor(|model| cursor::after_item(&list, model.id.number()));
     Ok(Json(ModelList { items: page.items.iter().map(ModelSummary::of).collect(), next_cursor }))
 }
 
 /// Look at one model, with its report, its files and what its signature holds.
 #[utoipa::path(
     get, path = "/v1/models/{id}", tag = TAG, operation_id = "getModel",
-    params(("id" = String, Path, description = "The model.")),
-    responses((status = 200, description = "The model.", body = ModelView), responses::NotFound, responses::Other)
+    params(("id" = String, Path, format = "uuid", description = "The model."), ConditionHeaders),
+    responses((status = 200, description = "The model.", body = ModelView,
+               headers(("ETag" = String, description = "Changes with the content."))),
+              responses::Unchanged, responses::NotFound, responses::OtherState, responses::Other)
 )]
-async fn get_one(State(state): State<AppState>, Path(id): Path<String>) -> Result<Json<ModelView>, Problem> {
-    let id = parse_id(&id)?;
+async fn get_one(
+    State(state): State<AppState>,
+    Path(id): Path<String>,
+    conditions: Conditions,
+) -> Result<Response, Problem> {
+    conditions.answer(&view(&state, parse_id(&id)?).await?)
+}
+
+async fn view(state: &AppState, id: ModelId) -> Result<ModelView, Problem> {
     let model = state.shop.store.model(id).await?;
     let assets = state.shop.store.assets(id).await?;
-    let report = read_report(&state, id, &assets).await?;
-    let verdicts = verdicts::on_model(&state, &model).await?;
-    Ok(Json(ModelView { verdicts, ..ModelView::of(&model, &assets, report) }))
+    let report = read_report(state, id, &assets).await?;
+    let verdicts = verdicts::on_model(state, &model).await?;
+    Ok(ModelView { verdicts, ..ModelView::of(&model, &assets, report) })
 }
 
 async fn read_report(
@@ -232,12 +250,21 @@ pub(super) async fn read_asset(state: &AppState, id: ModelId, name: &str) -> Res
 /// Delete a model with its files and its signature. The job and the scans it came from stay.
 #[utoipa::path(
     delete, path = "/v1/models/{id}", tag = TAG, operation_id = "deleteModel",
-    params(("id" = String, Path, description = "The model.")),
-    responses((status = 204, description = "It is gone."), responses::NotFound, responses::Other)
+    params(("id" = String, Path, format = "uuid", description = "The model."), ConditionHeaders),
+    responses((status = 204, description = "It is gone."), responses::NotFound, responses::OtherState,
+              responses::Other)
 )]
-async fn delete(State(state): State<AppState>, Path(id): Path<String>) -> Result<StatusCode, Problem> {
+async fn delete(
+    State(state): State<AppState>,
+    Path(id): Path<String>,
+    conditions: Conditions,
+) -> Result<StatusCode, Problem> {
     let id = parse_id(&id)?;
     deleted(async move {
+        let _turn = conditions.turn(&state).await;
+        if conditions.any() {
+            conditions.check_view(&view(&state, id).await?)?;
+        }
         state.shop.store.delete_model(id).await?;
         forget(&state, vec![id]).await
     })

@@ -49,14 +49,17 @@ macro_rules! codes {
 codes! {
     MalformedRequest = "malformed_request", BAD_REQUEST, "the request can't be read";
     DigestMismatch = "digest_mismatch", BAD_REQUEST, "the body is not what its digest says";
+    ForeignHost = "foreign_host", FORBIDDEN, "the request is meant for another host";
+    ForeignOrigin = "foreign_origin", FORBIDDEN, "the request comes from a page of another origin";
     NotFound = "not_found", NOT_FOUND, "there is no such resource";
     MethodNotAllowed = "method_not_allowed", METHOD_NOT_ALLOWED, "the resource does not know this method";
-    UploadStalled = "upload_stalled", REQUEST_TIMEOUT, "the upload came to a standstill";
+    UploadStalled = "upload_stalled", REQUEST_TIMEOUT, "the body came too slowly or not to its end";
     InUse = "in_use", CONFLICT, "an unfinished job needs it";
     DuplicateStandard = "duplicate_standard", CONFLICT, "a standard has this name already";
     BuiltIn = "built_in", CONFLICT, "what is built in can't be changed";
     WrongStatus = "wrong_status", CONFLICT, "the job's status does not allow this";
     RequestInProgress = "request_in_progress", CONFLICT, "the same request is being worked on";
+    PreconditionFailed = "precondition_failed", PRECONDITION_FAILED, "the resource is not as If-Match or If-None-Match wants it";
     TooLarge = "too_large", PAYLOAD_TOO_LARGE, "the body is larger than is allowed";
     UnsupportedMediaType = "unsupported_media_type", UNSUPPORTED_MEDIA_TYPE, "the body has another type than is read here";
     RangeNotSatisfiable = "range_not_satisfiable", RANGE_NOT_SATISFIABLE, "the file is shorter than the range asked for";
@@ -90,6 +93,7 @@ codes! {
     QueueFull = "queue_full", TOO_MANY_REQUESTS, "too many jobs are waiting";
     Internal = "internal", INTERNAL_SERVER_ERROR, "the server failed";
     NotReady = "not_ready", SERVICE_UNAVAILABLE, "the server is not ready yet";
+    Overloaded = "overloaded", SERVICE_UNAVAILABLE, "the server has no room for the request at the moment";
     ShuttingDown = "shutting_down", SERVICE_UNAVAILABLE, "the server is shutting down";
     StorageFull = "storage_full", INSUFFICIENT_STORAGE, "the server's disk is full";
 }
@@ -183,6 +187,13 @@ impl Problem {
         )
     }
 
+    /// The process is out of descriptors or memory for the moment.
+    pub(super) fn shortage(error: impl std::fmt::Display) -> Self {
+        tracing::error!("out of descriptors or memory: {error}");
+        let detail = "the server has no descriptors or memory left for the request";
+        Problem::new(Code::Overloaded, detail, "send it again in a moment").retry_after(2)
+    }
+
     /// What a reader says about the file `name`.
     pub fn unreadable(name: &str, error: &FormatError) -> Self {
         let code = match error {
@@ -235,6 +246,9 @@ impl IntoResponse for Problem {
 
 impl From<StoreError> for Problem {
     fn from(error: StoreError) -> Self {
+        if error.is_shortage() {
+            return Problem::shortage(error);
+        }
         let detail = error.to_string();
         match error {
             StoreError::NotFound { kind, .. } => {
@@ -280,7 +294,7 @@ impl From<BlobError> for Problem {
                 "delete what is not needed, or ask the operator",
             );
         }
-        Problem::internal(error)
+        if error.is_shortage() { Problem::shortage(error) } else { Problem::internal(error) }
     }
 }
 

@@ -27,10 +27,12 @@ problem_responses! {
     /// 404
     NotFound = "404", "There is no such resource (`not_found`).";
     /// 408
-    Stalled = "408", "The upload came to a standstill (`upload_stalled`).";
+    Stalled = "408", "The body came too slowly or not to its end (`upload_stalled`).";
     /// 409
     Conflict = "409", "An unfinished job, its status or a request in progress forbids it (`in_use`, `wrong_status`, \
                        `request_in_progress`).";
+    /// 412
+    OtherState = "412", "The resource is not as `If-Match` or `If-None-Match` wants it (`precondition_failed`).";
     /// 413
     TooLarge = "413", "The body is larger than `GET /v1/info` allows (`too_large`).";
     /// 415
@@ -45,6 +47,29 @@ problem_responses! {
     NotReady = "503", "The server is starting or stopping (`not_ready`, `shutting_down`); see `Retry-After`.";
     /// Any other error.
     Other = "default", "Any other error.";
+}
+
+/// 304
+pub struct Unchanged;
+
+impl utoipa::IntoResponses for Unchanged {
+    fn responses() -> BTreeMap<String, RefOr<Response>> {
+        let answer = ResponseBuilder::new().description("The content is the one that is known.");
+        BTreeMap::from([("304".to_owned(), answer.build().into())])
+    }
+}
+
+/// 200: server-sent events. They have no schema: the body is no JSON, and what a schema means here is told differently by
+/// generators (the text as a whole) and checkers (each event).
+pub struct Events;
+
+impl utoipa::IntoResponses for Events {
+    fn responses() -> BTreeMap<String, RefOr<Response>> {
+        let answer = ResponseBuilder::new()
+            .description("Events named `progress`, then one named `end`; the data is a job as JSON.")
+            .content("text/event-stream", ContentBuilder::new().build());
+        BTreeMap::from([("200".to_owned(), answer.build().into())])
+    }
 }
 
 fn problem(description: &str) -> RefOr<Response> {

@@ -5,20 +5,21 @@ use std::any::Any;
 use axum::Router;
 use axum::extract::{DefaultBodyLimit, Request};
 use axum::http::{HeaderName, HeaderValue, header};
+use axum::middleware::{from_fn, from_fn_with_state};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use tower::ServiceBuilder;
 use tower_http::ServiceBuilderExt;
 use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::request_id::{MakeRequestId, RequestId};
-use tower_http::trace::{DefaultOnFailure, DefaultOnRequest, DefaultOnResponse, TraceLayer};
-use tracing::Level;
+use tower_http::trace::TraceLayer;
 use utoipa::OpenApi;
 use utoipa_axum::router::OpenApiRouter;
 
 use super::problem::{Code, Problem, ProblemBody};
+use super::schemas::SurfaceFile;
 use super::state::AppState;
-use super::{evaluation, jobs, meta, models, queries, scan_sets, standards};
+use super::{access_log, body, evaluation, hosts, jobs, meta, models, queries, scan_sets, standards};
 use crate::telemetry::panic_message;
 
 const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
@@ -33,7 +34,7 @@ const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
             `Idempotency-Key`: the same key with the same body gives the same answer for a day, with another body a 422.",
         license(name = "MIT OR Apache-2.0", identifier = "MIT OR Apache-2.0"),
     ),
-    components(schemas(ProblemBody)),
+    components(schemas(ProblemBody, SurfaceFile)),
     tags(
         (name = "scan sets", description = "The ordered scans of one object, with their initial poses."),
         (name = "jobs", description = "Asynchronous registration: queued, running, succeeded, failed, canceled."),
@@ -56,9 +57,14 @@ fn resources() -> OpenApiRouter<AppState> {
         .merge(meta::router())
 }
 
-/// The contract as YAML, made from the routes that are served.
+/// The contract, made from the routes that are served.
+pub(super) fn contract() -> utoipa::openapi::OpenApi {
+    resources().into_openapi()
+}
+
+/// The contract as YAML.
 pub fn openapi_yaml() -> Result<String, OpenApiError> {
-    resources().into_openapi().to_yaml().map_err(|error| OpenApiError(error.to_string()))
+    contract().to_yaml().map_err(|error| OpenApiError(error.to_string()))
 }
 
 /// The contract could not be written.
@@ -66,34 +72,45 @@ pub fn openapi_yaml() -> Result<String, OpenApiError> {
 #[error("the contract can't be written as YAML: {0}")]
 pub struct OpenApiError(String);
 
+/// Why there is no router.
+#[derive(Debug, thiserror::Error)]
+pub enum RouterError {
+    /// The contract can't be made.
+    #[error(transparent)]
+    Contract(#[from] OpenApiError),
+    /// A name that is allowed makes no origin of pages.
+    #[error("--host: {0}")]
+    Host(#[from] tower_http::csrf::ConfigError),
+}
+
 /// The whole service.
-pub fn router(state: AppState) -> Result<Router, OpenApiError> {
+pub fn router(state: AppState) -> Result<Router, RouterError> {
     let yaml = openapi_yaml()?;
     let contract = move || {
         let yaml = yaml.clone();
         async move { ([(header::CONTENT_TYPE, "application/yaml")], yaml) }
     };
-    let body_limit = usize::try_from(state.limits().upload_bytes).unwrap_or(usize::MAX);
     let (router, _) = resources().split_for_parts();
-    let layers = ServiceBuilder::new()
+    let outside = ServiceBuilder::new()
         .map_request(without_request_id)
         .set_request_id(REQUEST_ID, NewRequestId)
-        .layer(
-            TraceLayer::new_for_http()
-                .make_span_with(request_span)
-                .on_request(DefaultOnRequest::new().level(Level::DEBUG))
-                .on_response(DefaultOnResponse::new().level(Level::INFO))
-                .on_failure(DefaultOnFailure::new().level(Level::WARN)),
-        )
+        .layer(TraceLayer::new_for_http().make_span_with(request_span).on_request(()).on_response(()).on_failure(()))
+        .layer(from_fn(access_log::logged))
         .propagate_request_id(REQUEST_ID)
         .layer(CatchPanicLayer::custom(panicked));
+    let admitted = ServiceBuilder::new()
+        .layer(from_fn_with_state(state.clone(), body::paced))
+        .layer(from_fn_with_state(state.hosts.clone(), hosts::known_host))
+        .layer(state.hosts.same_origin()?);
     Ok(router
         .route("/openapi.yaml", get(contract))
         .fallback(not_found)
         .method_not_allowed_fallback(method_not_allowed)
         .with_state(state)
-        .layer(DefaultBodyLimit::max(body_limit))
-        .layer(layers))
+        // how much of a body is read is for each call to say
+        .layer(DefaultBodyLimit::disable())
+        .layer(admitted)
+        .layer(outside))
 }
 
 /// Ids of requests are ours: what a client sends could be anything.

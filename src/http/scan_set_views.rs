@@ -5,6 +5,7 @@ use utoipa::ToSchema;
 
 use super::names;
 use super::problem::Problem;
+use super::schemas::{ScanName, ShortText};
 use crate::geometry::Unit;
 use crate::jobs::admission::{self, PoseFit};
 use crate::store::{NewScanSet, PoseFile, ScanRecord, ScanSetId, ScanSetRecord};
@@ -56,7 +57,7 @@ impl From<UnitView> for Unit {
 #[serde(deny_unknown_fields)]
 pub struct NewScanSetBody {
     /// A name for people.
-    #[schema(example = "bunny", max_length = 200)]
+    #[schema(value_type = Option<ShortText>)]
     pub name: Option<String>,
     /// The unit of all its scans.
     #[serde(default)]
@@ -74,27 +75,29 @@ impl NewScanSetBody {
 }
 
 /// The form by which a scan set is stored in one call.
-#[derive(ToSchema)]
+#[derive(Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
 #[expect(dead_code, reason = "only describes the form")]
 pub struct ScanSetForm {
     /// The scans: PLY, PCD or OBJ files, each with a name of its own.
-    #[schema(value_type = Vec<String>, format = Binary)]
+    #[schema(required = false, value_type = Vec<String>, format = Binary)]
     scans: Vec<Vec<u8>>,
     /// The initial poses: a Stanford `.conf`, JSON, or text blocks.
-    #[schema(value_type = Option<String>, format = Binary)]
-    poses: Option<Vec<u8>>,
+    #[schema(required = false, value_type = String, format = Binary)]
+    poses: Vec<u8>,
     /// A name for people.
-    #[schema(max_length = 200)]
-    name: Option<String>,
-    /// The unit of all scans.
-    unit: Option<UnitView>,
+    #[schema(required = false, value_type = ShortText)]
+    name: String,
+    /// The unit of all scans; not known if not given.
+    #[schema(required = false)]
+    unit: UnitView,
 }
 
 /// One scan.
 #[derive(Debug, Clone, Serialize, ToSchema)]
 pub struct ScanView {
     /// Its file name.
-    #[schema(example = "bun045.ply")]
+    #[schema(value_type = ScanName)]
     pub name: String,
     /// Its points.
     #[schema(example = 40256)]
@@ -143,6 +146,7 @@ impl PosesView {
 #[schema(as = ScanSet)]
 pub struct ScanSetView {
     /// Its id.
+    #[schema(format = "uuid")]
     pub id: String,
     /// A name for people.
     pub name: String,

@@ -3,31 +3,35 @@
 use axum::Json;
 use axum::extract::{Request, State};
 use axum::http::StatusCode;
+use axum::response::Response;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
+use super::conditions::{ConditionHeaders, Conditions};
 use super::extract::{
-    IdempotencyKey, PageQuery, Path, Query, is_json, media_type, read_body, read_json, wrong_media_type,
+    FORM, IdempotencyHeader, IdempotencyKey, PageQuery, Path, Query, is_json, media_type, read_json, wrong_media_type,
 };
 use super::idempotency::{Attempt, Created};
-use super::problem::{Code, Problem};
-use super::scan_set_views::{NewScanSetBody, PosesView, ScanSetForm, ScanSetList, ScanSetView, ScanView};
+use super::problem::Problem;
+use super::scan_set_views::{NewScanSetBody, ScanSetForm, ScanSetList, ScanSetView};
 use super::state::{AppState, blocking, deleted, forget, uninterrupted};
 use super::upload::{self, Form, FormRules, UploadedFile};
-use super::{digest, names, responses};
+use super::{cursor, names, poses, responses, scans};
 use crate::jobs::admission;
-use crate::store::{FileId, NewScanSet, PoseFile, PutScan, ScanRecord, ScanSetId, StoreError, sort_naturally};
+use crate::store::{FileId, NewScanSet, PoseFile, ScanRecord, ScanSetId, StoreError, sort_naturally};
 
-const TAG: &str = "scan sets";
+pub(super) const TAG: &str = "scan sets";
 const PARTS: &[&str] = &["poses", "name", "unit"];
 
 /// The routes of this resource.
 pub fn router() -> OpenApiRouter<AppState> {
     OpenApiRouter::new()
         .routes(routes!(create, list))
+        .routes(routes!(create_from_form))
         .routes(routes!(get_one, delete))
-        .routes(routes!(put_scan, delete_scan))
-        .routes(routes!(put_poses))
+        .routes(routes!(scans::put_scan, scans::delete_scan))
+        .routes(routes!(poses::put_poses))
+        .routes(routes!(poses::put_pose_file))
 }
 
 pub(super) fn parse_id(text: &str) -> Result<ScanSetId, Problem> {
@@ -39,13 +43,13 @@ pub(super) fn form_rules(state: &AppState, texts: &'static [&'static str]) -> Fo
     FormRules { files: &["scans"], most_files: state.limits().scans_per_set, texts }
 }
 
-/// Store a scan set, with its scans and poses or empty.
+/// Store a scan set that is empty yet.
 ///
-/// As a form, the scans are streamed to disk and checked one by one: either all are kept or none.
+/// Scans and poses are put into it one by one. A form as for `POST /v1/scan-sets/upload` is taken here too.
 #[utoipa::path(
     post, path = "/v1/scan-sets", tag = TAG, operation_id = "createScanSet",
-    params(("Idempotency-Key" = Option<String>, Header, description = "Makes a repeated request harmless.")),
-    request_body(content((ScanSetForm = "multipart/form-data"), (NewScanSetBody = "application/json"))),
+    params(IdempotencyHeader),
+    request_body(content = NewScanSetBody, example = json!({"name": "bunny", "unit": "m"})),
     responses(
         (status = 201, description = "The scan set is stored.", body = ScanSetView,
          headers(("Location" = String, description = "The address of the scan set."))),
@@ -58,23 +62,67 @@ async fn create(
     IdempotencyKey(key): IdempotencyKey,
     request: Request,
 ) -> Result<Created, Problem> {
-    let mut attempt = Attempt::begin(&state, "POST /v1/scan-sets", key.as_deref())?;
     let found = media_type(request.headers());
-    let (set, files) = if found == "multipart/form-data" {
-        let form = upload::read_form(&state, request, &form_rules(&state, PARTS)).await?;
-        if let Some(answer) = attempt.known(&state, || form.hash()).await? {
-            return Ok(answer);
-        }
-        from_form(&state, form).await?
-    } else if is_json(&found) {
-        let (body, bytes) = read_json::<NewScanSetBody>(request, state.limits().text_bytes).await?;
-        if let Some(answer) = attempt.known(&state, || blake3::hash(&bytes).to_hex().to_string()).await? {
-            return Ok(answer);
-        }
-        (body.new_set()?, Vec::new())
-    } else {
-        return Err(wrong_media_type(&found, "multipart/form-data with parts `scans`, or application/json"));
-    };
+    if found == FORM {
+        return store_form(state, key, request).await;
+    }
+    let mut attempt = begin(&state, key)?;
+    if !is_json(&found) {
+        return Err(wrong_media_type(&found, "application/json, or multipart/form-data with parts `scans`"));
+    }
+    let (body, bytes) = read_json::<NewScanSetBody>(&state, request).await?;
+    if let Some(answer) = attempt.known(&state, || blake3::hash(&bytes).to_hex().to_string()).await? {
+        return Ok(answer);
+    }
+    store_new(state, attempt, body.new_set()?, Vec::new()).await
+}
+
+/// Store a scan set with its scans and poses, in one form.
+///
+/// The scans are streamed to disk and checked one by one: either all are kept or none.
+#[utoipa::path(
+    post, path = "/v1/scan-sets/upload", tag = TAG, operation_id = "uploadScanSet",
+    params(IdempotencyHeader),
+    request_body(content = ScanSetForm, content_type = "multipart/form-data"),
+    responses(
+        (status = 201, description = "The scan set is stored.", body = ScanSetView,
+         headers(("Location" = String, description = "The address of the scan set."))),
+        responses::BadRequest, responses::Stalled, responses::Conflict, responses::TooLarge, responses::WrongType,
+        responses::Unprocessable, responses::Other,
+    )
+)]
+async fn create_from_form(
+    State(state): State<AppState>,
+    IdempotencyKey(key): IdempotencyKey,
+    request: Request,
+) -> Result<Created, Problem> {
+    match media_type(request.headers()).as_str() {
+        FORM => store_form(state, key, request).await,
+        found => Err(wrong_media_type(found, "multipart/form-data with parts `scans`")),
+    }
+}
+
+/// A repeated request is known at either address.
+fn begin(state: &AppState, key: Option<String>) -> Result<Attempt, Problem> {
+    Attempt::begin(state, "POST /v1/scan-sets", key.as_deref())
+}
+
+async fn store_form(state: AppState, key: Option<String>, request: Request) -> Result<Created, Problem> {
+    let mut attempt = begin(&state, key)?;
+    let form = upload::read_form(&state, request, &form_rules(&state, PARTS)).await?;
+    if let Some(answer) = attempt.known(&state, || form.hash()).await? {
+        return Ok(answer);
+    }
+    let (set, files) = from_form(&state, form).await?;
+    store_new(state, attempt, set, files).await
+}
+
+async fn store_new(
+    state: AppState,
+    attempt: Attempt,
+    set: NewScanSet,
+    files: Vec<(FileId, UploadedFile)>,
+) -> Result<Created, Problem> {
     let view = ScanSetView::of_new(&set);
     let created = Created::new(StatusCode::CREATED, view.links.self_.clone(), &view)?;
     let replay = attempt.replay(&created, set.id.to_string());
@@ -114,7 +162,7 @@ pub(super) async fn from_form(
     Ok((NewScanSet { id, name: name.unwrap_or_else(|| format!("scan set {id}")), unit, scans, poses }, files))
 }
 
-fn record_of(file: &UploadedFile, points: u64) -> ScanRecord {
+pub(super) fn record_of(file: &UploadedFile, points: u64) -> ScanRecord {
     ScanRecord {
         name: file.name.clone(),
         file_id: FileId::new(),
@@ -165,30 +213,46 @@ pub(super) async fn undo_unless_stored(
               responses::Unprocessable, responses::Other)
 )]
 async fn list(State(state): State<AppState>, Query(page): Query<PageQuery>) -> Result<Json<ScanSetList>, Problem> {
-    let page = state.shop.store.scan_sets(&page.request()?).await?;
-    let next_cursor = page.next_cursor(|set| set.id.to_string());
+    let list = cursor::fingerprint(&[b"scan sets"]);
+    let page = state.shop.store.scan_sets(&page.request(&list)?).await?;
+    let next_cursor = page.next_cursor(|set| cursor::after_item(&list, set.id.number()));
     Ok(Json(ScanSetList { items: page.items.iter().map(ScanSetView::of).collect(), next_cursor }))
 }
 
 /// Look at one scan set.
 #[utoipa::path(
     get, path = "/v1/scan-sets/{id}", tag = TAG, operation_id = "getScanSet",
-    params(("id" = String, Path, description = "The scan set.")),
-    responses((status = 200, description = "The scan set.", body = ScanSetView), responses::NotFound, responses::Other)
+    params(("id" = String, Path, format = "uuid", description = "The scan set."), ConditionHeaders),
+    responses((status = 200, description = "The scan set.", body = ScanSetView,
+               headers(("ETag" = String, description = "Changes with the content."))),
+              responses::Unchanged, responses::NotFound, responses::OtherState, responses::Other)
 )]
-async fn get_one(State(state): State<AppState>, Path(id): Path<String>) -> Result<Json<ScanSetView>, Problem> {
-    Ok(Json(ScanSetView::of(&state.shop.store.scan_set(parse_id(&id)?).await?)))
+async fn get_one(
+    State(state): State<AppState>,
+    Path(id): Path<String>,
+    conditions: Conditions,
+) -> Result<Response, Problem> {
+    conditions.answer(&ScanSetView::of(&state.shop.store.scan_set(parse_id(&id)?).await?))
 }
 
 /// Delete a scan set with everything derived from it: jobs, models, files, signatures.
 #[utoipa::path(
     delete, path = "/v1/scan-sets/{id}", tag = TAG, operation_id = "deleteScanSet",
-    params(("id" = String, Path, description = "The scan set.")),
-    responses((status = 204, description = "It is gone."), responses::NotFound, responses::Conflict, responses::Other)
+    params(("id" = String, Path, format = "uuid", description = "The scan set."), ConditionHeaders),
+    responses((status = 204, description = "It is gone."), responses::NotFound, responses::Conflict, responses::OtherState,
+              responses::Other)
 )]
-async fn delete(State(state): State<AppState>, Path(id): Path<String>) -> Result<StatusCode, Problem> {
+async fn delete(
+    State(state): State<AppState>,
+    Path(id): Path<String>,
+    conditions: Conditions,
+) -> Result<StatusCode, Problem> {
     let id = parse_id(&id)?;
     deleted(async move {
+        let _turn = conditions.turn(&state).await;
+        if conditions.any() {
+            conditions.check_view(&ScanSetView::of(&state.shop.store.scan_set(id).await?))?;
+        }
         let models = state.shop.store.delete_scan_set(id).await?;
         state.shop.board.announce_change();
         // whichever fails, the other is done
@@ -198,106 +262,4 @@ async fn delete(State(state): State<AppState>, Path(id): Path<String>) -> Result
         of_models
     })
     .await
-}
-
-/// Add one scan, or replace the one of the same name.
-///
-/// Retryable scan by scan: after a lost connection only the scan under way has to be sent again.
-#[utoipa::path(
-    put, path = "/v1/scan-sets/{id}/scans/{name}", tag = TAG, operation_id = "putScan",
-    params(("id" = String, Path, description = "The scan set."),
-           ("name" = String, Path, description = "The scan's file name; its ending tells the format.", example = "bun045.ply"),
-           ("Content-Digest" = Option<String>, Header, description = "RFC 9530, sha-256 or sha-512; checked.")),
-    request_body(content = Vec<u8>, content_type = "application/octet-stream", description = "The file itself."),
-    responses(
-        (status = 200, description = "It replaces the scan of the same name.", body = ScanView),
-        (status = 201, description = "It is added.", body = ScanView),
-        responses::BadRequest, responses::NotFound, responses::Stalled, responses::Conflict, responses::TooLarge,
-        responses::Unprocessable, responses::Other,
-    )
-)]
-async fn put_scan(
-    State(state): State<AppState>,
-    Path((id, name)): Path<(String, String)>,
-    request: Request,
-) -> Result<(StatusCode, Json<ScanView>), Problem> {
-    let id = parse_id(&id)?;
-    let name = names::surface_file_name(&name)?;
-    // before megabytes are sent in vain
-    state.shop.store.scan_set(id).await?;
-    let headers = request.headers().clone();
-    let (staged, digests) = upload::receive_body(&state, &name, request).await?;
-    digest::check(&headers, &name, &digests)?;
-    let mut checked = upload::check_scans(&state, vec![UploadedFile { name, staged }]).await?;
-    let (file, points) = checked.pop().ok_or_else(|| Problem::internal("a checked scan vanished"))?;
-    uninterrupted(async move {
-        let scan = record_of(&file, points);
-        keep_files(&state, id, vec![(scan.file_id, file)]).await?;
-        let put = state.shop.store.put_scan(id, &scan, state.limits().scans_per_set).await;
-        let (unused, status) = match &put {
-            Ok(PutScan::Created) => (None, StatusCode::CREATED),
-            Ok(PutScan::Replaced(old)) => (Some(*old), StatusCode::OK),
-            Err(_) => (Some(scan.file_id), StatusCode::INTERNAL_SERVER_ERROR),
-        };
-        if let Some(file) = unused {
-            let blobs = state.shop.blobs.clone();
-            blocking(move || blobs.remove_scan(id, file)).await??;
-        }
-        put?;
-        Ok((status, Json(ScanView::of(&scan))))
-    })
-    .await
-}
-
-/// Take one scan out of a scan set.
-#[utoipa::path(
-    delete, path = "/v1/scan-sets/{id}/scans/{name}", tag = TAG, operation_id = "deleteScan",
-    params(("id" = String, Path, description = "The scan set."), ("name" = String, Path, description = "The scan.")),
-    responses((status = 204, description = "It is gone."), responses::NotFound, responses::Conflict, responses::Other)
-)]
-async fn delete_scan(
-    State(state): State<AppState>,
-    Path((id, name)): Path<(String, String)>,
-) -> Result<StatusCode, Problem> {
-    let id = parse_id(&id)?;
-    deleted(async move {
-        let file = state.shop.store.delete_scan(id, &name).await?;
-        let blobs = state.shop.blobs.clone();
-        Ok(blocking(move || blobs.remove_scan(id, file)).await??)
-    })
-    .await
-}
-
-/// Set the initial poses of a scan set.
-///
-/// A Stanford `.conf`, JSON `{"scan name": 4x4}` or `{"poses": {...}}`, or text blocks of a name and 4 rows. The
-/// format is told by the content. A pose maps its scan into the world frame; matrices are row-major.
-#[utoipa::path(
-    put, path = "/v1/scan-sets/{id}/poses", tag = TAG, operation_id = "putPoses",
-    params(("id" = String, Path, description = "The scan set.")),
-    request_body(content((String = "text/plain"), (serde_json::Value = "application/json")), description = "The pose file."),
-    responses(
-        (status = 200, description = "The poses are stored.", body = PosesView),
-        responses::BadRequest, responses::NotFound, responses::Conflict, responses::TooLarge, responses::Unprocessable,
-        responses::Other,
-    )
-)]
-async fn put_poses(
-    State(state): State<AppState>,
-    Path(id): Path<String>,
-    request: Request,
-) -> Result<Json<PosesView>, Problem> {
-    let id = parse_id(&id)?;
-    let set = state.shop.store.scan_set(id).await?;
-    let name = if is_json(&media_type(request.headers())) { "poses.json" } else { "poses" };
-    let content = read_body(request, state.limits().pose_file_bytes).await?.to_vec();
-    if content.is_empty() {
-        let hint = "send a Stanford .conf, JSON {\"scan name\": 4x4}, or text blocks of a name and 4 rows";
-        return Err(Problem::new(Code::UnreadablePoses, "the pose file is empty", hint));
-    }
-    let poses = PoseFile { name: name.to_owned(), content };
-    let names: Vec<&str> = set.scans.iter().map(|scan| scan.name.as_str()).collect();
-    let fit = admission::fit_poses(&names, &poses).map_err(|error| Problem::unreadable_poses(&error))?;
-    state.shop.store.put_poses(id, &poses).await?;
-    Ok(Json(PosesView::of(&poses.name, &fit)))
 }

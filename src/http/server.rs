@@ -1,15 +1,17 @@
 //! A server's life: open the data folder, pick up what a crash left, serve, stop within a deadline.
 
-use std::future::IntoFuture;
 use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
 
 use tokio::net::TcpListener;
+use tokio::sync::watch;
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 
-use super::router::{self, OpenApiError};
+use super::connections::{self, Connections};
+use super::hosts::Hosts;
+use super::router::{self, RouterError};
 use super::state::AppState;
 use crate::blobs::{BlobError, Blobs};
 use crate::config::ServerConfig;
@@ -39,9 +41,9 @@ pub enum StartError {
     /// The database can't be used.
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// The contract can't be made.
+    /// The routes can't be made.
     #[error(transparent)]
-    Contract(#[from] OpenApiError),
+    Router(#[from] RouterError),
     /// A start-up task ended badly.
     #[error("starting: {0}")]
     Task(#[from] tokio::task::JoinError),
@@ -59,6 +61,8 @@ impl Server {
 
     /// Starts a server with other algorithms: for tests of the service, and for failure injection.
     pub async fn start_with(config: ServerConfig, engine: Arc<dyn Engine>) -> Result<ServerHandle, StartError> {
+        let mut config = config;
+        config.edge.connections = connections::most(config.edge.connections);
         let config = Arc::new(config);
         let shop = open(&config, engine).await?;
         let listener =
@@ -66,14 +70,14 @@ impl Server {
         let addr = listener.local_addr().map_err(|source| StartError::Listen { addr: config.addr, source })?;
         let stop = CancellationToken::new();
         let crash = CancellationToken::new();
-        let state = AppState::new(shop.clone(), stop.clone());
+        let state = AppState::new(shop.clone(), Hosts::new(addr, &config.hosts), stop.clone());
         let router = router::router(state)?;
-        let serving = axum::serve(listener, router).with_graceful_shutdown(stop.clone().cancelled_owned());
-        let serving = tokio::spawn(serving.into_future());
+        let (count, connections) = watch::channel(Connections::default());
+        let serving = tokio::spawn(connections::serve(listener, router, config.edge, stop.clone(), count));
         let runner = Runner::start(&shop, &stop, &crash);
         let chores = tokio::spawn(chores(shop.store.clone(), shop.gallery.clone(), shop.board.clone(), stop.clone()));
         tracing::info!(%addr, data = %config.data_dir.display(), threads = config.threads, "serving");
-        Ok(ServerHandle { addr, shop, stop, crash, serving, runner, chores })
+        Ok(ServerHandle { addr, connections, shop, stop, crash, serving, runner, chores })
     }
 }
 
@@ -132,10 +136,11 @@ async fn chores(store: Store, gallery: LiveGallery, board: Arc<Board>, stop: Can
 #[derive(Debug)]
 pub struct ServerHandle {
     addr: SocketAddr,
+    connections: watch::Receiver<Connections>,
     shop: Workshop,
     stop: CancellationToken,
     crash: CancellationToken,
-    serving: JoinHandle<std::io::Result<()>>,
+    serving: JoinHandle<()>,
     runner: Runner,
     chores: JoinHandle<()>,
 }
@@ -144,6 +149,11 @@ impl ServerHandle {
     /// Where it listens.
     pub fn addr(&self) -> SocketAddr {
         self.addr
+    }
+
+    /// How many connections there are, and were: to be watched.
+    pub fn connections(&self) -> watch::Receiver<Connections> {
+        self.connections.clone()
     }
 
     /// `http://` and the address.

@@ -7,6 +7,7 @@ use utoipa::ToSchema;
 
 use super::problem::{Code, Problem};
 use super::scan_set_views::UnitView;
+use super::schemas::{Corners, Landmarks};
 use crate::classes::limit::Learned;
 use crate::classes::{Annotation, CornerChoice, CornerKind, Landmark, SelectiveTriangle};
 use crate::faces::judgement::MATCH_SCORE;
@@ -43,7 +44,8 @@ impl From<CornerKind> for KindView {
 }
 
 /// The form by which a standard is made.
-#[derive(ToSchema)]
+#[derive(Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
 #[expect(dead_code, reason = "only describes the form")]
 pub struct NewStandardForm {
     /// A mesh or cloud of one model of the class: PLY, PCD or OBJ. A mesh that is not closed must be wound outward.
@@ -53,18 +55,22 @@ pub struct NewStandardForm {
     #[schema(min_length = 1, max_length = 64, pattern = "^[A-Za-z0-9_-]+$", example = "teapot")]
     name: String,
     /// The unit of its coordinates. Where it is known, models of known unit must have about the same size.
-    unit: Option<UnitView>,
-    /// JSON: 3 to 64 named places of the surface, `{"spout": [x, y, z], ...}`, in the file's coordinates; at least three of
-    /// them must be caps or pits.
-    #[schema(value_type = String, example = "{\"spout\": [-96, 60, 12], \"knob\": [0, 79, 0], \"handle\": [105, 4, 0]}")]
-    landmarks: String,
+    #[schema(required = false)]
+    unit: UnitView,
+    /// As JSON: 3 to 64 named places of the surface, `{"spout": [x, y, z], ...}`, in the file's coordinates; at least
+    /// three of them must be caps or pits.
+    #[schema(value_type = Landmarks, example = json!({"spout": [-96, 60, 12], "knob": [0, 79, 0], "handle": [105, 4, 0]}))]
+    landmarks: BTreeMap<String, [f64; 3]>,
     /// JSON: the three landmarks that form the selective triangle, `["spout", "knob", "handle"]` or
     /// `[{"landmark": "spout", "kind": "cap"}, ...]`; chosen by their curvature if not given.
-    triangle: Option<String>,
+    #[schema(required = false)]
+    triangle: String,
     /// JSON: ids of stored models of the class.
-    positive: Option<String>,
+    #[schema(required = false)]
+    positive: String,
     /// JSON: ids of stored models that are other things.
-    negative: Option<String>,
+    #[schema(required = false)]
+    negative: String,
 }
 
 /// Models that are marked for a standard.
@@ -74,11 +80,11 @@ pub struct NewStandardForm {
 pub struct ExamplesView {
     /// Models of the class.
     #[serde(default)]
-    #[schema(required = false)]
+    #[schema(required = false, format = "uuid", max_items = 1000)]
     pub positive: Vec<String>,
     /// Other things.
     #[serde(default)]
-    #[schema(required = false)]
+    #[schema(required = false, format = "uuid", max_items = 1000)]
     pub negative: Vec<String>,
 }
 
@@ -198,8 +204,10 @@ pub struct BuiltInView {
     /// The landmarks at the corners of its triangle.
     pub corners: Vec<String>,
     /// The triangle as it is annotated.
+    #[schema(value_type = Corners)]
     pub facial_triangle: Vec<Vec<f64>>,
     /// The triangle as the operator finds it.
+    #[schema(value_type = Corners)]
     pub detected_triangle: Vec<Vec<f64>>,
     /// The size S of the annotated triangle, mm.
     pub size_mm: f64,
@@ -275,6 +283,7 @@ pub struct StandardView {
     /// The unit of its file.
     pub unit: UnitView,
     /// The landmarks, in the coordinates of its file.
+    #[schema(value_type = Landmarks)]
     pub landmarks: BTreeMap<String, [f64; 3]>,
     /// The triangles that its place is found by, the most telling first.
     pub triangles: Vec<TriangleView>,

@@ -3,10 +3,14 @@
 use axum::Json;
 use axum::extract::{Request, State};
 use axum::http::StatusCode;
+use axum::response::Response;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
-use super::extract::{IdempotencyKey, Path, media_type, parse_json, read_json, wrong_media_type};
+use super::conditions::{ConditionHeaders, Conditions};
+use super::extract::{
+    FORM, IdempotencyHeader, IdempotencyKey, Path, media_type, parse_json, read_json, wrong_media_type,
+};
 use super::idempotency::{Attempt, Created};
 use super::problem::{Code, Problem};
 use super::standard_views::{
@@ -44,7 +48,7 @@ pub fn router() -> OpenApiRouter<AppState> {
 /// those that are judged.
 #[utoipa::path(
     post, path = "/v1/standards", tag = TAG, operation_id = "createStandard",
-    params(("Idempotency-Key" = Option<String>, Header, description = "Makes a repeated request harmless.")),
+    params(IdempotencyHeader),
     request_body(content = NewStandardForm, content_type = "multipart/form-data"),
     responses(
         (status = 201, description = "The standard is stored.", body = StandardView,
@@ -60,7 +64,7 @@ async fn create(
 ) -> Result<Created, Problem> {
     let mut attempt = Attempt::begin(&state, "POST /v1/standards", key.as_deref())?;
     let found = media_type(request.headers());
-    if found != "multipart/form-data" {
+    if found != FORM {
         return Err(wrong_media_type(&found, "multipart/form-data with parts `model`, `name` and `landmarks`"));
     }
     let form = upload::read_form(&state, request, &RULES).await?;
@@ -130,10 +134,11 @@ async fn annotated(state: &AppState, mut form: Form) -> Result<(NewStandard, Upl
         Err(error) => return Err(error.into()),
     }
     let file = form.files.pop().ok_or_else(|| missing("model", "send a mesh or cloud as a file named `model`"))?;
+    let turn = describe::turn(state, &file).await?;
     let (file, surface) = upload::read_surface(state, file).await?;
     let ending = file.name.rsplit_once('.').map_or("", |(_, ending)| ending).to_ascii_lowercase();
     let given = annotation.clone();
-    let class = describe::computed(state, move |engine, progress| {
+    let class = describe::computed(state, turn, move |engine, progress| {
         engine.annotate(&surface, unit, &given, progress).map_err(Problem::from)
     })
     .await
@@ -197,33 +202,51 @@ pub async fn learned(state: &AppState, id: StandardId) -> Result<Learned, Proble
 /// Look at one standard, by name or id.
 #[utoipa::path(
     get, path = "/v1/standards/{name}", tag = TAG, operation_id = "getStandard",
-    params(("name" = String, Path, description = "The standard's name or id.")),
-    responses((status = 200, description = "The standard.", body = AnyStandard), responses::NotFound, responses::Other)
+    params(("name" = String, Path, description = "The standard's name or id."), ConditionHeaders),
+    responses((status = 200, description = "The standard.", body = AnyStandard,
+               headers(("ETag" = String, description = "Changes with the content."))),
+              responses::Unchanged, responses::NotFound, responses::OtherState, responses::Other)
 )]
-async fn get_one(State(state): State<AppState>, Path(name): Path<String>) -> Result<Json<AnyStandard>, Problem> {
+async fn get_one(
+    State(state): State<AppState>,
+    Path(name): Path<String>,
+    conditions: Conditions,
+) -> Result<Response, Problem> {
     for standard in built_in()? {
         if matches!(&standard, AnyStandard::BuiltIn(view) if view.name == name) {
-            return Ok(Json(standard));
+            return conditions.answer(&standard);
         }
     }
     let standard = state.shop.store.standard(&name).await?;
-    Ok(Json(AnyStandard::Uploaded(Box::new(view(&state, &standard).await?))))
+    conditions.answer(&AnyStandard::Uploaded(Box::new(view(&state, &standard).await?)))
 }
 
 /// Delete a standard with its file, its examples and the verdicts against it.
 #[utoipa::path(
     delete, path = "/v1/standards/{name}", tag = TAG, operation_id = "deleteStandard",
-    params(("name" = String, Path, description = "The standard's name or id.")),
-    responses((status = 204, description = "It is gone."), responses::NotFound, responses::Conflict, responses::Other)
+    params(("name" = String, Path, description = "The standard's name or id."), ConditionHeaders),
+    responses((status = 204, description = "It is gone."), responses::NotFound, responses::Conflict,
+              responses::OtherState, responses::Other)
 )]
-async fn delete(State(state): State<AppState>, Path(name): Path<String>) -> Result<StatusCode, Problem> {
+async fn delete(
+    State(state): State<AppState>,
+    Path(name): Path<String>,
+    conditions: Conditions,
+) -> Result<StatusCode, Problem> {
     let standard = uploaded(&state, &name).await?;
     deleted(async move {
+        let _turn = conditions.turn(&state).await;
+        check(&state, &standard, &conditions).await?;
         state.shop.store.delete_standard(standard.id).await?;
         let blobs = state.shop.blobs.clone();
         Ok(blocking(move || blobs.remove_standard(standard.id)).await??)
     })
     .await
+}
+
+/// Refuses a change of a standard that is not as the request wants it.
+async fn check(state: &AppState, standard: &StandardRecord, conditions: &Conditions) -> Result<(), Problem> {
+    if conditions.any() { conditions.check_view(&view(state, standard).await?) } else { Ok(()) }
 }
 
 /// A standard that users may change.
@@ -241,20 +264,23 @@ async fn uploaded(state: &AppState, name: &str) -> Result<StandardRecord, Proble
 /// example; the answer says how many it rests on and how well they part.
 #[utoipa::path(
     put, path = "/v1/standards/{name}/examples", tag = TAG, operation_id = "markExamples",
-    params(("name" = String, Path, description = "The standard's name or id.")),
+    params(("name" = String, Path, description = "The standard's name or id."), ConditionHeaders),
     request_body = ExamplesView,
     responses((status = 200, description = "The standard.", body = StandardView), responses::BadRequest,
-              responses::NotFound, responses::Conflict, responses::TooLarge, responses::WrongType,
-              responses::Unprocessable, responses::Other)
+              responses::NotFound, responses::Stalled, responses::Conflict, responses::OtherState, responses::TooLarge,
+              responses::WrongType, responses::Unprocessable, responses::Other)
 )]
 async fn mark(
     State(state): State<AppState>,
     Path(name): Path<String>,
+    conditions: Conditions,
     request: Request,
 ) -> Result<Json<StandardView>, Problem> {
-    let (body, _) = read_json::<ExamplesView>(request, state.limits().text_bytes).await?;
+    let (body, _) = read_json::<ExamplesView>(&state, request).await?;
     let examples: Examples = body.examples()?;
     let standard = uploaded(&state, &name).await?;
+    let _turn = conditions.turn(&state).await;
+    check(&state, &standard, &conditions).await?;
     state.shop.store.mark_examples(standard.id, &examples).await?;
     Ok(Json(view(&state, &standard).await?))
 }

@@ -4,9 +4,12 @@ use std::collections::HashSet;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use axum::http::StatusCode;
-use tokio::sync::Semaphore;
+use tokio::sync::{RwLock, Semaphore};
 use tokio_util::sync::CancellationToken;
 
+use super::body::Room;
+use super::describe::Turns;
+use super::hosts::Hosts;
 use super::problem::{Code, Problem};
 use crate::config::Limits;
 use crate::jobs::runner::Workshop;
@@ -20,7 +23,15 @@ pub struct AppState {
     /// Bounds how many files are in memory to be checked.
     pub checks: Arc<Semaphore>,
     /// Bounds how many models are described for requests at a time.
-    pub describing: Arc<Semaphore>,
+    pub describing: Turns,
+    /// One evaluation of the gallery at a time.
+    pub evaluating: Arc<Semaphore>,
+    /// What of requests may be in memory while they arrive.
+    pub buffers: Arc<Semaphore>,
+    /// By which names the service may be called.
+    pub hosts: Hosts,
+    /// Held for a change; alone for one that depends on the state of what it changes.
+    pub changes: Arc<RwLock<()>>,
     /// Set when the server goes down.
     pub stop: CancellationToken,
     /// Requests with an idempotency key that are being worked on.
@@ -29,9 +40,19 @@ pub struct AppState {
 
 impl AppState {
     /// The state of a service that has just started.
-    pub fn new(shop: Workshop, stop: CancellationToken) -> Self {
-        let checks = Arc::new(Semaphore::new(shop.config.limits.concurrent_checks.max(1)));
-        AppState { shop, checks, describing: Arc::new(Semaphore::new(1)), stop, in_progress: Arc::default() }
+    pub fn new(shop: Workshop, hosts: Hosts, stop: CancellationToken) -> Self {
+        let limits = &shop.config.limits;
+        AppState {
+            checks: Arc::new(Semaphore::new(limits.concurrent_checks.max(1))),
+            describing: Turns::new(limits.concurrent_describing),
+            evaluating: Arc::new(Semaphore::new(1)),
+            buffers: Room::budget(limits.buffered_bytes),
+            hosts,
+            changes: Arc::default(),
+            stop,
+            in_progress: Arc::default(),
+            shop,
+        }
     }
 
     /// Bounds on requests.

@@ -1,13 +1,12 @@
 //! Uploads: streamed to disk chunk by chunk, hashed on the way, checked as soon as they are whole.
 
 use std::collections::BTreeMap;
-use std::time::Duration;
 
-use axum::extract::multipart::{Field, MultipartError};
-use axum::extract::{FromRequest, Multipart, Request};
-use axum::http::StatusCode;
+use axum::extract::Request;
 use bytes::Bytes;
 
+use super::body::{self, Room};
+use super::multipart::{Part, Parts};
 use super::names;
 use super::problem::{Code, Problem};
 use super::state::{AppState, blocking};
@@ -15,6 +14,9 @@ use crate::blobs::{StagedFile, StagedWriter};
 use crate::config::Limits;
 use crate::formats;
 use crate::geometry::Surface;
+
+/// How much of a part's name an error shows.
+const SHOWN_NAME: usize = 64;
 
 /// Which parts a form may have.
 #[derive(Debug, Clone, Copy)]
@@ -78,49 +80,25 @@ impl Form {
     }
 }
 
-/// How much of a refused upload is still read: a client that is cut off in the middle of sending often does not
-/// see the answer.
-const DRAIN_BYTES: usize = 64 << 20;
-/// For how long.
-const DRAIN_TIME: Duration = Duration::from_secs(5);
-
 /// Receives a form. Files go to disk, never through memory as a whole.
 pub async fn read_form(state: &AppState, request: Request, rules: &FormRules) -> Result<Form, Problem> {
-    let mut multipart = Multipart::from_request(request, &()).await.map_err(|rejection| {
-        Problem::new(Code::MalformedRequest, rejection.body_text(), "send multipart/form-data with a boundary")
-    })?;
+    let mut parts = Parts::of(request, state.limits().upload_bytes)?;
     let mut form = Form::default();
-    let mut outcome = Ok(());
-    while outcome.is_ok() {
-        match stalled(state.limits(), multipart.next_field()).await? {
-            Ok(Some(field)) => outcome = read_part(state, rules, field, &mut form).await,
-            Ok(None) => break,
-            Err(error) => return Err(broken(&error)),
-        }
-    }
-    if let Err(problem) = outcome {
-        // a body that can't be read any further ends the draining too
-        let _ = tokio::time::timeout(DRAIN_TIME, drain(&mut multipart)).await;
-        return Err(problem);
+    let mut room = Room::new(state);
+    while let Some(part) = parts.next().await? {
+        read_part(state, rules, part, &mut form, &mut room).await?;
     }
     Ok(form)
 }
 
-async fn drain(multipart: &mut Multipart) -> Result<(), MultipartError> {
-    let mut read = 0;
-    while let Some(mut field) = multipart.next_field().await? {
-        while let Some(chunk) = field.chunk().await? {
-            read += chunk.len();
-            if read > DRAIN_BYTES {
-                return Ok(());
-            }
-        }
-    }
-    Ok(())
-}
-
-async fn read_part(state: &AppState, rules: &FormRules, field: Field<'_>, form: &mut Form) -> Result<(), Problem> {
-    let part = field.name().unwrap_or_default().to_owned();
+async fn read_part(
+    state: &AppState,
+    rules: &FormRules,
+    field: Part,
+    form: &mut Form,
+    room: &mut Room,
+) -> Result<(), Problem> {
+    let part = field.name().to_owned();
     if rules.files.contains(&part.as_str()) {
         if form.files.len() >= rules.most_files {
             let detail = format!("at most {} file(s) may be sent as {part}", rules.most_files);
@@ -138,10 +116,11 @@ async fn read_part(state: &AppState, rules: &FormRules, field: Field<'_>, form: 
     }
     if !rules.texts.contains(&part.as_str()) {
         let known = rules.files.iter().chain(rules.texts).copied().collect::<Vec<_>>().join(", ");
+        let part: String = part.chars().take(SHOWN_NAME).collect();
         let detail = format!("the form has a part {part:?}, which this call does not know");
         return Err(Problem::new(Code::InvalidField, detail, format!("the parts are: {known}")));
     }
-    let text = read_text(state.limits(), &part, field).await?;
+    let text = read_text(state.limits(), &part, field, room).await?;
     form.note(&part, text.file_name.as_deref().unwrap_or_default(), blake3::hash(&text.content).to_hex().as_str());
     if form.texts.insert(part.clone(), text).is_some() {
         return Err(Problem::new(Code::InvalidField, format!("the part {part} came twice"), "send it once"));
@@ -149,16 +128,13 @@ async fn read_part(state: &AppState, rules: &FormRules, field: Field<'_>, form: 
     Ok(())
 }
 
-async fn receive_part(state: &AppState, name: &str, mut field: Field<'_>) -> Result<StagedFile, Problem> {
+async fn receive_part(state: &AppState, name: &str, mut field: Part) -> Result<StagedFile, Problem> {
     let mut writer = state.shop.blobs.receive().await?;
     let mut counted = 0;
-    loop {
-        match stalled(state.limits(), field.chunk()).await? {
-            Ok(Some(chunk)) => append(state.limits(), &mut writer, name, &mut counted, &chunk).await?,
-            Ok(None) => return Ok(writer.finish().await?),
-            Err(error) => return Err(broken(&error)),
-        }
+    while let Some(chunk) = field.chunk().await? {
+        append(state.limits(), &mut writer, name, &mut counted, &chunk).await?;
     }
+    Ok(writer.finish().await?)
 }
 
 /// Receives a raw body as one file.
@@ -170,11 +146,8 @@ pub async fn receive_body(state: &AppState, name: &str, request: Request) -> Res
     let mut sha512 = sha2::Sha512::new();
     let mut counted = 0;
     let mut body = request.into_body().into_data_stream();
-    while let Some(chunk) = stalled(state.limits(), body.next()).await? {
-        let chunk = chunk.map_err(|error| {
-            Problem::new(Code::MalformedRequest, format!("the body ended early: {error}"), "send the file again")
-                .scan(name)
-        })?;
+    while let Some(chunk) = body.next().await {
+        let chunk = chunk.map_err(|error| body::broken("the file", &error).scan(name))?;
         sha256.update(&chunk);
         sha512.update(&chunk);
         append(state.limits(), &mut writer, name, &mut counted, &chunk).await?;
@@ -208,38 +181,19 @@ async fn append(
     Ok(writer.write(chunk).await?)
 }
 
-async fn read_text(limits: &Limits, part: &str, mut field: Field<'_>) -> Result<TextPart, Problem> {
+async fn read_text(limits: &Limits, part: &str, mut field: Part, room: &mut Room) -> Result<TextPart, Problem> {
     let limit = if part == "poses" { limits.pose_file_bytes } else { limits.text_bytes };
     let file_name = field.file_name().map(names::file_name).transpose()?;
     let mut content = Vec::new();
-    loop {
-        match stalled(limits, field.chunk()).await? {
-            Ok(Some(chunk)) if content.len() + chunk.len() > limit => {
-                let detail = format!("the part {part} may have at most {limit} bytes");
-                return Err(Problem::new(Code::TooLarge, detail, "send less; GET /v1/info states the limits"));
-            }
-            Ok(Some(chunk)) => content.extend_from_slice(&chunk),
-            Ok(None) => return Ok(TextPart { file_name, content: content.into() }),
-            Err(error) => return Err(broken(&error)),
+    while let Some(chunk) = field.chunk().await? {
+        if content.len() + chunk.len() > limit {
+            let detail = format!("the part {part} may have at most {limit} bytes");
+            return Err(Problem::new(Code::TooLarge, detail, "send less; GET /v1/info states the limits"));
         }
+        room.take(chunk.len())?;
+        content.extend_from_slice(&chunk);
     }
-}
-
-/// Gives an upload up that has come to a standstill.
-async fn stalled<T>(limits: &Limits, next: impl Future<Output = T>) -> Result<T, Problem> {
-    tokio::time::timeout(limits.upload_stall, next).await.map_err(|_| {
-        let detail = format!("nothing arrived for {} s", limits.upload_stall.as_secs());
-        Problem::new(Code::UploadStalled, detail, "send the request again; scans can be sent one by one with PUT")
-    })
-}
-
-fn broken(error: &MultipartError) -> Problem {
-    if error.status() == StatusCode::PAYLOAD_TOO_LARGE {
-        let hint = "send the scans one by one with PUT /v1/scan-sets/{id}/scans/{name}; GET /v1/info states the limits";
-        return Problem::new(Code::TooLarge, "the form is larger than is allowed", hint);
-    }
-    let detail = format!("the form can't be read to its end: {}", error.body_text());
-    Problem::new(Code::MalformedRequest, detail, "send the request again, whole")
+    Ok(TextPart { file_name, content: content.into() })
 }
 
 /// Reads a received file as a scan or model. Bounded: only a few files are in memory at a time.

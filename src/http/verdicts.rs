@@ -7,6 +7,7 @@ use utoipa::ToSchema;
 
 use super::problem::Problem;
 use super::queries::MethodView;
+use super::schemas::{Corners, Landmarks};
 use super::standards;
 use super::state::AppState;
 use crate::classes::Found;
@@ -64,8 +65,10 @@ pub struct VerdictView {
     /// The share of the standard's surface that could be seen on it.
     pub coverage: Option<f64>,
     /// The best triangle in the model's frame and unit (for faces: right eye, left eye, nose).
+    #[schema(value_type = Option<Corners>)]
     pub triangle: Option<Vec<Vec<f64>>>,
     /// The landmarks in the model's frame and unit, by name; null if the standard's surface isn't there.
+    #[schema(value_type = Option<Landmarks>)]
     pub landmarks: Option<Places>,
     /// Why it is no match; null if it is one.
     pub reason: Option<ReasonView>,

@@ -39,6 +39,9 @@ pub(super) struct Evaluation {
 
 impl From<StoreError> for WorkError {
     fn from(error: StoreError) -> Self {
+        if error.is_shortage() {
+            return WorkError::Shortage(error.to_string());
+        }
         super::work::failed("storage_failed", error.to_string(), None, "look into the server's log, then retry the job")
     }
 }

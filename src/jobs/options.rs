@@ -99,7 +99,7 @@ pub fn table() -> Vec<OptionInfo> {
             "sensor",
             "array",
             None,
-            "where the scanner stood in each scan's frame [x, y, z], if the files don't say",
+            "where the scanner stood in each scan's frame [x, y, z]; believed before what the files say",
         ),
         plain(
             "scale",

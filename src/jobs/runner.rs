@@ -21,7 +21,7 @@ use crate::progress::Progress;
 use crate::store::live_gallery::LiveGallery;
 use crate::store::{Finish, JobClaim, JobError, Store, StoreError};
 
-/// How long a worker waits after the database has failed it.
+/// How long a worker waits after the database has failed it, or when the machine is out of something.
 const PAUSE_AFTER_ERROR: Duration = Duration::from_secs(1);
 
 /// What the workers share.
@@ -225,6 +225,16 @@ impl Worker {
                 tracing::warn!(code = error.code, scan = error.scan, "the job failed: {}", error.message);
                 self.shop.store.finish_job(claim, &Finish::Failed(error)).await.map(drop)
             }
+            Err(WorkError::Shortage(what)) => {
+                tracing::warn!("the job waits, the machine is out of something: {what}");
+                self.shop.store.give_back_job(claim).await?;
+                // others need what is left, and this job gets no further before they have ended
+                tokio::select! {
+                    () = tokio::time::sleep(PAUSE_AFTER_ERROR) => {}
+                    () = self.stop.cancelled() => {}
+                }
+                Ok(())
+            }
             Err(WorkError::GivesWay) => {
                 tracing::info!("the job gives way to registrations");
                 self.shop.store.give_back_job(claim).await.map(drop)
@@ -291,10 +301,6 @@ fn spawned(work: impl FnOnce() -> Result<Option<Made>, WorkError> + Send + 'stat
             // nobody listens any more when the worker has gone
             let _ = send.send(work());
         })
-        .map_err(|error| failed("no_threads", error.to_string(), "the server has no threads left: retry later"))?;
+        .map_err(|error| WorkError::Shortage(format!("starting the job's thread: {error}")))?;
     Ok(receive)
-}
-
-fn failed(code: &str, message: impl Into<String>, hint: &str) -> WorkError {
-    WorkError::Failed(JobError { code: code.to_owned(), message: message.into(), scan: None, hint: hint.to_owned() })
 }

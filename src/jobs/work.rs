@@ -46,6 +46,8 @@ pub(super) enum WorkError {
     Stopped,
     /// An evaluation gives way to registrations that wait.
     GivesWay,
+    /// The machine is out of something that comes free again: descriptors, threads or memory.
+    Shortage(String),
     /// The job failed.
     Failed(JobError),
 }
@@ -58,6 +60,9 @@ impl From<Canceled> for WorkError {
 
 impl From<BlobError> for WorkError {
     fn from(error: BlobError) -> Self {
+        if error.is_shortage() {
+            return WorkError::Shortage(error.to_string());
+        }
         let (code, hint) = if error.is_storage_full() {
             ("storage_full", "free space on the server's disk, then retry the job")
         } else {
@@ -103,7 +108,7 @@ pub(super) fn pooled<T: Send>(
         .num_threads(threads)
         .thread_name(|index| format!("job-worker-{index}"))
         .build()
-        .map_err(|error| failed("no_threads", error.to_string(), None, "ask for fewer threads"))?;
+        .map_err(|error| WorkError::Shortage(format!("starting {threads} threads: {error}")))?;
     // nothing that the work holds is looked at after a panic
     std::panic::catch_unwind(AssertUnwindSafe(|| pool.install(work)))
         .unwrap_or_else(|payload| Err(defect(format!("a stage ended in a panic: {}", panic_message(&*payload)))))

@@ -1,25 +1,27 @@
 //! Scans to model to signature, stage by stage: the whole path, free of files, clocks and HTTP.
 
 mod cleaning;
+mod copies;
+mod ready;
 mod start;
+mod supports;
 
 use std::collections::BTreeMap;
-
-use rayon::prelude::*;
 
 use crate::faces::{self, DescribeError, Signature};
 use crate::geometry::{Motion, Surface, Unit, Vector3};
 use crate::progress::{Canceled, Progress, Stage};
 pub use crate::reconstruction::merge::ModelCloud;
 use crate::reconstruction::merge::{PosedView, merge};
-use crate::registration::covariance;
 pub use crate::registration::method::Method;
 use crate::registration::multiview::Multiview;
-use crate::registration::resolution::resolution;
+use crate::registration::quality::Quality;
 use crate::registration::report::RegistrationReport;
+use crate::registration::resolution::resolution;
 use crate::registration::rough::scan_set::Registered;
 use crate::registration::sensor::Sensor;
 use crate::registration::view::View;
+use crate::registration::{self, covariance};
 
 use self::start::Setting;
 pub use self::start::{PoseMatrix, Scale, Start};
@@ -47,7 +49,7 @@ pub struct Options {
     pub range_accuracy: Option<f64>,
     /// The most rounds of overlap, ICP and averaging.
     pub max_rounds: usize,
-    /// Where the scanner stood in each scan's frame, if the files don't say.
+    /// Where the scanner stood in each scan's frame; believed before what files say.
     pub sensor: Option<[f64; 3]>,
     /// Whether scans are scaled.
     pub scale: Scale,
@@ -140,21 +142,44 @@ pub fn run_from(
     options: &Options,
     progress: &Progress,
 ) -> Result<Outcome, PipelineError> {
-    let setting = Setting::new(start, &mut scans, options)?;
+    let mut setting = Setting::new(start, &mut scans, options)?;
     check_input(&scans, options)?;
+    let (mut views, mut readied) = ready::readied(&mut scans, options, progress)?;
+    let copied = copies::take_out(&mut scans, &mut views, &mut readied, &mut setting, progress)?;
     let names: Vec<String> = scans.iter().map(|scan| scan.name.clone()).collect();
-    let mut views = prepare(&scans, progress)?;
+    let holders = registration::copies::holders(&views, progress)?;
+    let whole = (!options.keep_all).then(|| views.clone());
     let left_out =
         (!options.keep_all).then(|| cleaning::clean_scans(&mut scans, &mut views, options, progress)).transpose()?;
     for (scan, view) in scans.iter().zip(&mut views) {
         view.sensor = sensor_of(scan, view, options);
     }
     let (views, sensors, registered) = setting.register(&scans, views, &names, options, progress)?;
-    let Registered { result, mut verdict, placement } = registered;
+    let Registered { mut result, mut verdict, placement } = registered;
+    let has_support = left_out.iter().flatten().any(|left_out| left_out.support > 0);
+    let whole = whole.filter(|_| has_support && setting.may_be_refined(options));
+    let held = whole.map(|whole| supports::vote(whole, &views, &result, options, progress)).transpose()?.flatten();
+    if let Some(held) = &held {
+        result.local_poses.clone_from(&held.local_poses);
+        verdict = placement.judge(&views, &result, &names);
+    }
     let positions: Vec<Option<Vector3>> = sensors.iter().map(|sensor| sensor.and_then(|s| s.position())).collect();
     verdict.look(&views, &positions, &result, &names);
-    let known = covariance::of_result(&views, &result);
+    let known = match held {
+        Some(held) => covariance::of_result(&held.whole, &held.result),
+        None => covariance::of_result(&views, &result),
+    };
     verdict.weigh(&known, resolution(&views, &result), &names);
+    for reason in readied.iter().zip(&names).filter_map(|(readied, name)| readied.doubt(name, unit.name())) {
+        verdict.lower(Quality::Doubtful, reason);
+    }
+    for (all, part) in holders {
+        let (all, part) = (&names[all], &names[part]);
+        verdict.lower(
+            Quality::Doubtful,
+            format!("{all} holds the points of {part}: a merged cloud is no scan of its own, leave one of them out"),
+        );
+    }
     let report = RegistrationReport::new(options.method, unit.name(), &names, &views, &result, &known, verdict);
 
     let merged = merge_views(&scans, &views, &sensors, &result, options, progress)?;
@@ -183,8 +208,10 @@ pub fn run_from(
         if let Some((_, outward)) = &merged {
             entry["normals_outward"] = outward[index].into();
         }
-        if let Some(left_out) = &left_out {
-            entry["left_out"] = serde_json::json!(left_out[index]);
+        entry["left_out"] = readied[index].left_out(left_out.as_ref().map(|left_out| &left_out[index]));
+        entry["copy_of"] = serde_json::Value::Null;
+        if readied[index].sensor_is_pose {
+            entry["viewpoint_is_pose"] = true.into();
         }
         if options.scale != Scale::None || views[index].scale != 1.0 {
             entry["scale"] = views[index].scale.into();
@@ -194,7 +221,9 @@ pub fn run_from(
         }
     }
     let cloud = merged.map(|(cloud, _)| cloud).filter(|_| options.cloud);
-    Ok(Outcome { poses, matrices, report, cloud, signature })
+    let mut outcome = Outcome { poses, matrices, report, cloud, signature };
+    copies::put_back(&copied, &setting, &mut outcome);
+    Ok(outcome)
 }
 
 fn check_input(scans: &[NamedScan], options: &Options) -> Result<(), PipelineError> {
@@ -243,22 +272,6 @@ fn bad_option(name: &str, remedy: &str) -> PipelineError {
     }
 }
 
-fn prepare(scans: &[NamedScan], progress: &Progress) -> Result<Vec<View>, PipelineError> {
-    progress.report(Stage::Preparing, 0.0);
-    scans
-        .par_iter()
-        .map(|scan| {
-            progress.check()?;
-            View::of(&scan.surface).map_err(|problem| PipelineError::Unusable {
-                code: "degenerate_scan",
-                scan: Some(scan.name.clone()),
-                message: format!("{} can't be registered: {problem}", scan.name),
-                hint: "export the scan again or leave it out".into(),
-            })
-        })
-        .collect()
-}
-
 /// The merged cloud and for each view whether its normals are known to be outward; `None` if nobody needs it.
 fn merge_views(
     scans: &[NamedScan],
@@ -286,9 +299,9 @@ fn merge_views(
     Ok(Some(merge(&posed, progress)?))
 }
 
-/// Where the scanner stood, in the view's local frame: from the file, else from the options, else read off the scan.
+/// Where the scanner stood, in the view's local frame: from the options, else from the file, else read off the scan.
 fn sensor_of(scan: &NamedScan, view: &View, options: &Options) -> Option<Sensor> {
-    let told = scan.surface.sensor.map(|p| p.coords).or(options.sensor.map(Vector3::from));
+    let told = options.sensor.map(Vector3::from).or(scan.surface.sensor.map(|p| p.coords));
     told.map(|position| Sensor::At(position * view.scale - view.center)).or(view.sensor)
 }
 

@@ -164,9 +164,25 @@ impl Setting {
         Ok(setting)
     }
 
+    /// Whether all poses may still be refined together: not where scales were sought, nor poses are fixed.
+    pub fn may_be_refined(&self, options: &Options) -> bool {
+        options.method == Method::Joint && options.scale == Scale::None && self.base.is_empty() && self.scales.is_empty()
+    }
+
     /// Whether a scan keeps the pose it has in the base model; `None` if there is no base model.
     pub fn is_fixed(&self, name: &str) -> Option<bool> {
         (!self.base.is_empty()).then(|| self.base.contains_key(name))
+    }
+
+    /// Lets the pose of a copy serve its original, if that has none; `motion_of_copy` maps the copy's frame into that
+    /// of the original.
+    pub fn adopt_pose(&mut self, original: &str, copy: &str, motion_of_copy: &Motion) {
+        let Some(pose) = self.poses.get(copy).copied().filter(|_| !self.poses.contains_key(original)) else { return };
+        let scale = self.scales.get(copy).copied();
+        let mut motion = *motion_of_copy;
+        motion.translation.vector *= scale.unwrap_or(1.0);
+        self.poses.insert(original.to_owned(), pose * motion.inverse());
+        self.scales.extend(scale.map(|scale| (original.to_owned(), scale)));
     }
 
     /// The matrix of a scan's pose: of a fixed one as the base model has it, to the last bit.

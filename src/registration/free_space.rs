@@ -44,7 +44,7 @@ impl DepthMap {
         if !(tangent > 0.0 && tangent < 5.0) {
             return None;
         }
-        let half = (tangent * scale).ceil() as i32 + 2;
+        let half = (tangent * scale).ceil().min(f64::from(LARGEST)) as i32 + 2;
         if half > LARGEST / 2 {
             return None;
         }
@@ -66,7 +66,8 @@ impl DepthMap {
         if depth <= 0.0 {
             return None;
         }
-        let at = |axis: &Vector3| (ray.dot(axis) / depth * self.scale).floor() as i32 + self.half;
+        let far = f64::from(4 * LARGEST);
+        let at = |axis: &Vector3| (ray.dot(axis) / depth * self.scale).floor().clamp(-far, far) as i32 + self.half;
         let (column, row) = (at(&self.across), at(&self.upward));
         let inside = |x: i32| x >= 1 && x < 2 * self.half - 1;
         (inside(column) && inside(row)).then(|| ((row * 2 * self.half + column) as usize, depth))

@@ -130,7 +130,8 @@ impl Verdict {
         }
     }
 
-    fn lower(&mut self, quality: Quality, reason: String) {
+    /// Adds a reason for which it is no better than `quality`.
+    pub fn lower(&mut self, quality: Quality, reason: String) {
         self.quality = self.quality.max(quality);
         self.reasons.push(reason);
     }
@@ -234,6 +235,11 @@ pub fn sharpness(views: &[View], result: &Multiview, spacing: f64) -> Vec<Option
             (near > 0).then(|| touching as f64 / near as f64)
         })
         .collect()
+}
+
+/// Whether a view of this sharpness lies on the others.
+pub fn is_sharp(sharpness: Option<f64>) -> bool {
+    sharpness.is_some_and(|sharpness| sharpness >= limits::SHARP)
 }
 
 /// What a point of a view meets.

@@ -31,6 +31,14 @@ impl Sensor {
         }
     }
 
+    /// In a frame in which all places are shifted by `shift`.
+    pub fn moved(self, shift: &Vector3) -> Self {
+        match self {
+            Sensor::At(position) => Sensor::At(position + shift),
+            far => far,
+        }
+    }
+
     /// On the other side.
     pub fn reversed(self) -> Self {
         match self {

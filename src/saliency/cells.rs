@@ -31,11 +31,16 @@ impl CellGrid {
         let extent = bounds.max - bounds.min;
         let most_cells = 8.0 * points.len() as f64 + 4096.0;
         let mut cell = if cell.is_finite() && cell > 0.0 { cell } else { 1.0 };
-        let count_of = |cell: f64| extent.iter().map(|e| (e / cell).floor() + 1.0).product::<f64>();
+        // an extent that is no number, or beyond all of them, is one cell
+        let along = |axis: usize, cell: f64| match (extent[axis] / cell).floor() {
+            cells if cells.is_finite() => cells + 1.0,
+            _ => 1.0,
+        };
+        let count_of = |cell: f64| (0..3).map(|axis| along(axis, cell)).product::<f64>();
         while count_of(cell) > most_cells {
             cell *= 1.26;
         }
-        let dims = [0, 1, 2].map(|axis| (extent[axis] / cell).floor() as usize + 1);
+        let dims = [0, 1, 2].map(|axis| along(axis, cell) as usize);
         let mut grid = CellGrid {
             origin: bounds.min,
             per_length: 1.0 / cell,
@@ -217,6 +222,23 @@ fn outward(middle: usize, low: usize, high: usize) -> impl Iterator<Item = usize
     })
 }
 
+/// Pairs of neighbours that a sum over all points may look at. Surfaces have 15 million at the most that is asked for;
+/// a cloud that fills space would have a hundred times as many.
+pub const MOST_PAIRS: f64 = 6e7;
+
+/// About how many pairs of points lie nearer to each other than `radius`.
+pub fn pairs_within(points: &[Point3], radius: f64) -> f64 {
+    /// A few hundred points tell.
+    const PROBES: usize = 300;
+    let grid = CellGrid::new(points, radius);
+    let step = points.len().div_ceil(PROBES).max(1);
+    let mut count = 0usize;
+    for point in points.iter().step_by(step) {
+        grid.for_each_within(point, radius, |_, _| count += 1);
+    }
+    count as f64 * step as f64
+}
+
 /// The smallest radius of the series `least, 1.3 least, ...` within which half of the points have at least `wanted`
 /// neighbours (themselves counted): what a local fit needs on a cloud of unknown density. At most the whole box.
 pub fn neighbour_radius(points: &[Point3], least: f64, wanted: usize) -> f64 {
@@ -237,7 +259,9 @@ pub fn neighbour_radius(points: &[Point3], least: f64, wanted: usize) -> f64 {
             })
             .collect();
         counts.sort_unstable();
-        if counts[counts.len() / 2] >= wanted {
+        // where some points are crowded and others sparse a radius for these would be too much work at those
+        let pairs = (counts.iter().sum::<usize>() * step) as f64;
+        if counts[counts.len() / 2] >= wanted || pairs > MOST_PAIRS {
             break;
         }
         radius *= 1.3;

@@ -27,6 +27,7 @@ pub use regions::{Region, RegionOptions, salient_regions};
 pub use samples::Samples;
 
 use crate::geometry::{Bounds, Mesh, Point3, Vector3};
+use crate::progress::{Canceled, Progress};
 
 /// The paper's unit of scale: xi as a share of the bounding box's diagonal.
 pub const XI_OF_DIAGONAL: f64 = 0.003;
@@ -40,6 +41,14 @@ const CROWDED: usize = 2;
 
 /// The finest cell, in xi, that points are gathered into.
 const CELL_IN_XI: f64 = 1.5;
+
+/// Cells of a surface with too many neighbours are enlarged by this.
+const COARSER: f64 = 1.3;
+
+/// Whether the multi-scale sums over these points would look at more pairs than [`cells::MOST_PAIRS`].
+fn has_too_many_pairs(points: &[Point3], xi: f64) -> bool {
+    xi > 0.0 && cells::pairs_within(points, multiscale::WIDEST_IN_XI * xi) > cells::MOST_PAIRS
+}
 
 /// Points of a surface with what saliency needs to know of each; all lists have one length.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -62,19 +71,38 @@ impl CurvedSurface {
     pub fn from_mesh(mesh: &Mesh, side: f64) -> CurvedSurface {
         let mut surface = curvature::of_mesh(mesh, side);
         surface.cut_curvature();
-        let gathered = surface.gathered();
+        let gathered = surface.gathered(CELL_IN_XI * surface.xi());
         let crowded = surface.points.len() > CROWDED * gathered.points.len();
-        if crowded || surface.points.len() > MAX_POINTS { gathered } else { surface }
+        let surface = if crowded || surface.points.len() > MAX_POINTS { gathered } else { surface };
+        surface.bounded()
     }
 
     /// A bare cloud with unit normals: thinned to cells, its curvature from weighted quadric fits.
-    pub fn from_cloud(points: &[Point3], normals: &[Vector3]) -> CurvedSurface {
+    pub fn from_cloud(points: &[Point3], normals: &[Vector3], progress: &Progress) -> Result<CurvedSurface, Canceled> {
         let xi = XI_OF_DIAGONAL * Bounds::of(points).map_or(0.0, |b| b.diagonal());
-        let samples = Samples::from_cloud(points, normals, CELL_IN_XI * xi);
-        let mean_curvatures = quadric::mean_curvatures(&samples);
+        let mut cell = CELL_IN_XI * xi;
+        let mut samples = Samples::from_cloud(points, normals, cell);
+        while has_too_many_pairs(&samples.points, xi) {
+            progress.check()?;
+            cell *= COARSER;
+            samples = Samples::from_cloud(points, normals, cell);
+        }
+        let mean_curvatures = quadric::mean_curvatures(&samples, progress)?;
         let Samples { points, normals, areas, .. } = samples;
         let mut surface = CurvedSurface { points, normals, areas, mean_curvatures };
         surface.cut_curvature();
+        Ok(surface)
+    }
+
+    /// The same surface with so few points that sums over neighbours are bounded: what fills space has far more
+    /// neighbours than a surface.
+    fn bounded(self) -> CurvedSurface {
+        let (mut surface, mut cell) = (self, CELL_IN_XI);
+        let xi = surface.xi();
+        while has_too_many_pairs(&surface.points, xi) {
+            cell *= COARSER;
+            surface = surface.gathered(cell * xi);
+        }
         surface
     }
 
@@ -91,8 +119,8 @@ impl CurvedSurface {
     }
 
     /// The same surface with one point a cell: means weighted by area.
-    fn gathered(&self) -> CurvedSurface {
-        let cells = samples::gather(&self.points, &self.normals, &self.areas, CELL_IN_XI * self.xi());
+    fn gathered(&self, cell: f64) -> CurvedSurface {
+        let cells = samples::gather(&self.points, &self.normals, &self.areas, cell);
         let mut sums = vec![0.0; cells.samples.points.len()];
         for (point, &cell) in cells.cell_of.iter().enumerate() {
             sums[cell as usize] += self.areas[point] * self.mean_curvatures[point];
@@ -100,5 +128,45 @@ impl CurvedSurface {
         let Samples { points, normals, areas, .. } = cells.samples;
         let mean_curvatures = sums.iter().zip(&areas).map(|(s, a)| if *a > 0.0 { s / a } else { 0.0 }).collect();
         CurvedSurface { points, normals, areas, mean_curvatures }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::saliency::curvature::tests::sphere;
+    use rand::{RngExt, SeedableRng};
+
+    /// Points that fill a cube.
+    fn noise(count: usize) -> Vec<Point3> {
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(5);
+        (0..count).map(|_| Point3::new(rng.random(), rng.random(), rng.random())).collect()
+    }
+
+    #[test]
+    fn what_fills_space_is_thinned_until_its_sums_are_bounded_and_a_surface_is_not() {
+        let points = noise(300_000);
+        let normals = vec![Vector3::z(); points.len()];
+        let xi = XI_OF_DIAGONAL * 3f64.sqrt();
+        assert!(cells::pairs_within(&points, multiscale::WIDEST_IN_XI * xi) > cells::MOST_PAIRS);
+        let curved = CurvedSurface::from_cloud(&points, &normals, &Progress::silent()).expect("not canceled");
+        assert!(curved.points.len() > 5000);
+        assert!(cells::pairs_within(&curved.points, multiscale::WIDEST_IN_XI * curved.xi()) <= cells::MOST_PAIRS);
+        let mesh = sphere(1.0, 7);
+        let (count, xi) = (mesh.vertices.len(), XI_OF_DIAGONAL * 12f64.sqrt());
+        assert!(count > 60_000);
+        assert!(cells::pairs_within(&mesh.vertices, multiscale::WIDEST_IN_XI * xi) < cells::MOST_PAIRS);
+    }
+
+    #[test]
+    fn a_million_slivers_are_cut_into_a_bounded_number_of_pieces() {
+        let sliver = |k: u32| {
+            let y = 1e-5 * f64::from(k);
+            [Point3::new(0.0, y, 0.0), Point3::new(1.0, y, 0.0), Point3::new(1.0, y + 1e-7, 0.0)]
+        };
+        let vertices: Vec<Point3> = (0..100_000).flat_map(sliver).collect();
+        let faces = (0..100_000u32).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect();
+        let samples = Samples::from_mesh(&Mesh { vertices, faces }, 1e-3);
+        assert!(samples.points.len() < 2_000_000, "{}", samples.points.len());
     }
 }

@@ -7,12 +7,15 @@ use wide::f32x4;
 use super::CurvedSurface;
 use super::cells::CellGrid;
 use super::falloff::{falloff, near_falloff_lanes};
+use crate::progress::{Canceled, Progress};
 
 /// The paper's sigmas, in xi.
 pub const SIGMAS_IN_XI: [f64; 5] = [2.0, 3.0, 4.0, 5.0, 6.0];
 
 /// sigma_i and 2 sigma_i together, ascending, in xi: each is summed once although some serve two scales.
 const FILTERS_IN_XI: [f64; 8] = [2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0];
+/// No filter reaches farther.
+pub(super) const WIDEST_IN_XI: f64 = FILTERS_IN_XI[7];
 /// For each scale, the filters sigma_i and 2 sigma_i.
 const SCALES: [[usize; 2]; 5] = [[0, 2], [1, 4], [2, 5], [3, 6], [4, 7]];
 
@@ -36,16 +39,17 @@ pub fn weighted_curvature(surface: &CurvedSurface, grid: &CellGrid, vertex: usiz
 /// [P12] for each sigma: `phi_i(v) = |G(l(v), sigma_i) - G(l(v), 2 sigma_i)|`. Each map is scaled to [0, 1] and
 /// weighted by `(1 - m)^2`, m being the mean of its other local maxima: a map with one outstanding place
 /// counts for more than one that is busy everywhere. The sum is scaled to [0, 1] again.
-pub fn saliency(surface: &CurvedSurface, xi: f64) -> Vec<f64> {
+pub fn saliency(surface: &CurvedSurface, xi: f64, progress: &Progress) -> Result<Vec<f64>, Canceled> {
     if surface.points.is_empty() || xi <= 0.0 {
-        return vec![0.0; surface.points.len()];
+        return Ok(vec![0.0; surface.points.len()]);
     }
     let grid = CellGrid::new(&surface.points, 4.0 * xi);
-    let filtered = all_filters(surface, &grid, xi);
+    let filtered = all_filters(surface, &grid, xi, progress)?;
     let mut total = vec![0.0; surface.points.len()];
     for (scale, [narrow, wide]) in SCALES.into_iter().enumerate() {
         let mut map: Vec<f64> = filtered.iter().map(|g| (g[narrow] - g[wide]).abs()).collect();
         scale_to_one(&mut map);
+        progress.check()?;
         let maxima = mean_of_other_maxima(surface, &grid, &map, SIGMAS_IN_XI[scale] * xi);
         let weight = (1.0 - maxima).powi(2);
         for (sum, value) in total.iter_mut().zip(&map) {
@@ -53,11 +57,16 @@ pub fn saliency(surface: &CurvedSurface, xi: f64) -> Vec<f64> {
         }
     }
     scale_to_one(&mut total);
-    total
+    Ok(total)
 }
 
 /// [`weighted_curvature`] for all filters in one pass over the neighbours: four at once in f32.
-fn all_filters(surface: &CurvedSurface, grid: &CellGrid, xi: f64) -> Vec<[f64; 8]> {
+fn all_filters(
+    surface: &CurvedSurface,
+    grid: &CellGrid,
+    xi: f64,
+    progress: &Progress,
+) -> Result<Vec<[f64; 8]>, Canceled> {
     let widest = FILTERS_IN_XI[7] * xi;
     // lengths in units of the widest filter, areas and curvatures as shares of their greatest: no f32 overflows
     let half = |filter: usize| (0.5 * (FILTERS_IN_XI[7] / FILTERS_IN_XI[filter]).powi(2)) as f32;
@@ -75,6 +84,7 @@ fn all_filters(surface: &CurvedSurface, grid: &CellGrid, xi: f64) -> Vec<[f64; 8
     (0..surface.points.len())
         .into_par_iter()
         .map(|vertex| {
+            progress.check()?;
             let mut filters = [Filters::default(); 2];
             grid.for_each_within(&surface.points[vertex], widest, |x, distance2| {
                 let [area, curvature] = weighed[x];
@@ -86,7 +96,7 @@ fn all_filters(surface: &CurvedSurface, grid: &CellGrid, xi: f64) -> Vec<[f64; 8
                 }
             });
             let [narrow, wide] = filters.map(|filters| filters.means(curvature_unit));
-            std::array::from_fn(|filter| if filter < 4 { narrow[filter] } else { wide[filter - 4] })
+            Ok(std::array::from_fn(|filter| if filter < 4 { narrow[filter] } else { wide[filter - 4] }))
         })
         .collect()
 }
@@ -143,6 +153,10 @@ mod tests {
     use super::*;
     use crate::geometry::{Mesh, Point3};
 
+    fn saliency(surface: &CurvedSurface, xi: f64) -> Vec<f64> {
+        super::saliency(surface, xi, &Progress::silent()).expect("not canceled")
+    }
+
     /// A sphere with one bump at +z.
     fn bumpy() -> Mesh {
         let mut mesh = sphere(1.0, 5);
@@ -158,7 +172,7 @@ mod tests {
         let surface = CurvedSurface::from_mesh(&bumpy(), 1.0);
         let xi = surface.xi();
         let grid = CellGrid::new(&surface.points, 4.0 * xi);
-        let filtered = all_filters(&surface, &grid, xi);
+        let filtered = all_filters(&surface, &grid, xi, &Progress::silent()).expect("not canceled");
         for vertex in (0..surface.points.len()).step_by(97) {
             for (filter, sigma) in FILTERS_IN_XI.iter().enumerate() {
                 let expected = weighted_curvature(&surface, &grid, vertex, sigma * xi);

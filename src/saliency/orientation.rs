@@ -11,6 +11,7 @@ use super::proximity::Proximity;
 use super::samples::Samples;
 use crate::geometry::normals::least_spread;
 use crate::geometry::{Bounds, Groups, Mesh, Point3, Surface, Vector3};
+use crate::progress::{Canceled, Progress};
 
 /// What is known of the outer side of a surface with consistent normals.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -134,29 +135,46 @@ pub struct OrientedCloud {
 /// A bare cloud thinned to cells of edge `cell`, with unit normals. Its own normals are outward by the convention of
 /// this program; without them normals are estimated from the neighbours, and turned towards the scanner if its place
 /// is known.
-pub fn oriented_cloud(surface: &Surface, cell: f64) -> OrientedCloud {
+///
+/// A cloud that fills space is thinned further: see [`MOST_POINTS`].
+pub fn oriented_cloud(surface: &Surface, cell: f64, progress: &Progress) -> Result<OrientedCloud, Canceled> {
     if let Some(normals) = &surface.cloud.normals {
         let unit = |n: &nalgebra::Vector3<f32>| n.cast::<f64>().try_normalize(1e-9).unwrap_or_else(Vector3::zeros);
         let normals: Vec<Vector3> = normals.iter().map(unit).collect();
-        let Samples { points, normals, .. } = Samples::from_cloud(&surface.cloud.points, &normals, cell);
-        let proximity = Proximity::new(&points);
-        return OrientedCloud { points, normals, side: Side::Outward, proximity };
+        let Samples { points, normals, .. } = thinned(&surface.cloud.points, &normals, cell, progress)?;
+        let proximity = Proximity::new(&points, progress)?;
+        return Ok(OrientedCloud { points, normals, side: Side::Outward, proximity });
     }
     let same_side = vec![Vector3::z(); surface.cloud.len()];
-    let points = Samples::from_cloud(&surface.cloud.points, &same_side, cell).points;
-    let proximity = Proximity::new(&points);
+    let points = thinned(&surface.cloud.points, &same_side, cell, progress)?.points;
+    let proximity = Proximity::new(&points, progress)?;
     let mut normals = plane_normals(&points, &proximity);
     let Some(sensor) = surface.sensor else {
-        make_consistent(&points, &proximity, &mut normals);
-        return OrientedCloud { points, normals, side: Side::Unknown, proximity };
+        make_consistent(&points, &proximity, &mut normals, progress)?;
+        return Ok(OrientedCloud { points, normals, side: Side::Unknown, proximity });
     };
     for (point, normal) in points.iter().zip(&mut normals) {
         if normal.dot(&(sensor - point)) < 0.0 {
             *normal = -*normal;
         }
     }
-    OrientedCloud { points, normals, side: Side::Outward, proximity }
+    Ok(OrientedCloud { points, normals, side: Side::Outward, proximity })
 }
+
+/// Samples of a cloud, at most [`MOST_POINTS`].
+fn thinned(points: &[Point3], normals: &[Vector3], cell: f64, progress: &Progress) -> Result<Samples, Canceled> {
+    let mut samples = Samples::from_cloud(points, normals, cell);
+    while samples.points.len() > MOST_POINTS {
+        progress.check()?;
+        samples = samples.coarser(COARSER * samples.spacing);
+    }
+    Ok(samples)
+}
+
+/// Points of a cloud that are looked at, at most: a ball as densely sampled as its cells allow has 175 000.
+const MOST_POINTS: usize = 200_000;
+/// Cells of a cloud with more are enlarged by this.
+const COARSER: f64 = 1.3;
 
 /// Normals of the planes fitted to the neighbours; either sign. Zero with too few neighbours.
 fn plane_normals(points: &[Point3], proximity: &Proximity) -> Vec<Vector3> {
@@ -184,7 +202,12 @@ fn plane_normals(points: &[Point3], proximity: &Proximity) -> Vec<Vector3> {
 /// Neighbours agree as on a circular arc: the normal of one, mirrored at the plane that bisects their connection, is
 /// the other's. So a bend as sharp as a nose is passed even where points are sparse, and the two sides of a thin wall
 /// look away from each other (after Konig and Gumhold, 2009). An edge costs `1 - |agreement|`.
-fn make_consistent(points: &[Point3], proximity: &Proximity, normals: &mut [Vector3]) {
+fn make_consistent(
+    points: &[Point3],
+    proximity: &Proximity,
+    normals: &mut [Vector3],
+    progress: &Progress,
+) -> Result<(), Canceled> {
     let listed_by = proximity.reversed();
     let mut by_height: Vec<usize> = (0..points.len()).collect();
     by_height.sort_by(|&a, &b| points[b].z.total_cmp(&points[a].z).then(a.cmp(&b)));
@@ -203,6 +226,7 @@ fn make_consistent(points: &[Point3], proximity: &Proximity, normals: &mut [Vect
             if std::mem::replace(&mut done[point], true) {
                 continue;
             }
+            progress.check()?;
             if agreement(points, normals, from, point) < 0.0 {
                 normals[point] = -normals[point];
             }
@@ -213,6 +237,7 @@ fn make_consistent(points: &[Point3], proximity: &Proximity, normals: &mut [Vect
             }
         }
     }
+    Ok(())
 }
 
 /// The cosine between the normal of one point, mirrored to the place of the other, and the other's.
@@ -227,6 +252,10 @@ mod tests {
     use super::super::curvature::tests::sphere;
     use super::*;
     use crate::geometry::Cloud;
+
+    fn oriented_cloud(surface: &Surface, cell: f64) -> OrientedCloud {
+        super::oriented_cloud(surface, cell, &Progress::silent()).expect("not canceled")
+    }
 
     #[test]
     fn a_vessel_tells_its_side_and_a_dish_does_not() {

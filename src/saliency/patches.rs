@@ -8,6 +8,7 @@ use super::proximity::Proximity;
 use super::quadric::{Neighbours, tangents};
 use super::samples::{Cells, Samples};
 use crate::geometry::{Bounds, Point3, Vector3};
+use crate::progress::{Canceled, Progress};
 
 /// A patch reaches this far, in the spacing of the points around it: neighbours overlap and leave no gaps.
 const REACH_IN_SPACINGS: f64 = 1.1;
@@ -46,17 +47,23 @@ struct Patch {
 
 impl Patches {
     /// A patch around each point; `proximity` is of the same points. Points without a normal get none.
-    pub fn new(points: &[Point3], normals: &[Vector3], proximity: &Proximity) -> Patches {
+    pub fn new(
+        points: &[Point3],
+        normals: &[Vector3],
+        proximity: &Proximity,
+        progress: &Progress,
+    ) -> Result<Patches, Canceled> {
         let usual = REACH_IN_SPACINGS * proximity.usual_spacing();
         let patches = (0..points.len())
             .into_par_iter()
             .filter(|&index| normals[index] != Vector3::zeros())
             .map(|index| {
+                progress.check()?;
                 let reach = (REACH_IN_SPACINGS * proximity.spacing(index)).min(MOST_USUAL_REACHES * usual);
-                Patch::fitted(points, normals, proximity, index, reach)
+                Ok(Patch::fitted(points, normals, proximity, index, reach))
             })
-            .collect();
-        Patches { patches }
+            .collect::<Result<_, Canceled>>()?;
+        Ok(Patches { patches })
     }
 
     /// The points that carry a patch.
@@ -147,11 +154,17 @@ mod tests {
     use super::*;
     use crate::saliency::curvature::tests::sphere;
 
+    fn patches(points: &[Point3], normals: &[Vector3]) -> Patches {
+        let silent = Progress::silent();
+        let proximity = Proximity::new(points, &silent).expect("not canceled");
+        Patches::new(points, normals, &proximity, &silent).expect("not canceled")
+    }
+
     #[test]
     fn a_sparse_sphere_is_filled_to_any_spacing() {
         let points = sphere(1.0, 3).vertices; // some 0.22 apart
         let normals: Vec<Vector3> = points.iter().map(|p| p.coords).collect();
-        let patches = Patches::new(&points, &normals, &Proximity::new(&points));
+        let patches = patches(&points, &normals);
         let samples = patches.sampled(0.05, |_| true);
         let expected = 4.0 * std::f64::consts::PI / (0.05 * 0.05);
         assert!(samples.points.len() as f64 > expected, "{} samples, no gaps", samples.points.len());
@@ -166,7 +179,7 @@ mod tests {
         let points: Vec<Point3> =
             (0..40 * 40).map(|k| Point3::new(f64::from(k % 40) * 0.1, f64::from(k / 40) * 0.1, 0.0)).collect();
         let normals = vec![Vector3::z(); points.len()];
-        let samples = Patches::new(&points, &normals, &Proximity::new(&points)).sampled(0.5, |p| p.x < 2.0);
+        let samples = patches(&points, &normals).sampled(0.5, |p| p.x < 2.0);
         let reach = 2.0 + REACH_IN_SPACINGS * 0.1 * 1.6;
         assert!(samples.points.iter().all(|p| p.z.abs() < 1e-9 && p.x > -0.2 && p.x < reach));
         assert!((30..=55).contains(&samples.points.len()), "{}", samples.points.len());
@@ -175,7 +188,7 @@ mod tests {
     #[test]
     fn points_without_normals_have_no_patch() {
         let points = vec![Point3::origin(); 5];
-        let patches = Patches::new(&points, &[Vector3::zeros(); 5], &Proximity::new(&points));
+        let patches = patches(&points, &[Vector3::zeros(); 5]);
         assert!(patches.sampled(1.0, |_| true).points.is_empty());
     }
 }

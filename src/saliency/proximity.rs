@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use crate::geometry::neighbours::{KdTree, LocalPoint};
 use crate::geometry::{Bounds, Point3};
+use crate::progress::{Canceled, Progress};
 
 /// So many neighbours say how a surface runs: enough to average noise, few enough to stay on it.
 const NEIGHBOURS: usize = 16;
@@ -11,9 +12,11 @@ const NEIGHBOURS: usize = 16;
 /// For every point its nearest points, itself included.
 #[derive(Debug, Clone, Default)]
 pub struct Proximity {
-    /// Each point's neighbours, nearest first: `per_point` a point.
+    /// Each point's neighbours, nearest first, one point after the other.
     neighbours: Vec<u32>,
-    per_point: usize,
+    /// Where those of each point begin, and the end: most have [`NEIGHBOURS`], but where distances are too large for
+    /// their squares some are not found.
+    starts: Vec<u32>,
     /// The distance of the last of them.
     farthest: Vec<f64>,
 }
@@ -34,7 +37,7 @@ impl Lists {
 
 impl Proximity {
     /// Looks up the neighbours of all points.
-    pub fn new(points: &[Point3]) -> Proximity {
+    pub fn new(points: &[Point3], progress: &Progress) -> Result<Proximity, Canceled> {
         let middle = Bounds::of(points).map_or(Point3::origin(), |b| b.center());
         let local: Vec<LocalPoint> = points.iter().map(|p| (p - middle).cast::<f32>().into()).collect();
         let tree = KdTree::new(&local);
@@ -43,18 +46,27 @@ impl Proximity {
             .par_iter()
             .with_min_len(256)
             .map_init(Vec::new, |found, point| {
+                progress.check()?;
                 tree.k_nearest(point, per_point, f32::INFINITY, found);
                 let farthest = found.last().map_or(0.0, |n| f64::from(n.distance2).sqrt());
-                (found.iter().map(|n| n.index).collect(), farthest)
+                Ok((found.iter().map(|n| n.index).collect(), farthest))
             })
-            .collect();
+            .collect::<Result<_, Canceled>>()?;
         let (neighbours, farthest): (Vec<Vec<u32>>, Vec<f64>) = found.into_iter().unzip();
-        Proximity { neighbours: neighbours.concat(), per_point, farthest }
+        let mut starts = vec![0];
+        for (point, neighbours) in neighbours.iter().enumerate() {
+            starts.push(starts[point] + neighbours.len() as u32);
+        }
+        Ok(Proximity { neighbours: neighbours.concat(), starts, farthest })
     }
 
     /// The neighbours of a point, nearest first, itself included.
     pub fn of(&self, index: usize) -> impl Iterator<Item = usize> + '_ {
-        self.neighbours[index * self.per_point..(index + 1) * self.per_point].iter().map(|&n| n as usize)
+        self.list(index).iter().map(|&n| n as usize)
+    }
+
+    fn list(&self, index: usize) -> &[u32] {
+        &self.neighbours[self.starts[index] as usize..self.starts[index + 1] as usize]
     }
 
     /// For every point the points that have it among their neighbours.
@@ -69,10 +81,12 @@ impl Proximity {
         }
         let mut next = starts.clone();
         let mut items = vec![0; self.neighbours.len()];
-        for (entry, &neighbour) in self.neighbours.iter().enumerate() {
-            let slot = &mut next[neighbour as usize];
-            items[*slot as usize] = (entry / self.per_point) as u32;
-            *slot += 1;
+        for point in 0..count {
+            for &neighbour in self.list(point) {
+                let slot = &mut next[neighbour as usize];
+                items[*slot as usize] = point as u32;
+                *slot += 1;
+            }
         }
         Lists { starts, items }
     }
@@ -84,7 +98,7 @@ impl Proximity {
 
     /// The edge of the square that a point near this one stands for: its neighbours share a disc.
     pub fn spacing(&self, index: usize) -> f64 {
-        self.farthest[index] * (std::f64::consts::PI / self.per_point.max(1) as f64).sqrt()
+        self.farthest[index] * (std::f64::consts::PI / self.list(index).len().max(1) as f64).sqrt()
     }
 
     /// The median of [`Proximity::spacing`].
@@ -99,11 +113,26 @@ impl Proximity {
 mod tests {
     use super::*;
 
+    fn proximity(points: &[Point3]) -> Proximity {
+        Proximity::new(points, &Progress::silent()).expect("not canceled")
+    }
+
+    #[test]
+    fn distances_beyond_all_numbers_have_fewer_neighbours_and_do_no_harm() {
+        for scale in [1e-30, 1.0, 1e19, 1e30, 1e38] {
+            let points: Vec<Point3> = (0..40).map(|k| Point3::new(scale * f64::from(k), 0.0, 0.0)).collect();
+            let proximity = proximity(&points);
+            let listed: usize = (0..points.len()).map(|point| proximity.of(point).count()).sum();
+            let reversed = proximity.reversed();
+            assert_eq!(listed, (0..points.len()).map(|point| reversed.of(point).count()).sum::<usize>());
+        }
+    }
+
     #[test]
     fn a_grid_tells_its_spacing_wherever_it_lies() {
         let points: Vec<Point3> =
             (0..900).map(|k| Point3::new(7e5 + 0.5 * f64::from(k % 30), 0.5 * f64::from(k / 30), 3.0)).collect();
-        let proximity = Proximity::new(&points);
+        let proximity = proximity(&points);
         assert!((proximity.usual_spacing() / 0.5 - 1.0).abs() < 0.1, "{}", proximity.usual_spacing());
         let middle = 15 * 30 + 15;
         assert_eq!(proximity.of(middle).next(), Some(middle));
@@ -114,7 +143,7 @@ mod tests {
     fn reversed_lists_hold_the_same_pairs() {
         let points: Vec<Point3> =
             (0..200).map(|k| Point3::new(f64::from(k * k % 97), f64::from(k % 13), 0.0)).collect();
-        let proximity = Proximity::new(&points);
+        let proximity = proximity(&points);
         let reversed = proximity.reversed();
         for point in 0..points.len() {
             assert!(reversed.of(point).all(|lister| proximity.of(lister).any(|n| n == point)));
@@ -126,8 +155,8 @@ mod tests {
     #[test]
     fn few_points_are_all_neighbours() {
         let points = [Point3::origin(), Point3::new(1.0, 0.0, 0.0)];
-        let proximity = Proximity::new(&points);
+        let proximity = proximity(&points);
         assert_eq!(proximity.of(1).collect::<Vec<_>>(), [1, 0]);
-        assert_eq!(Proximity::new(&[]).usual_spacing(), 0.0);
+        assert_eq!(super::Proximity::new(&[], &Progress::silent()).expect("not canceled").usual_spacing(), 0.0);
     }
 }

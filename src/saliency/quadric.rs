@@ -7,6 +7,7 @@ use super::cells::{CellGrid, neighbour_radius};
 use super::falloff::falloff_lanes;
 use super::samples::Samples;
 use crate::geometry::Vector3;
+use crate::progress::{Canceled, Progress};
 
 /// The least radius of the fit for plain mean curvature, in sample spacings: some 50 neighbours.
 const FIT_RADIUS_IN_SPACINGS: f64 = 4.0;
@@ -174,15 +175,16 @@ pub fn fitted_normal(samples: &Samples, grid: &CellGrid, index: usize, radius: f
 }
 
 /// Mean curvature at every sample; 0 where too few neighbours are.
-pub fn mean_curvatures(samples: &Samples) -> Vec<f64> {
+pub fn mean_curvatures(samples: &Samples, progress: &Progress) -> Result<Vec<f64>, Canceled> {
     let radius = neighbour_radius(&samples.points, FIT_RADIUS_IN_SPACINGS * samples.spacing, USUAL_NEIGHBOURS);
     let grid = CellGrid::new(&samples.points, 0.5 * radius);
     (0..samples.points.len())
         .into_par_iter()
         .map(|index| {
+            progress.check()?;
             let fit = Neighbours::around(samples, &grid, index, radius).fit(radius);
             let curvature = if fit.neighbours >= LEAST_NEIGHBOURS { fit.principal() } else { None };
-            curvature.map_or(0.0, |c| 0.5 * (c.k1 + c.k2))
+            Ok(curvature.map_or(0.0, |c| 0.5 * (c.k1 + c.k2)))
         })
         .collect()
 }
@@ -219,7 +221,7 @@ mod tests {
     fn a_sampled_sphere_is_round() {
         let mesh = sphere(2.0, 5);
         let samples = Samples::from_cloud(&mesh.vertices, &mesh.vertex_normals(), 0.15);
-        let curvatures = mean_curvatures(&samples);
+        let curvatures = mean_curvatures(&samples, &Progress::silent()).expect("not canceled");
         let mean = curvatures.iter().sum::<f64>() / curvatures.len() as f64;
         assert!((mean - 0.5).abs() < 0.02, "{mean}");
         assert!(curvatures.iter().all(|l| (l - 0.5).abs() < 0.1));

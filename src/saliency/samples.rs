@@ -31,6 +31,9 @@ pub(super) struct Gathered {
 
 /// Pieces of a face are no longer than this, in cells: some four of them meet in a cell.
 const PIECE_IN_CELLS: f64 = 0.5;
+/// All faces together are cut into about so many pieces at most. Every face that is no sliver has enough of them: no
+/// level is asked for where the surface would pass through more cells than a few of these for each.
+const ALL_PIECES: f64 = 3e7;
 /// No face is cut into more rows, or a row into more pieces: such a face is larger than any grid that is asked for.
 const MOST_PIECES: f64 = 4096.0;
 
@@ -46,17 +49,24 @@ impl Samples {
     pub fn from_part(mesh: &Mesh, spacing: f64, keep: impl Fn(&Point3) -> bool) -> Samples {
         let mut cells = Cells::new(spacing, mesh.bounds());
         let touches = |face: &[u32; 3]| face.iter().any(|&v| keep(&mesh.vertices[v as usize]));
-        for (index, _) in mesh.faces.iter().enumerate().filter(|(_, face)| touches(face)) {
+        let touching = || mesh.faces.iter().enumerate().filter(|(_, face)| touches(face)).map(|(index, _)| index);
+        let longest = PIECE_IN_CELLS * spacing;
+        let (mut pieces, mut area) = (0.0, 0.0);
+        for index in touching() {
+            let double_area = mesh.area_normal(index).norm();
+            if double_area > 0.0 {
+                area += 0.5 * double_area;
+                pieces += Pieces::of(&mesh.corners(index), 0.5 * double_area, longest).count();
+            }
+        }
+        let most = if pieces > ALL_PIECES { ALL_PIECES / area } else { f64::INFINITY };
+        for index in touching() {
             let across = mesh.area_normal(index);
             let double_area = across.norm();
             if double_area > 0.0 {
-                cells.add_face(
-                    &mesh.corners(index),
-                    &(across / double_area),
-                    0.5 * double_area,
-                    PIECE_IN_CELLS * spacing,
-                    &keep,
-                );
+                let (corners, area) = (mesh.corners(index), 0.5 * double_area);
+                let share = Pieces::of(&corners, area, longest).count() / (most * area).max(1.0);
+                cells.add_face(&corners, &(across / double_area), area, longest * share.max(1.0), &keep);
             }
         }
         cells.finish()
@@ -180,18 +190,14 @@ impl Cells {
         longest: f64,
         keep: impl Fn(&Point3) -> bool,
     ) {
-        let length2 = |k: usize| (corners[(k + 1) % 3] - corners[k]).norm_squared();
-        let k = (0..3).fold(0, |best, k| if length2(k) > length2(best) { k } else { best });
+        let Pieces { first: k, length, rows, longest } = Pieces::of(corners, area, longest);
         let (a, b, c) = (corners[k], corners[(k + 1) % 3], corners[(k + 2) % 3]);
-        let length = length2(k).sqrt();
-        let pieces = |extent: f64| (extent / longest).ceil().clamp(1.0, MOST_PIECES);
-        let rows = pieces(2.0 * area / length);
         let [along, up] = [b - a, c - a];
         for row in 0..rows as usize {
             // a row is a trapezoid: its two widths as shares of the base, and the height of its centroid
             let (lower, upper) = (1.0 - row as f64 / rows, 1.0 - (row + 1) as f64 / rows);
             let v = (row as f64 + (lower + 2.0 * upper) / (lower + upper) / 3.0) / rows;
-            let count = pieces(length * 0.5 * (lower + upper));
+            let count = pieces_along(length * 0.5 * (lower + upper), longest);
             let share = area * (lower * lower - upper * upper) / count;
             for piece in 0..count as usize {
                 let u = (piece as f64 + 0.5) / count * (1.0 - v);
@@ -211,6 +217,34 @@ impl Cells {
             samples.areas.push(area);
         }
         samples
+    }
+}
+
+/// How a face is cut: in rows along its longest edge.
+struct Pieces {
+    /// The corner where that edge begins.
+    first: usize,
+    length: f64,
+    rows: f64,
+    longest: f64,
+}
+
+/// Pieces no longer than `longest` along an extent.
+fn pieces_along(extent: f64, longest: f64) -> f64 {
+    (extent / longest).ceil().clamp(1.0, MOST_PIECES)
+}
+
+impl Pieces {
+    fn of(corners: &[Point3; 3], area: f64, longest: f64) -> Pieces {
+        let length2 = |k: usize| (corners[(k + 1) % 3] - corners[k]).norm_squared();
+        let first = (0..3).fold(0, |best, k| if length2(k) > length2(best) { k } else { best });
+        let length = length2(first).sqrt();
+        Pieces { first, length, rows: pieces_along(2.0 * area / length, longest), longest }
+    }
+
+    /// About how many there are.
+    fn count(&self) -> f64 {
+        (0.5 * self.rows * pieces_along(self.length, self.longest)).max(1.0)
     }
 }
 

@@ -5,7 +5,10 @@
 
 use sqlx::{FromRow, SqliteConnection};
 
-use super::{JobId, ModelId, StandardId, Store, StoreError, StoredSignature, damaged, stored_id, to_i64, to_u64};
+use super::{
+    JobId, JobRecord, ModelId, Replay, StandardId, Store, StoreError, StoredSignature, damaged, jobs, replays,
+    stored_id, to_i64, to_u64,
+};
 use crate::classes::{Class, Found};
 use crate::faces::Signature;
 use crate::pipeline::Options;
@@ -211,10 +214,18 @@ impl Store {
         Ok(job)
     }
 
-    /// Queues an evaluation unless one waits already; answers with the one that waits.
-    pub async fn demand_evaluation(&self) -> Result<JobId, StoreError> {
+    /// Queues an evaluation unless one waits already; answers with the one that waits. `replay` makes the answer that is
+    /// kept from that job.
+    pub async fn demand_evaluation(
+        &self,
+        replay: impl FnOnce(&JobRecord) -> Option<Replay>,
+    ) -> Result<JobRecord, StoreError> {
         let mut tx = self.begin().await?;
-        let job = queue(&mut tx).await?;
+        let id = queue(&mut tx).await?;
+        let job = jobs::record(&mut tx, id).await?;
+        if let Some(replay) = replay(&job) {
+            replays::insert(&mut tx, &replay).await?;
+        }
         tx.commit().await?;
         Ok(job)
     }
@@ -265,13 +276,16 @@ pub(super) async fn queue(db: &mut SqliteConnection) -> Result<JobId, StoreError
 
 /// There is one after each upload of a model where there are standards: only the last ones are of interest.
 async fn forget_old(db: &mut SqliteConnection) -> Result<(), StoreError> {
-    sqlx::query(
-        "DELETE FROM job WHERE kind = 'evaluate' AND status = 'succeeded' AND id NOT IN
-             (SELECT id FROM job WHERE kind = 'evaluate' AND status = 'succeeded' ORDER BY id DESC LIMIT ?)",
+    let old: Vec<String> = sqlx::query_scalar(
+        "SELECT id FROM job WHERE kind = 'evaluate' AND status = 'succeeded' ORDER BY id DESC LIMIT -1 OFFSET ?",
     )
     .bind(EVALUATIONS_KEPT)
-    .execute(db)
+    .fetch_all(&mut *db)
     .await?;
+    for id in old {
+        replays::delete_of(db, &id).await?;
+        sqlx::query("DELETE FROM job WHERE id = ?").bind(id).execute(&mut *db).await?;
+    }
     Ok(())
 }
 
@@ -288,8 +302,9 @@ mod tests {
     async fn at_most_one_evaluation_waits_and_registrations_go_first() {
         let (store, _folder) = testing::store().await;
         assert_eq!(store.queue_evaluation().await.expect("asked"), None, "nothing is to be done");
-        let waiting = store.demand_evaluation().await.expect("queued");
-        assert_eq!(store.demand_evaluation().await.expect("queued"), waiting);
+        let demand = async || store.demand_evaluation(|_| None).await.expect("queued").id;
+        let waiting = demand().await;
+        assert_eq!(demand().await, waiting);
         let set = testing::scan_set(&store, &["a.ply", "b.ply"]).await;
         let job = super::super::NewJob {
             id: JobId::new(),
@@ -305,14 +320,15 @@ mod tests {
         assert!(!store.registration_waits().await.expect("asked"));
         let second = store.claim_job("w", LEASE, 3).await.expect("claimed").expect("one waits");
         assert_eq!((second.job.id, second.job.scan_set_id), (waiting, None));
-        assert!(store.demand_evaluation().await.expect("queued") != waiting, "the running one may have looked already");
+        assert!(demand().await != waiting, "the running one may have looked already");
         assert!(store.finish_job(&second, &Finish::Succeeded(None)).await.expect("ended"));
     }
 
     #[tokio::test]
     async fn old_signatures_are_a_backlog_until_they_are_made_anew() {
         let (store, _folder) = testing::store().await;
-        let summary = crate::faces::SignatureSummary { version: 1, regions: 2, triangles: 3 };
+        let summary =
+            crate::faces::SignatureSummary { version: 1, regions: 2, triangles: 3, left_out: Default::default() };
         let old = StoredSignature { version: 1, summary: summary.clone(), content: vec![1] };
         let model = NewModel { signature: Some(old), ..NewModel::test(None) };
         store.create_model(&model, None).await.expect("stored");

@@ -244,13 +244,8 @@ impl Store {
 
     /// One job.
     pub async fn job(&self, id: JobId) -> Result<JobRecord, StoreError> {
-        let row: Option<JobRow> = sqlx::query_as(
-            "SELECT job.*, model.id AS model_id FROM job LEFT JOIN model ON model.job_id = job.id WHERE job.id = ?",
-        )
-        .bind(id.to_string())
-        .fetch_optional(&self.readers)
-        .await?;
-        row.ok_or_else(|| not_found(id))?.record()
+        let mut db = self.readers.acquire().await?;
+        record(&mut db, id).await
     }
 
     /// Jobs, newest first.
@@ -343,6 +338,17 @@ impl Store {
         self.fold_log().await;
         Ok(model)
     }
+}
+
+/// One job; part of a larger transaction, or alone.
+pub(super) async fn record(db: &mut SqliteConnection, id: JobId) -> Result<JobRecord, StoreError> {
+    let row: Option<JobRow> = sqlx::query_as(
+        "SELECT job.*, model.id AS model_id FROM job LEFT JOIN model ON model.job_id = job.id WHERE job.id = ?",
+    )
+    .bind(id.to_string())
+    .fetch_optional(db)
+    .await?;
+    row.ok_or_else(|| not_found(id))?.record()
 }
 
 fn not_found(id: JobId) -> StoreError {

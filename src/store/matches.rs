@@ -79,7 +79,7 @@ mod tests {
     #[tokio::test]
     async fn models_are_given_as_far_as_they_are_there() {
         let (store, _folder) = testing::store().await;
-        let summary = SignatureSummary { version: 1, regions: 2, triangles: 3 };
+        let summary = SignatureSummary { version: 1, regions: 2, triangles: 3, left_out: Default::default() };
         let signature = StoredSignature { version: 1, summary, content: vec![1, 2, 3] };
         let described = NewModel { signature: Some(signature), ..NewModel::test(None) };
         let bare = NewModel::test(None);

@@ -125,6 +125,19 @@ pub enum StoreError {
     },
 }
 
+impl StoreError {
+    /// Whether the database could not open a file of its own: the process is out of descriptors, and they come free
+    /// again.
+    pub fn is_shortage(&self) -> bool {
+        // SQLITE_CANTOPEN; the higher bytes say more
+        let cant_open = |code: &str| code.parse::<u32>().is_ok_and(|code| code & 0xff == 14);
+        match self {
+            StoreError::Database(sqlx::Error::Database(error)) => error.code().is_some_and(|code| cant_open(&code)),
+            _ => false,
+        }
+    }
+}
+
 /// The embedded database. Cheap to clone.
 #[derive(Debug, Clone)]
 pub struct Store {

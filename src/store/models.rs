@@ -315,7 +315,7 @@ mod tests {
     #[tokio::test]
     async fn a_model_goes_with_all_its_parts() {
         let (store, _folder) = testing::store().await;
-        let summary = SignatureSummary { version: 1, regions: 2, triangles: 3 };
+        let summary = SignatureSummary { version: 1, regions: 2, triangles: 3, left_out: Default::default() };
         let signature = StoredSignature { version: 1, summary: summary.clone(), content: vec![1, 2, 3] };
         let model = NewModel { signature: Some(signature), ..NewModel::test(None) };
         store.create_model(&model, None).await.expect("stored");

@@ -12,18 +12,24 @@ use reqwest::{Client, StatusCode};
 use serde_json::{Value, json};
 
 /// A running `visage serve`, killed when dropped.
-struct Process {
-    child: Child,
-    url: String,
+pub struct Process {
+    pub child: Child,
+    pub url: String,
 }
 
 impl Process {
     fn start(folder: &Path) -> Process {
+        Process::start_with(folder, &[], Stdio::null())
+    }
+
+    /// Starts with further arguments; the log goes to `log`.
+    pub fn start_with(folder: &Path, arguments: &[&str], log: Stdio) -> Process {
         let mut child = Command::new(env!("CARGO_BIN_EXE_visage"))
             .args(["serve", "--addr", "127.0.0.1:0", "--log-format", "json", "--data"])
             .arg(folder)
+            .args(arguments)
             .stdout(Stdio::piped())
-            .stderr(Stdio::null())
+            .stderr(log)
             .spawn()
             .expect("the binary starts");
         let mut line = String::new();

@@ -1,7 +1,9 @@
 //! The contract: what is committed is what is served, and errors are problems everywhere.
 
-use crate::common::{TestServer, expect_json, expect_problem};
+use crate::common::{TestServer, expect_json, expect_problem, files, text};
+use reqwest::multipart::{Form, Part};
 use reqwest::{Method, StatusCode};
+use serde_json::json;
 
 #[test]
 fn the_committed_contract_is_that_of_the_code() {
@@ -56,6 +58,66 @@ async fn errors_are_problems_wherever_they_come_from() {
     expect_problem(xml, 415, "unsupported_media_type").await;
     let key = server.client.post(server.url("/v1/jobs")).header("idempotency-key", "").send().await.expect("an answer");
     expect_problem(key, 400, "malformed_request").await;
+}
+
+#[tokio::test]
+async fn forms_are_taken_where_clients_are_made_for_them_and_beside_json() {
+    let server = TestServer::start().await;
+    let files = || {
+        let scan = |name: &str, points| Part::bytes(files::ply(points)).file_name(name.to_owned());
+        Form::new().part("scans", scan("a.ply", 5)).part("scans", scan("b.ply", 6))
+    };
+    for path in ["/v1/scan-sets", "/v1/scan-sets/upload"] {
+        let set = expect_json(server.post_form(path, files()).await, StatusCode::CREATED).await;
+        assert_eq!(set["scans"][1]["name"], "b.ply", "{path}");
+    }
+    for path in ["/v1/jobs", "/v1/jobs/upload"] {
+        expect_json(server.post_form(path, files()).await, StatusCode::ACCEPTED).await;
+    }
+    for path in ["/v1/queries", "/v1/queries/probe"] {
+        let probe = Part::bytes(files::bumpy_sphere(0.0)).file_name("ball.obj");
+        // Python writes truth so
+        let form = Form::new().part("probe", probe).text("only_matches", "True").text("explain", "False");
+        let answer = expect_json(server.post_form(path, form).await, StatusCode::OK).await;
+        assert_eq!(answer["matches"], json!([]), "{path}");
+    }
+    for path in ["/v1/scan-sets/upload", "/v1/jobs/upload", "/v1/queries/probe"] {
+        expect_problem(server.post(path, &json!({})).await, 415, "unsupported_media_type").await;
+    }
+}
+
+#[tokio::test]
+async fn a_repeated_form_is_known_at_either_address() {
+    let server = TestServer::start().await;
+    let send = |path: &str| {
+        let form = Form::new().part("scans", Part::bytes(files::ply(5)).file_name("a.ply"));
+        server.client.post(server.url(path)).header("idempotency-key", "k").multipart(form).send()
+    };
+    let first = send("/v1/scan-sets").await.expect("an answer");
+    let first = expect_json(first, StatusCode::CREATED).await;
+    let again = send("/v1/scan-sets/upload").await.expect("an answer");
+    assert_eq!(again.headers()["idempotent-replayed"], "true");
+    assert_eq!(expect_json(again, StatusCode::CREATED).await["id"], first["id"]);
+}
+
+#[tokio::test]
+async fn poses_are_put_as_json_or_as_a_file_whatever_its_type() {
+    let server = TestServer::start().await;
+    let form = Form::new().part("scans", Part::bytes(files::ply(5)).file_name("a.ply"));
+    let set = expect_json(server.post_form("/v1/scan-sets/upload", form).await, StatusCode::CREATED).await;
+    let conf = "camera 0 0 0 0 0 0 1\nbmesh a.ply 0 0 0 0 0 0 1\n";
+    let matrices = files::poses(&["a.ply".to_owned()]);
+    for (address, media_type, body) in [
+        ("poses", "application/json", matrices.as_str()),
+        ("poses", "text/plain", conf),
+        ("pose-file", "application/octet-stream", conf),
+        ("pose-file", "application/octet-stream", matrices.as_str()),
+    ] {
+        let url = server.url(&format!("{}/{address}", text(&set, "/links/self")));
+        let put = server.client.put(url).header("content-type", media_type).body(body.to_owned()).send().await;
+        let poses = expect_json(put.expect("an answer"), StatusCode::OK).await;
+        assert_eq!((&poses["count"], &poses["scans_without_pose"]), (&json!(1), &json!([])), "{address} {media_type}");
+    }
 }
 
 #[tokio::test]

@@ -3,11 +3,16 @@
 mod additions;
 mod binary;
 mod common;
+mod conditions;
 mod contract;
+mod describing;
 mod gallery;
+mod hosts;
 mod jobs;
 mod models;
+mod pressure;
 mod queries;
 mod recovery;
 mod scan_sets;
+mod slow;
 mod standards;

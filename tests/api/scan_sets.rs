@@ -157,7 +157,7 @@ async fn a_form_that_breaks_off_leaves_nothing() {
 #[tokio::test]
 async fn a_client_that_stalls_is_given_up() {
     let server = TestServer::start_with(|config| {
-        config.limits.upload_stall = std::time::Duration::from_millis(200);
+        config.edge.body_stall = std::time::Duration::from_millis(200);
     })
     .await;
     let set = server.scan_set(2).await;

@@ -3,3 +3,4 @@
 mod additions;
 mod faces;
 mod registration;
+mod unsound;

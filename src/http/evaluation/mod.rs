@@ -101,7 +101,7 @@ async fn evaluate(state: &AppState, query: EvaluationQuery) -> Result<Evaluation
         // one that a user has made: as far as models are judged
         None => Some(verdicts::of_class(state, &name, query.method).await?),
     };
-    let _turn = state.describing.clone().acquire_owned().await.map_err(Problem::internal)?;
+    let _turn = state.evaluating.clone().acquire_owned().await.map_err(Problem::internal)?;
     let method = query.method.unwrap_or_default();
     let positive = query.label.unwrap_or_else(|| name.clone());
     let labels = labels(state, query.label_prefix.as_deref().unwrap_or_default())?;

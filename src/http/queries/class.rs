@@ -2,12 +2,12 @@
 
 use std::collections::HashMap;
 
+use super::super::cursor;
 use super::super::model_views;
 use super::super::problem::Problem;
 use super::super::standards::{self, Ranking};
 use super::super::state::AppState;
 use super::super::verdicts::VerdictView;
-use super::cursor;
 use super::question::{Question, unknown_standard};
 use super::views::{MatchView, QueryAnswer};
 use crate::faces::judgement::MATCH_SCORE;

@@ -1,12 +1,12 @@
 //! What is asked, read from JSON or from a form.
 
+use super::super::cursor::{self, Fingerprint};
 use super::super::models::parse_id as parse_model_id;
 use super::super::problem::{Code, Problem};
 use super::super::standards::learned;
 use super::super::state::AppState;
 use super::super::upload::{self, Form, FormRules};
 use super::super::{describe, names};
-use super::cursor::{self, Fingerprint};
 use super::terms::{RawTerms, Terms};
 use super::triangle::AskedTriangle;
 use super::views::{MethodView, QueryBody};
@@ -203,11 +203,14 @@ pub async fn of_form(state: &AppState, mut form: Form) -> Result<Question, Probl
         let detail = "the form has no part `probe`";
         Problem::new(Code::InvalidField, detail, "send the mesh or cloud as a file named `probe`")
     })?;
+    let turn = describe::turn(state, &file).await?;
     let (file, surface) = upload::read_surface(state, file).await?;
     let about = match class {
-        Some(standard) => About::ClassVerdict(Box::new(looked_for(state, &file.name, surface, unit, standard).await?)),
+        Some(standard) => {
+            About::ClassVerdict(Box::new(looked_for(state, turn, &file.name, surface, unit, standard).await?))
+        }
         None => {
-            let signature = Box::new(describe::describe(state, &file.name, surface, unit).await?);
+            let signature = Box::new(describe::describe(state, turn, &file.name, surface, unit).await?);
             match standard.as_deref().and_then(standard::by_name) {
                 Some(standard) => About::Verdict { signature, standard, method: method.unwrap_or_default().into() },
                 None => About::Probe { signature, stored: None },
@@ -244,13 +247,14 @@ async fn class_named(state: &AppState, name: &str) -> Result<StandardRecord, Pro
 /// Looks for a class on an uploaded probe.
 async fn looked_for(
     state: &AppState,
+    turn: describe::Turn,
     file: &str,
     surface: Surface,
     unit: Unit,
     standard: StandardRecord,
 ) -> Result<ClassVerdict, Problem> {
     let learned = learned(state, standard.id).await?;
-    let looking = describe::computed(state, move |engine, progress| {
+    let looking = describe::computed(state, turn, move |engine, progress| {
         let found = engine.find(&[&standard.class], &surface, unit, progress)?.into_iter().next().flatten();
         Ok(ClassVerdict { standard, learned, found })
     });

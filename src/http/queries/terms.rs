@@ -32,7 +32,7 @@ pub enum SourceView {
 #[serde(deny_unknown_fields)]
 pub struct FilterView {
     /// One of these labels.
-    #[schema(max_items = 100)]
+    #[schema(min_items = 1, max_items = 100)]
     pub labels: Option<Vec<String>>,
     /// A label that begins so.
     pub label_prefix: Option<String>,
@@ -43,7 +43,7 @@ pub struct FilterView {
     #[schema(format = DateTime)]
     pub created_before: Option<String>,
     /// One of these units.
-    #[schema(max_items = 100)]
+    #[schema(min_items = 1, max_items = 100)]
     pub units: Option<Vec<UnitView>>,
     /// Come this way.
     pub source: Option<SourceView>,
@@ -112,10 +112,10 @@ impl RawTerms {
         Ok(RawTerms {
             limit: form.text("limit")?.map(|text| value("limit", text, "a number")).transpose()?,
             threshold: form.text("threshold")?.map(|text| value("threshold", text, "a number")).transpose()?,
-            only_matches: form.text("only_matches")?.map(|t| value("only_matches", t, "true or false")).transpose()?,
+            only_matches: form.text("only_matches")?.map(|text| truth("only_matches", text)).transpose()?,
             cursor: form.text("cursor")?.map(str::to_owned),
             filter: form.text("filter")?.map(|t| parse_json("the part filter", t.as_bytes())).transpose()?,
-            explain: form.text("explain")?.map(|text| value("explain", text, "true or false")).transpose()?,
+            explain: form.text("explain")?.map(|text| truth("explain", text)).transpose()?,
         })
     }
 
@@ -158,6 +158,11 @@ pub struct Terms {
     pub filter: Filter,
     /// Whether to tell each step's figure.
     pub explain: bool,
+}
+
+/// Forms hold text only, and Python writes `True`.
+fn truth(part: &str, text: &str) -> Result<bool, Problem> {
+    value(part, &text.to_ascii_lowercase(), "true or false")
 }
 
 fn value<T: std::str::FromStr>(part: &str, text: &str, what: &str) -> Result<T, Problem> {

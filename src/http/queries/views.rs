@@ -1,9 +1,13 @@
 //! Questions and answers as they go over the wire.
 
+use std::borrow::Cow;
+
 use serde::{Deserialize, Serialize};
-use utoipa::ToSchema;
+use utoipa::openapi::{OneOfBuilder, Ref, RefOr, Schema};
+use utoipa::{PartialSchema, ToSchema};
 
 use super::super::scan_set_views::UnitView;
+use super::super::schemas::{Corners, Landmarks, Point};
 use super::super::verdicts::{ExplanationView, Places, ReasonView, VerdictView};
 use super::terms::FilterView;
 use crate::retrieval::MatchMethod;
@@ -44,8 +48,7 @@ impl From<MethodView> for MatchMethod {
 }
 
 /// A triangle: three corners in any order, or what tells it.
-#[derive(Debug, Clone, Deserialize, ToSchema)]
-#[schema(as = Triangle)]
+#[derive(Debug, Clone, Deserialize)]
 #[serde(untagged)]
 pub enum TriangleView {
     /// Its corners.
@@ -54,16 +57,42 @@ pub enum TriangleView {
     Told(ToldTriangle),
 }
 
+// by hand: a derived schema would not say how many numbers a corner has
+impl PartialSchema for TriangleView {
+    fn schema() -> RefOr<Schema> {
+        OneOfBuilder::new()
+            .description(Some("A triangle: three corners in any order, or what tells it."))
+            .item(Ref::from_schema_name(Corners::name()))
+            .item(Ref::from_schema_name(ToldTriangle::name()))
+            .into()
+    }
+}
+
+impl ToSchema for TriangleView {
+    fn name() -> Cow<'static, str> {
+        "Triangle".into()
+    }
+
+    fn schemas(schemas: &mut Vec<(String, RefOr<Schema>)>) {
+        schemas.push((Corners::name().into(), Corners::schema()));
+        schemas.push((ToldTriangle::name().into(), ToldTriangle::schema()));
+        ToldTriangle::schemas(schemas);
+    }
+}
+
 /// A triangle: exactly one of `corners` and `sides`.
 #[derive(Debug, Clone, Default, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ToldTriangle {
     /// Its corners, in any order.
+    #[schema(value_type = Option<Corners>)]
     pub corners: Option<[[f64; 3]; 3]>,
     /// The lengths of its sides, in any order; it is met from either side then.
+    #[schema(min_items = 3, max_items = 3)]
     pub sides: Option<[f64; 3]>,
     /// The direction that is outside, for a triangle of corners; without it the triangle is met from either side, as
     /// is its mirror image.
+    #[schema(value_type = Option<Point>)]
     pub outward: Option<[f64; 3]>,
     /// The unit of its lengths. With it, errors are millimetres on this triangle; without it, on one of the size of
     /// the standard face's. Which models are found is the same: the paper's error does not know size.
@@ -86,51 +115,56 @@ pub struct QueryBody {
     /// How models are judged against a standard.
     pub method: Option<MethodView>,
     /// At most so many matches (1 to 1000, 20 if not given).
-    #[schema(minimum = 1, maximum = 1000, default = 20)]
+    #[schema(minimum = 1, maximum = 1000)]
     pub limit: Option<usize>,
     /// The score from which on a model is a match; the question's own if not given.
     #[schema(minimum = 0, maximum = 1)]
     pub threshold: Option<f64>,
     /// Leave out what is no match.
-    #[schema(default = false)]
     pub only_matches: Option<bool>,
     /// Which models may be answered with.
     pub filter: Option<FilterView>,
     /// `next_cursor` of the page before.
     pub cursor: Option<String>,
     /// Tell each step's figure.
-    #[schema(default = false)]
     pub explain: Option<bool>,
 }
 
 /// The form by which an uploaded mesh or cloud is asked about. It is not stored.
-#[derive(ToSchema)]
+#[derive(Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
 #[expect(dead_code, reason = "only describes the form")]
 pub struct ProbeForm {
     /// A mesh or cloud: PLY, PCD or OBJ.
     #[schema(value_type = String, format = Binary)]
     probe: Vec<u8>,
-    /// The unit of its coordinates.
-    unit: Option<UnitView>,
+    /// The unit of its coordinates; not known if not given.
+    #[schema(required = false)]
+    unit: UnitView,
     /// Judge the probe against this class, `face` or one of your own, rather than look for models like it.
-    #[schema(example = "face")]
-    standard: Option<String>,
+    #[schema(required = false, example = "face")]
+    standard: String,
     /// How it is judged against a standard.
-    method: Option<MethodView>,
+    #[schema(required = false)]
+    method: MethodView,
     /// At most so many matches (1 to 1000, 20 if not given).
-    #[schema(minimum = 1, maximum = 1000, default = 20)]
-    limit: Option<usize>,
+    #[schema(required = false, minimum = 1, maximum = 1000)]
+    limit: usize,
     /// The score from which on a model, or the probe, is a match.
-    #[schema(minimum = 0, maximum = 1)]
-    threshold: Option<f64>,
+    #[schema(required = false, minimum = 0, maximum = 1)]
+    threshold: f64,
     /// Leave out what is no match.
-    only_matches: Option<bool>,
+    #[schema(required = false)]
+    only_matches: bool,
     /// Which models may be answered with, as JSON.
-    filter: Option<FilterView>,
+    #[schema(required = false)]
+    filter: FilterView,
     /// `next_cursor` of the page before; send the same probe again.
-    cursor: Option<String>,
+    #[schema(required = false)]
+    cursor: String,
     /// Tell each step's figure.
-    explain: Option<bool>,
+    #[schema(required = false)]
+    explain: bool,
 }
 
 /// One ranked answer.
@@ -162,8 +196,10 @@ pub struct MatchView {
     /// The share of the standard face's surface that could be seen on it.
     pub coverage: Option<f64>,
     /// The triangle in the model's frame and unit (for faces: right eye, left eye, nose); null if there is none.
+    #[schema(value_type = Option<Corners>)]
     pub triangle: Option<Vec<Vec<f64>>>,
     /// The landmarks of its face in the model's frame and unit, by name; null if it has none.
+    #[schema(value_type = Option<Landmarks>)]
     pub landmarks: Option<Places>,
     /// Why it is no match; null if it is one.
     pub reason: Option<ReasonView>,

@@ -39,7 +39,7 @@ impl NearGrid {
 
     fn enter(&mut self, surfel: u32, point: &nalgebra::Vector3<f32>, distances2: &mut [f32]) {
         let place = (point - self.origin) * self.inverse;
-        let center = place.map(|x| x.floor() as i32);
+        let center = place.map(|x| x.floor().clamp(-MOST_CELLS, 4.0 * MOST_CELLS) as i32);
         for z in center.z - AROUND..=center.z + AROUND {
             for y in center.y - AROUND..=center.y + AROUND {
                 for x in center.x - AROUND..=center.x + AROUND {

@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::placement::{Origin, PlacedGroup, Placement};
 use crate::geometry::se3;
 use crate::registration::multiview::Multiview;
-use crate::registration::quality::Quality;
+use crate::registration::quality::{self, Quality, Verdict};
 use crate::registration::view::View;
 
 /// How the views came to their poses.
@@ -58,6 +58,15 @@ impl PlacementReport {
             reasons: (0..placement.origins.len()).map(reason).collect(),
             groups: placement.groups.clone(),
         }
+    }
+
+    /// Judges the views at other poses than they were placed at; how sure their places are stays as it was.
+    pub fn judge(&self, views: &[View], result: &Multiview, names: &[String]) -> Verdict {
+        let mut verdict = quality::judge(views, result, names);
+        if let Some(sure) = &self.confidences {
+            verdict.doubt(sure, &result.placed, names);
+        }
+        verdict
     }
 
     /// How sure the whole is: as sure as its least sure placed view.

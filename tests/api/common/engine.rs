@@ -36,6 +36,10 @@ pub struct FakeEngine {
     pub runs: AtomicUsize,
     /// Models that were looked at for classes.
     pub looks: AtomicUsize,
+    /// Models whose description was begun.
+    pub described: AtomicUsize,
+    /// Descriptions that were stopped because nobody wants them any more.
+    pub given_up: AtomicUsize,
 }
 
 impl FakeEngine {
@@ -77,6 +81,17 @@ impl Engine for FakeEngine {
     }
 
     fn describe(&self, surface: &Surface, unit: Unit, progress: &Progress) -> Result<Signature, DescribeError> {
+        self.described.fetch_add(1, Ordering::Relaxed);
+        let mode = *self.mode.lock().expect("never poisoned");
+        if let Mode::Slow(time) = mode {
+            let begin = Instant::now();
+            while begin.elapsed() < time {
+                progress.check().inspect_err(|_| {
+                    self.given_up.fetch_add(1, Ordering::Relaxed);
+                })?;
+                std::thread::sleep(Duration::from_millis(5));
+            }
+        }
         PipelineEngine.describe(surface, unit, progress)
     }
 

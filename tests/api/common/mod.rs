@@ -2,6 +2,7 @@
 
 pub mod engine;
 pub mod files;
+pub mod raw;
 
 use std::net::SocketAddr;
 use std::path::Path;
@@ -12,7 +13,7 @@ use reqwest::multipart::{Form, Part};
 use reqwest::{Client, Response, StatusCode};
 use serde_json::{Value, json};
 use visage::config::ServerConfig;
-use visage::http::{Server, ServerHandle};
+use visage::http::{Connections, Server, ServerHandle};
 
 pub use engine::{FakeEngine, Mode};
 
@@ -116,6 +117,13 @@ impl TestServer {
         let view = self.finished(&job).await;
         assert_eq!(view["status"], "succeeded", "{view}");
         (text(&view, "/model_id"), job)
+    }
+
+    /// Waits until the connections are so.
+    pub async fn until_connections(&self, wanted: impl Fn(&Connections) -> bool) {
+        let mut connections = self.handle.connections();
+        let waiting = connections.wait_for(wanted);
+        tokio::time::timeout(Duration::from_secs(60), waiting).await.expect("in time").expect("the server runs");
     }
 
     /// Files under a part of the data folder.

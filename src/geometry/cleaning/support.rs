@@ -7,8 +7,11 @@ use std::f64::consts::TAU;
 
 use super::survey::Survey;
 use crate::geometry::Vector3;
+use crate::geometry::neighbours::LocalPoint;
 use crate::geometry::normals::least_spread;
-use crate::registration::sensor::Sensor;
+
+/// Tells the direction from a point to the scanner.
+pub type ToScanner<'a> = &'a dyn Fn(&LocalPoint) -> Vector3;
 
 /// A plane with nothing of the object on it or behind it.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -62,13 +65,13 @@ impl Support {
     }
 
     /// Whether the scanner stood before it.
-    fn faces(&self, survey: &Survey, sensor: &Sensor) -> bool {
+    fn faces(&self, survey: &Survey, to_scanner: ToScanner) -> bool {
         let Some(nearest) =
             (0..survey.count()).find(|surfel| self.height(&survey.position(*surfel)).abs() < self.reach)
         else {
             return false;
         };
-        self.normal.dot(&sensor.direction_from(&survey.points[nearest])) > 0.0
+        self.normal.dot(&to_scanner(&survey.points[nearest])) > 0.0
     }
 
     fn has(&self, survey: &Survey, surfel: usize, tolerance: f64) -> bool {
@@ -78,7 +81,7 @@ impl Support {
 
 /// Surfels that follow each other, to which the plane of a seed is fitted at first sight.
 const WINDOW: usize = 13;
-/// Every so-manieth surfel is enough to pass most seeds over.
+/// Every few surfels are enough to pass most seeds over.
 const FEW: usize = 4;
 /// At first sight a plane is large from this share of [`LARGE`] on,
 const NEARLY_LARGE: f64 = 0.8;
@@ -140,7 +143,7 @@ fn selections(planes: &[Support]) -> Vec<Vec<Support>> {
 }
 
 /// Large planes with hardly anything behind them as seen by the scanner, the largest first.
-pub fn bounding_planes(survey: &Survey, sensor: Option<&Sensor>) -> Vec<Support> {
+pub fn bounding_planes(survey: &Survey, to_scanner: Option<ToScanner>) -> Vec<Support> {
     let mut free: Vec<usize> =
         (0..survey.count()).filter(|surfel| survey.normals[*surfel] != Vector3::zeros()).collect();
     let least = (LARGE * survey.count() as f64).max(20.0) as usize;
@@ -152,7 +155,7 @@ pub fn bounding_planes(survey: &Survey, sensor: Option<&Sensor>) -> Vec<Support>
         };
         free.retain(|surfel| !members.contains(surfel));
         if let Some(support) = bounding(survey, plane, members.len())
-            && sensor.is_none_or(|sensor| support.faces(survey, sensor))
+            && to_scanner.is_none_or(|to_scanner| support.faces(survey, to_scanner))
             && found.len() < MOST
         {
             found.push(support);
@@ -239,13 +242,17 @@ fn share_around(survey: &Survey, plane: &Support, object: &[usize]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::{Cloud, Point3};
-    use crate::registration::view::View;
+    use crate::geometry::Point3;
+    use crate::geometry::neighbours::IndexedPoints;
 
-    fn found(points: Vec<Point3>, sensor: Option<Sensor>) -> Vec<Support> {
-        let view = View::new(&Cloud::from_points(points)).expect("a sound scan");
-        let survey = Survey::new(&view).with_normals(&view);
-        supports(&survey, &bounding_planes(&survey, sensor.as_ref()), AROUND, MOST)
+    /// Points 2 mm apart; the scanner stood far off along `toward`.
+    fn found(points: Vec<Point3>, toward: Option<Vector3>) -> Vec<Support> {
+        let middle = points.iter().map(|p| p.coords).sum::<Vector3>() / points.len() as f64;
+        let indexed = IndexedPoints::new(points.iter().map(|p| (p.coords - middle).cast::<f32>().into()).collect());
+        let survey = Survey::new(&indexed.points, 2.0, 0.0).with_normals(&indexed);
+        let toward = toward.map(|toward| move |_: &LocalPoint| toward);
+        let candidates = bounding_planes(&survey, toward.as_ref().map(|toward| toward as ToScanner));
+        supports(&survey, &candidates, AROUND, MOST)
     }
 
     fn grid(place: impl Fn(f64, f64) -> Option<Point3>) -> Vec<Point3> {
@@ -261,8 +268,8 @@ mod tests {
     fn a_floor_about_a_dome_is_a_support_as_long_as_it_faces_the_scanner() {
         let [support] = found(dome_on_floor(), None)[..] else { panic!("there is one floor") };
         assert!(support.normal.z > 0.999, "towards the dome");
-        assert_eq!(found(dome_on_floor(), Some(Sensor::Toward(Vector3::z()))).len(), 1);
-        assert!(found(dome_on_floor(), Some(Sensor::Toward(-Vector3::z()))).is_empty(), "seen from below it is a lid");
+        assert_eq!(found(dome_on_floor(), Some(Vector3::z())).len(), 1);
+        assert!(found(dome_on_floor(), Some(-Vector3::z())).is_empty(), "seen from below it is a lid");
     }
 
     #[test]

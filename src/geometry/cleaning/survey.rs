@@ -4,11 +4,12 @@ use crate::geometry::Vector3;
 use crate::geometry::neighbours::{IndexedPoints, LocalPoint};
 use crate::geometry::normals::patch_within;
 use crate::geometry::thinning::{Thinned, thin};
-use crate::registration::view::View;
 
 /// About how many surfels stand for a scan.
 const SURFELS: f64 = 2500.0;
-/// A view of n points has about `n (EDGE_FACTOR / edge)^2` voxels of an edge given in spacings.
+/// Never more than so many: where points lie in clumps their spacing says nothing.
+const MOST_SURFELS: usize = 20_000;
+/// A scan of n points has about `n (EDGE_FACTOR / edge)^2` voxels of an edge given in spacings.
 const EDGE_FACTOR: f64 = 1.7;
 /// A voxel narrower than this (in spacings) holds too few points to average.
 const FINEST_EDGE: f64 = 2.5;
@@ -17,7 +18,7 @@ const REACH: f64 = 1.2;
 /// Points of a neighbourhood that are looked at: enough for a normal.
 const NEIGHBOURS: usize = 60;
 
-/// The surfels of a view, in its local frame.
+/// The surfels of a scan.
 pub struct Survey {
     /// Positions, along a space-filling curve.
     pub points: Vec<LocalPoint>,
@@ -27,29 +28,33 @@ pub struct Survey {
     pub counts: Vec<u32>,
     /// Edge of the voxels, a length.
     pub edge: f64,
-    /// Spacing of the view.
+    /// Spacing of the points.
     pub spacing: f64,
-    /// Range accuracy of the view, a length.
+    /// Range accuracy of the points, a length.
     pub range_accuracy: f64,
 }
 
 impl Survey {
-    /// Surveys a view, without normals: they cost more than all the rest, and most sets are judged without.
-    pub fn new(view: &View) -> Self {
-        let points = view.points();
-        let edge = view.spacing * (EDGE_FACTOR * (points.len() as f64 / SURFELS).sqrt()).max(FINEST_EDGE);
-        let Thinned { centroids: points, counts } = thin(points, edge as f32);
-        let (spacing, range_accuracy) = (view.spacing, view.range_accuracy);
+    /// Surveys points with this spacing and range accuracy, without normals: they cost more than all the rest, and most
+    /// sets are judged without.
+    pub fn new(points: &[LocalPoint], spacing: f64, range_accuracy: f64) -> Self {
+        let mut edge = spacing * (EDGE_FACTOR * (points.len() as f64 / SURFELS).sqrt()).max(FINEST_EDGE);
+        let mut thinned = thin(points, edge as f32);
+        while thinned.counts.len() > MOST_SURFELS {
+            edge *= 1.5;
+            thinned = thin(points, edge as f32);
+        }
+        let Thinned { centroids: points, counts } = thinned;
         Survey { points, normals: Vec::new(), counts, edge, spacing, range_accuracy }
     }
 
-    /// The same with normals, from the view that was surveyed.
-    pub fn with_normals(self, view: &View) -> Self {
-        let points = view.points();
+    /// The same with normals, from the points that were surveyed.
+    pub fn with_normals(self, indexed: &IndexedPoints) -> Self {
+        let points = &indexed.points;
         // every so many points are enough for normals
         let step = (points.len() / (NEIGHBOURS * self.count()).max(1)).max(1);
         let sampled = (step > 1).then(|| IndexedPoints::new(points.iter().step_by(step).copied().collect()));
-        let sampled = sampled.as_ref().unwrap_or(&view.indexed);
+        let sampled = sampled.as_ref().unwrap_or(indexed);
         let reach = (REACH * self.edge) as f32;
         let normals = self.points.iter().map(|center| normal(sampled, center, reach)).collect();
         Survey { normals, ..self }

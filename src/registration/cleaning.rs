@@ -4,16 +4,13 @@
 //! stands about it in many scans, while a flat part of the object looks like a floor from a few sides at most. In doubt
 //! everything is kept.
 
-pub mod strays;
-pub mod support;
-mod survey;
-
 use rayon::prelude::*;
 
-use self::support::Support;
-use self::survey::Survey;
 use super::sensor::Sensor;
 use super::view::{MIN_POINTS, View};
+use crate::geometry::cleaning::support::{Support, ToScanner};
+use crate::geometry::cleaning::{Survey, strays, support};
+use crate::geometry::neighbours::LocalPoint;
 use crate::progress::{Canceled, Progress};
 
 /// What is left out of a scan.
@@ -51,7 +48,7 @@ pub fn clean(views: &[View], sensors: &[Option<Sensor>], progress: &Progress) ->
         .with_max_len(1)
         .map(|view| {
             progress.check()?;
-            let survey = Survey::new(view);
+            let survey = Survey::new(view.points(), view.spacing, view.range_accuracy);
             let may_have_support = support::may_have_support(&survey);
             Ok((survey, may_have_support))
         })
@@ -85,8 +82,9 @@ fn closer_looks<'a>(
 ) -> Result<Vec<Look<'a>>, Canceled> {
     let look = |((view, survey), sensor): ((&'a View, Survey), &Option<Sensor>)| {
         progress.check()?;
-        let survey = survey.with_normals(view);
-        let candidates = support::bounding_planes(&survey, sensor.as_ref());
+        let survey = survey.with_normals(&view.indexed);
+        let to_scanner = sensor.map(|sensor| move |point: &LocalPoint| sensor.direction_from(point));
+        let candidates = support::bounding_planes(&survey, to_scanner.as_ref().map(|toward| toward as ToScanner));
         let supports = support::supports(&survey, &candidates, support::AROUND, support::MOST);
         Ok(Look { view, survey, candidates, supports })
     };

@@ -1,0 +1,120 @@
+//! `/v1/scan-sets/{id}/scans/{name}`: scans one by one.
+
+use axum::Json;
+use axum::extract::{Request, State};
+use axum::http::StatusCode;
+use axum::response::{IntoResponse, Response};
+
+use super::conditions::{ConditionHeaders, Conditions, ETag};
+use super::extract::Path;
+use super::problem::Problem;
+use super::scan_set_views::ScanView;
+use super::scan_sets::{TAG, keep_files, parse_id, record_of};
+use super::schemas::{FileContent, ScanName};
+use super::state::{AppState, blocking, deleted, uninterrupted};
+use super::upload::{self, UploadedFile};
+use super::{digest, names, responses};
+use crate::store::{PutScan, ScanSetId};
+
+/// What a body is held against, as the contract describes it.
+#[derive(utoipa::IntoParams)]
+#[into_params(parameter_in = Header)]
+#[expect(dead_code, reason = "only describes the header")]
+struct DigestHeader {
+    /// RFC 9530, sha-256 or sha-512; checked.
+    #[param(
+        rename = "Content-Digest",
+        required = false,
+        example = "sha-256=:47DEQpj8HBSa+/TImW+5JCeuQeRkm5NMpJWZG3hSuFU=:"
+    )]
+    content_digest: String,
+}
+
+/// Add one scan, or replace the one of the same name.
+///
+/// Retryable scan by scan: after a lost connection only the scan under way has to be sent again.
+#[utoipa::path(
+    put, path = "/v1/scan-sets/{id}/scans/{name}", tag = TAG, operation_id = "putScan",
+    params(("id" = String, Path, format = "uuid", description = "The scan set."),
+           ("name" = ScanName, Path, description = "The scan's file name; its ending tells the format."),
+           DigestHeader, ConditionHeaders),
+    request_body(content = inline(FileContent), content_type = "application/octet-stream",
+                 description = "The file itself."),
+    responses(
+        (status = 200, description = "It replaces the scan of the same name.", body = ScanView,
+         headers(("ETag" = String, description = "Changes with the content."))),
+        (status = 201, description = "It is added.", body = ScanView,
+         headers(("ETag" = String, description = "Changes with the content."))),
+        responses::BadRequest, responses::NotFound, responses::Stalled, responses::Conflict, responses::OtherState,
+        responses::TooLarge, responses::Unprocessable, responses::Other,
+    )
+)]
+pub(super) async fn put_scan(
+    State(state): State<AppState>,
+    Path((id, name)): Path<(String, String)>,
+    conditions: Conditions,
+    request: Request,
+) -> Result<Response, Problem> {
+    let id = parse_id(&id)?;
+    let name = names::surface_file_name(&name)?;
+    // before megabytes are sent in vain
+    conditions.check(scan_tag(&state, id, &name).await?.as_ref())?;
+    let headers = request.headers().clone();
+    let (staged, digests) = upload::receive_body(&state, &name, request).await?;
+    digest::check(&headers, &name, &digests)?;
+    let mut checked = upload::check_scans(&state, vec![UploadedFile { name, staged }]).await?;
+    let (file, points) = checked.pop().ok_or_else(|| Problem::internal("a checked scan vanished"))?;
+    uninterrupted(async move {
+        let _turn = conditions.turn(&state).await;
+        conditions.check(scan_tag(&state, id, &file.name).await?.as_ref())?;
+        let scan = record_of(&file, points);
+        keep_files(&state, id, vec![(scan.file_id, file)]).await?;
+        let put = state.shop.store.put_scan(id, &scan, state.limits().scans_per_set).await;
+        let (unused, status) = match &put {
+            Ok(PutScan::Created) => (None, StatusCode::CREATED),
+            Ok(PutScan::Replaced(old)) => (Some(*old), StatusCode::OK),
+            Err(_) => (Some(scan.file_id), StatusCode::INTERNAL_SERVER_ERROR),
+        };
+        if let Some(file) = unused {
+            let blobs = state.shop.blobs.clone();
+            blocking(move || blobs.remove_scan(id, file)).await??;
+        }
+        put?;
+        let etag = ETag::of_checksum(&scan.checksum).header()?;
+        Ok((status, [etag], Json(ScanView::of(&scan))).into_response())
+    })
+    .await
+}
+
+/// The tag of the scan of this name, if the set has one.
+async fn scan_tag(state: &AppState, set: ScanSetId, name: &str) -> Result<Option<ETag>, Problem> {
+    let set = state.shop.store.scan_set(set).await?;
+    Ok(set.scans.iter().find(|scan| scan.name == name).map(|scan| ETag::of_checksum(&scan.checksum)))
+}
+
+/// Take one scan out of a scan set.
+#[utoipa::path(
+    delete, path = "/v1/scan-sets/{id}/scans/{name}", tag = TAG, operation_id = "deleteScan",
+    params(("id" = String, Path, format = "uuid", description = "The scan set."),
+           ("name" = ScanName, Path, description = "The scan."), ConditionHeaders),
+    responses((status = 204, description = "It is gone."), responses::NotFound, responses::Conflict,
+              responses::OtherState, responses::Other)
+)]
+pub(super) async fn delete_scan(
+    State(state): State<AppState>,
+    Path((id, name)): Path<(String, String)>,
+    conditions: Conditions,
+) -> Result<StatusCode, Problem> {
+    let id = parse_id(&id)?;
+    deleted(async move {
+        let _turn = conditions.turn(&state).await;
+        // one that is not there is a 404 below
+        if let Some(etag) = scan_tag(&state, id, &name).await? {
+            conditions.check(Some(&etag))?;
+        }
+        let file = state.shop.store.delete_scan(id, &name).await?;
+        let blobs = state.shop.blobs.clone();
+        Ok(blocking(move || blobs.remove_scan(id, file)).await??)
+    })
+    .await
+}

@@ -1,0 +1,153 @@
+//! Values whose bounds their Rust types don't tell, as the contract describes them.
+//!
+//! Generated clients and checkers know of a value what stands here and nothing else: how many numbers a point has, what
+//! a scan may be called, that a file is bytes and no list of numbers.
+
+use utoipa::openapi::schema::{AdditionalProperties, ArrayBuilder, ObjectBuilder, SchemaType};
+use utoipa::openapi::{KnownFormat, OneOfBuilder, RefOr, Schema, SchemaFormat, Type};
+use utoipa::{PartialSchema, ToSchema};
+
+use crate::formats::EXTENSIONS;
+use crate::pipeline::{Method, Scale};
+
+macro_rules! schemas {
+    ($($(#[doc = $doc:literal])* $name:ident = $schema:expr;)*) => {
+        $(
+            $(#[doc = $doc])*
+            pub struct $name;
+
+            impl PartialSchema for $name {
+                fn schema() -> RefOr<Schema> {
+                    $schema.description(Some([$($doc.trim()),*].join(" "))).build().into()
+                }
+            }
+
+            impl ToSchema for $name {}
+        )*
+    };
+}
+
+schemas! {
+    /// A file, byte by byte.
+    FileContent = text().format(Some(SchemaFormat::KnownFormat(KnownFormat::Binary)));
+    /// A plain file name (no folders, no control characters, no blank at either end) whose ending tells the format.
+    ScanName = text().pattern(Some(scan_name_pattern())).max_length(Some(255)).examples(["bun045.ply"]);
+    /// A name or label: one line, not blank.
+    ShortText = text().pattern(Some(short_text_pattern())).min_length(Some(1)).max_length(Some(200));
+    /// A file that holds the surface of a model.
+    SurfaceFile = text().enum_values(Some(surface_files())).examples(["cloud.ply"]);
+    /// A registration method.
+    MethodName = text().enum_values(Some(Method::ALL.map(Method::name)));
+    /// Whether scans get scale factors.
+    ScaleName = text().enum_values(Some(Scale::ALL.map(Scale::name)));
+    /// x, y and z.
+    Point = list(number(), 3);
+    /// Three points.
+    Corners = list(list(number(), 3), 3);
+    /// Places by name; right and left are the subject's own.
+    Landmarks = map(list(number(), 3));
+    /// Motions by scan name, 4x4, row-major, each from its scan to the world; null for a scan without a place.
+    Poses = map(OneOfBuilder::new().item(list(list(number(), 4), 4)).item(null()));
+}
+
+fn text() -> ObjectBuilder {
+    ObjectBuilder::new().schema_type(Type::String)
+}
+
+fn number() -> ObjectBuilder {
+    ObjectBuilder::new().schema_type(Type::Number).format(Some(SchemaFormat::KnownFormat(KnownFormat::Double)))
+}
+
+fn null() -> ObjectBuilder {
+    ObjectBuilder::new().schema_type(Type::Null)
+}
+
+fn list(item: impl Into<RefOr<Schema>>, length: usize) -> ArrayBuilder {
+    ArrayBuilder::new().items(item.into()).min_items(Some(length)).max_items(Some(length))
+}
+
+fn map(value: impl Into<RefOr<Schema>>) -> ObjectBuilder {
+    ObjectBuilder::new()
+        .schema_type(SchemaType::new(Type::Object))
+        .additional_properties(Some(AdditionalProperties::RefOr(value.into())))
+}
+
+/// `names::surface_file_name` as a regular expression of ECMA 262; a test holds them against each other.
+fn scan_name_pattern() -> String {
+    let either = |c: char| format!("[{}{}]", c.to_ascii_lowercase(), c.to_ascii_uppercase());
+    let endings: Vec<String> = EXTENSIONS.iter().map(|ending| ending.chars().map(either).collect()).collect();
+    let plain = r"/\\\u0000-\u001f\u007f-\u009f";
+    format!(r"^([^\s{plain}][^{plain}]*)?\.({})$", endings.join("|"))
+}
+
+/// `names::text` as a regular expression of ECMA 262.
+fn short_text_pattern() -> String {
+    let control = r"\u0000-\u001f\u007f-\u009f";
+    format!("^[^{control}]*[^\\s{control}][^{control}]*$")
+}
+
+fn surface_files() -> Vec<String> {
+    ["cloud", "mesh"].iter().flat_map(|stem| EXTENSIONS.iter().map(move |ending| format!("{stem}.{ending}"))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::names;
+    use super::*;
+
+    /// Names at the borders of the rules, and inside.
+    const NAMES: [&str; 26] = [
+        "a.ply",
+        "A.PLY",
+        "a.b.pcd",
+        "ete\u{301}.obj",
+        "\u{e9}.oBj",
+        "..ply",
+        ".ply",
+        "a b.ply",
+        "a .ply",
+        "a\u{a0}.ply",
+        "ply",
+        "a.ply.gz",
+        "a.stl",
+        "a.plyx",
+        "",
+        ".",
+        "..",
+        "x/a.ply",
+        "x\\a.ply",
+        " a.ply",
+        "\u{2003}a.ply",
+        "a.ply ",
+        "a\n.ply",
+        "a.ply\n",
+        "a\u{7f}.ply",
+        "\u{85}a.ply",
+    ];
+
+    #[test]
+    fn scan_names_are_told_as_they_are_checked() {
+        let pattern = regex::Regex::new(&scan_name_pattern()).expect("a regular expression");
+        for name in NAMES {
+            assert_eq!(pattern.is_match(name), names::surface_file_name(name).is_ok(), "{name:?}");
+        }
+        assert!(names::surface_file_name(&format!("{}.ply", "x".repeat(251))).is_ok());
+        assert!(names::surface_file_name(&format!("{}.ply", "x".repeat(252))).is_err());
+    }
+
+    #[test]
+    fn names_and_labels_are_told_as_they_are_checked() {
+        let pattern = regex::Regex::new(&short_text_pattern()).expect("a regular expression");
+        for text in ["face", " a ", "a b", "\u{e9}", "", " ", "\u{2003}", "a\nb", "a\n", "\ta", "\u{80}", "a\u{9f}"] {
+            // blanks around a text are taken off, of whatever kind: the contract is stricter with line ends there
+            let trims_control = text.trim() != text && text.chars().any(char::is_control);
+            let is_sound = names::text("label", text).is_ok() && !trims_control;
+            assert_eq!(pattern.is_match(text), is_sound, "{text:?}");
+        }
+    }
+
+    #[test]
+    fn files_of_models_are_told_by_stem_and_ending() {
+        assert_eq!(surface_files(), ["cloud.ply", "cloud.pcd", "cloud.obj", "mesh.ply", "mesh.pcd", "mesh.obj"]);
+    }
+}

@@ -1,0 +1,154 @@
+//! Scans made ready before anything is looked for: without points that are none, with views, seen from where they were
+//! seen.
+
+use rayon::prelude::*;
+
+use super::{NamedScan, Options, PipelineError};
+use crate::geometry::coincidence::{Coincidence, copy_distance, without_copies};
+use crate::geometry::viewpoint::{self, Facets};
+use crate::geometry::{Cloud, Point3};
+use crate::progress::{Progress, Stage};
+use crate::registration::cleaning::LeftOut;
+use crate::registration::view::{UnusableScan, View};
+
+/// What was found out about a scan on the way.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(super) struct Readied {
+    /// Points where nothing was seen.
+    pub no_return: usize,
+    /// Points that repeat another one.
+    pub repeated: usize,
+    /// What coordinates are rounded to, if that is no less than a good part of the spacing.
+    pub rounded_to: Option<f64>,
+    /// Whether the place of its scanner, as the file has it, is the pose of the scan.
+    pub sensor_is_pose: bool,
+}
+
+/// Coordinates beyond this have squares that single precision has no numbers for.
+const LARGEST_COORDINATE: f64 = 1e15;
+/// Coordinates rounded to more than this share of the spacing are no surface any more.
+const ROUGH: f64 = 0.25;
+
+/// Makes scans ready; says what of them was found out.
+pub(super) fn readied(
+    scans: &mut [NamedScan],
+    options: &Options,
+    progress: &Progress,
+) -> Result<(Vec<View>, Vec<Readied>), PipelineError> {
+    progress.report(Stage::Preparing, 0.0);
+    for scan in scans.iter_mut() {
+        if let Some(sensor) = options.sensor {
+            scan.surface.sensor = Some(sensor.into());
+        }
+    }
+    let ready: Vec<(View, Readied)> = scans
+        .par_iter_mut()
+        .map(|scan| {
+            progress.check()?;
+            without_repetitions(scan)
+        })
+        .collect::<Result<_, PipelineError>>()?;
+    let (mut views, mut readied): (Vec<View>, Vec<Readied>) = ready.into_iter().unzip();
+    if options.sensor.is_none() {
+        settle_sensors(scans, &mut views, &mut readied);
+    }
+    Ok((views, readied))
+}
+
+/// Leaves out of a scan what repeats, and measures the rest.
+fn without_repetitions(scan: &mut NamedScan) -> Result<(View, Readied), PipelineError> {
+    if let Some(p) = scan.surface.cloud.points.iter().find(|p| !p.iter().all(|x| x.abs() <= LARGEST_COORDINATE)) {
+        return Err(PipelineError::Unusable {
+            code: "degenerate_scan",
+            scan: Some(scan.name.clone()),
+            message: format!("{} has a point at ({:e}, {:e}, {:e})", scan.name, p.x, p.y, p.z),
+            hint: format!("leave out what lies beyond {LARGEST_COORDINATE:e}"),
+        });
+    }
+    let found = Coincidence::of(&scan.surface);
+    let mut readied = Readied { no_return: found.no_return, repeated: found.repeated, ..Readied::default() };
+    scan.surface = found.applied(std::mem::take(&mut scan.surface));
+    let mut view = View::of(&scan.surface).map_err(|problem| unusable(scan, &readied, problem))?;
+    if let Some(distance) = copy_distance(&view.indexed) {
+        let kept = without_copies(&view.indexed, distance);
+        let surface = scan.surface.kept(&kept);
+        // copies that are no rule leave nothing to measure
+        if let Ok(thinned) = View::of(&surface) {
+            readied.repeated += kept.iter().filter(|kept| !**kept).count();
+            (scan.surface, view) = (surface, thinned);
+        }
+    }
+    let step = float_step(&scan.surface.cloud);
+    readied.rounded_to = step.filter(|step| *step > ROUGH * view.spacing);
+    Ok((view, readied))
+}
+
+fn unusable(scan: &NamedScan, readied: &Readied, problem: UnusableScan) -> PipelineError {
+    let left_out = readied.no_return + readied.repeated;
+    let mut message = format!("{} can't be registered: {problem}", scan.name);
+    if left_out > 0 {
+        message += &format!(
+            " (without {} where nothing was seen and {} that repeat others)",
+            readied.no_return, readied.repeated
+        );
+    }
+    let rounded = float_step(&scan.surface.cloud).filter(|_| left_out > 0);
+    let hint = match rounded {
+        Some(step) if readied.repeated > 0 => format!(
+            "its coordinates are so large that single precision rounds them to {step}: subtract an offset before the \
+             export, or leave the scan out"
+        ),
+        _ => "export the scan again or leave it out".into(),
+    };
+    PipelineError::Unusable { code: "degenerate_scan", scan: Some(scan.name.clone()), message, hint }
+}
+
+/// The step of single precision at the largest coordinates, if all of a cloud's are single-precision numbers.
+fn float_step(cloud: &Cloud) -> Option<f64> {
+    let is_single = |x: f64| f64::from(x as f32) == x;
+    if !cloud.points.iter().all(|p| p.iter().all(|x| is_single(*x))) {
+        return None;
+    }
+    let largest = cloud.points.iter().flat_map(|p| p.iter()).fold(0.0f64, |most, x| most.max(x.abs()));
+    (largest > 0.0).then(|| largest.log2().floor().exp2() * f64::from(f32::EPSILON))
+}
+
+/// Takes the places of scanners that are poses for what they are: those scans were seen from their origins.
+fn settle_sensors(scans: &mut [NamedScan], views: &mut [View], readied: &mut [Readied]) {
+    let told: Vec<usize> = (0..scans.len()).filter(|k| scans[*k].surface.sensor.is_some()).collect();
+    if told.iter().all(|k| scans[*k].surface.sensor == Some(Point3::origin())) {
+        return;
+    }
+    let facets: Vec<Facets> = told.iter().map(|k| Facets::of(&views[*k].indexed, &views[*k].center)).collect();
+    let places = told.iter().zip(&facets).filter_map(|(k, facets)| Some((facets, scans[*k].surface.sensor?)));
+    if !viewpoint::are_poses(places) {
+        return;
+    }
+    for k in told {
+        readied[k].sensor_is_pose = true;
+        scans[k].surface.sensor = Some(Point3::origin());
+        views[k].sensor = Some(crate::registration::sensor::Sensor::At(-views[k].center));
+    }
+}
+
+impl Readied {
+    /// What is left out of the scan, with what `cleaning` found if it was asked for: a row of the report.
+    pub(super) fn left_out(&self, cleaning: Option<&LeftOut>) -> serde_json::Value {
+        let mut row = serde_json::json!({"no_return": self.no_return, "repeated": self.repeated});
+        if let Some(cleaning) = cleaning {
+            row["support"] = cleaning.support.into();
+            row["strays"] = cleaning.strays.into();
+        }
+        row
+    }
+
+    /// Why a verdict can't be good, if coordinates are rounded.
+    pub(super) fn doubt(&self, name: &str, unit: &str) -> Option<String> {
+        let step = self.rounded_to?;
+        let unit = if unit == "unknown" { String::new() } else { format!(" {unit}") };
+        Some(format!(
+            "the coordinates of {name} are so large that single precision rounds them to a grid of {step:.2}{unit}: subtract \
+             an offset before the export"
+        ))
+    }
+}

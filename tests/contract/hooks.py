@@ -1,0 +1,335 @@
+"""What schemathesis can't know: which ids exist, what a scan file looks like, which fields exclude each other.
+
+What is generated as valid gets ids of resources that are there, files made by code in place of random bytes, and the
+rules between fields that a schema can't say (`RULES`, each with its reason). What is generated as invalid stays as it is.
+The operations that answered with a success are written to the file that VISAGE_ANSWERED names, one a line.
+"""
+
+import base64
+import copy
+import hashlib
+import json
+import os
+import uuid
+
+import requests
+import schemathesis
+from schemathesis.core import NotSet
+from schemathesis.core.parameters import ParameterLocation
+from schemathesis.generation.meta import TestPhase
+
+import surfaces
+
+URL = os.environ["VISAGE_URL"]
+ANSWERED = os.environ["VISAGE_ANSWERED"]
+
+BALL = surfaces.knobbed_ball()
+SCANS = {"north.obj": surfaces.knobbed_ball(rows=range(0, 32)), "south.obj": surfaces.knobbed_ball(rows=range(16, 49))}
+IDENTITY = [[float(row == column) for column in range(4)] for row in range(4)]
+POSES = {name: IDENTITY for name in SCANS}
+LANDMARKS = dict(zip("abc", surfaces.TIPS))
+
+
+# the server's own resources, made without schemathesis
+
+
+def call(method, path, status, **kwargs):
+    response = requests.request(method, URL + path, timeout=60, **kwargs)
+    assert response.status_code == status, f"{method} {path}: {response.status_code} {response.text}"
+    return response.json() if response.content else None
+
+
+def obj(part, name, content):
+    return (part, (name, content, "application/octet-stream"))
+
+
+def scan_parts():
+    return [obj("scans", name, content) for name, content in SCANS.items()]
+
+
+def pose_part():
+    return obj("poses", "poses.json", json.dumps(POSES).encode())
+
+
+def new_scan_set():
+    return call("POST", "/v1/scan-sets/upload", 201, files=[*scan_parts(), pose_part()], data={"unit": "mm"})["id"]
+
+
+def new_job(scan_set=None):
+    body = {"scan_set_id": scan_set or new_scan_set()}
+    return call("POST", "/v1/jobs", 202, json=body)["id"]
+
+
+def ended_job(job, *statuses):
+    for _ in range(10):
+        view = call("GET", f"/v1/jobs/{job}", 200, params={"wait": 30})
+        if view["finished_at"]:
+            assert view["status"] in statuses, view
+            return view
+    raise AssertionError(f"job {job} does not end")
+
+
+def canceled_job():
+    # one that has ended meanwhile can be neither canceled nor retried: another one then
+    for _ in range(10):
+        job = new_job()
+        if requests.post(f"{URL}/v1/jobs/{job}/cancel", timeout=60).status_code == 202:
+            if ended_job(job, "canceled", "succeeded")["status"] == "canceled":
+                return job
+    raise AssertionError("no job could be canceled")
+
+
+def new_model(label="knobs", tips=surfaces.TIPS, size=1.0):
+    content = surfaces.knobbed_ball(tips, size)
+    return call("POST", "/v1/models", 201, files=[obj("model", "ball.obj", content)], data={"label": label})["id"]
+
+
+def new_standard():
+    form = {"name": f"s{uuid.uuid4().hex}", "unit": "mm", "landmarks": json.dumps(LANDMARKS)}
+    return call("POST", "/v1/standards", 201, files=[obj("model", "ball.obj", BALL)], data=form)["name"]
+
+
+class World:
+    """What is there while schemathesis asks."""
+
+    def __init__(self):
+        self.scan_set = new_scan_set()
+        self.job = new_job(self.scan_set)
+        self.registered = ended_job(self.job, "succeeded")["model_id"]
+        self.positive = [new_model(size=size) for size in (1.05, 0.96)]
+        self.negative = [new_model("other", surfaces.STRAIGHT, size) for size in (1.0, 0.97)]
+        self.standard = new_standard()
+
+
+_world = None
+
+
+def world():
+    global _world
+    _world = _world or World()
+    return _world
+
+
+# paths: an operation that changes or removes something gets something of its own
+
+IDS = {
+    "getScanSet": lambda: {"id": world().scan_set},
+    "deleteScanSet": lambda: {"id": new_scan_set()},
+    "putScan": lambda: {"id": new_scan_set()},
+    "deleteScan": lambda: {"id": new_scan_set(), "name": "north.obj"},
+    "putPoses": lambda: {"id": new_scan_set()},
+    "putPoseFile": lambda: {"id": new_scan_set()},
+    "getJob": lambda: {"id": world().job},
+    "followJob": lambda: {"id": world().job},
+    "deleteJob": lambda: {"id": canceled_job()},
+    "cancelJob": lambda: {"id": new_job()},
+    "retryJob": lambda: {"id": canceled_job()},
+    "getModel": lambda: {"id": world().registered},
+    "deleteModel": lambda: {"id": new_model()},
+    "getModelPoses": lambda: {"id": world().registered},
+    "getModelConf": lambda: {"id": world().registered},
+    "getModelReport": lambda: {"id": world().registered},
+    "getModelFile": lambda: {"id": world().registered, "file": "cloud.ply"},
+    "getStandard": lambda: {"name": world().standard},
+    "deleteStandard": lambda: {"name": new_standard()},
+    "markExamples": lambda: {"name": world().standard},
+}
+
+
+# bodies: what no schema says
+
+
+def job_of_something(body):
+    """An evaluation takes no other field; a registration needs a scan set, a base model of that set, a scan of it."""
+    if body.get("kind") == "evaluate":
+        for field in set(body) - {"kind"}:
+            del body[field]
+        return
+    body["scan_set_id"] = world().scan_set
+    body.pop("base_model_id", None)
+    options_of_scans(body)
+
+
+def options_of_scans(body):
+    """The scan that keeps its pose is one of those sent; scales are found by one method alone."""
+    options = body.get("options")
+    if not isinstance(options, dict):
+        return
+    if options.get("reference") is not None:
+        options["reference"] = "south.obj"
+    if options.get("scale") == "per_view":
+        options["method"] = "joint"
+
+
+def options_of_form(body):
+    """As above, and scales need poses to begin from."""
+    if "poses" not in body and isinstance(body.get("options"), dict):
+        body["options"].pop("scale", None)
+    options_of_scans(body)
+
+
+def one_question(body):
+    """One of standard, model and triangle; methods are for the built-in face; a cursor is given out by an answer."""
+    asked = [field for field in ("triangle", "model_id", "standard") if body.get(field) is not None]
+    for field in asked[1:]:
+        del body[field]
+    body.pop("cursor", None)
+    if body.get("triangle") is not None:
+        body["triangle"] = {"sides": [31.0, 52.5, 52.5], "unit": "mm"}
+    elif body.get("model_id") is not None:
+        body["model_id"] = world().positive[0]
+    else:
+        body["standard"] = "face"
+    if body.get("standard") is None:
+        body.pop("method", None)
+
+
+def one_verdict(body):
+    """A method is for a standard, which has to be there; a cursor is given out."""
+    body.pop("cursor", None)
+    if "standard" in body or "method" in body:
+        body["standard"] = "face"
+
+
+def examples(body):
+    """Marked models are there, and each is marked once."""
+    if body.get("positive"):
+        body["positive"] = world().positive
+    if body.get("negative"):
+        body["negative"] = world().negative
+
+
+def landmarks(body):
+    """Landmarks lie on the surface, the lists are JSON, and a name is taken once."""
+    body["name"] = f"s{uuid.uuid4().hex}"
+    body["landmarks"] = LANDMARKS
+    for field, value in (("triangle", list("abc")), ("positive", world().positive), ("negative", world().negative)):
+        if field in body:
+            body[field] = json.dumps(value)
+
+
+def poses(body):
+    """Matrices are rigid motions, and at least one scan has a pose."""
+    body.clear()
+    body.update(POSES)
+
+
+def labelled(query):
+    """There are labels of two kinds, and what is asked for is there; other methods are for the face."""
+    query.pop("label_prefix", None)
+    if "standard" in query or "method" in query:
+        query["standard"] = "face"
+    query["label"] = "knobs"
+
+
+def known_page(query):
+    """A cursor is given out, an id names something."""
+    query.pop("cursor", None)
+    if "scan_set_id" in query:
+        query["scan_set_id"] = world().scan_set
+
+
+RULES = {
+    "createJob": job_of_something,
+    "uploadJob": options_of_form,
+    "query": one_question,
+    "queryByProbe": one_verdict,
+    "markExamples": examples,
+    "createStandard": landmarks,
+    "putPoses": poses,
+}
+QUERY_RULES = {
+    "evaluateGallery": labelled,
+    "plotEvaluation": labelled,
+    "listJobs": known_page,
+    "listModels": known_page,
+    "listScanSets": known_page,
+}
+FILES = {
+    "uploadScanSet": lambda body: scan_parts() + ([pose_part()] if "poses" in body else []),
+    "uploadJob": lambda body: scan_parts() + ([pose_part()] if "poses" in body else []),
+    "createModel": lambda body: [obj("model", "ball.obj", BALL)],
+    "createStandard": lambda body: [obj("model", "ball.obj", BALL)],
+    "queryByProbe": lambda body: [obj("probe", "ball.obj", BALL)],
+}
+CONTENT = {
+    "putScan": lambda case: surfaces.content(case.path_parameters["name"]),
+    "putPoseFile": lambda case: json.dumps(POSES).encode(),
+}
+FILE_PARTS = {"scans", "poses", "model", "probe"}
+
+
+# addresses of what was made and not used
+LEFT_OVER = {"createStandard": [], "createModel": []}
+
+
+def operation_id(case):
+    return case.operation.definition.raw["operationId"]
+
+
+def text_of(value):
+    # a whole number is written as one: how a form writes 20.0 is for nobody to say
+    value = int(value) if isinstance(value, float) and value.is_integer() else value
+    return value if isinstance(value, str) else json.dumps(value)
+
+
+@schemathesis.hook
+def before_call(context, case, kwargs):
+    meta = case.meta
+    if meta is None:
+        return
+    operation = operation_id(case)
+
+    def is_valid(location):
+        return not meta.is_negative_at(location)
+
+    if operation in IDS and is_valid(ParameterLocation.PATH):
+        # calls that follow from each other keep their own ids
+        if meta.phase.name != TestPhase.STATEFUL:
+            case.path_parameters.update(IDS[operation]())
+        elif operation in ("putScan", "deleteScan"):
+            # there the name of a scan set is taken for that of a scan
+            case.path_parameters["name"] = "north.obj"
+    if operation in QUERY_RULES and is_valid(ParameterLocation.QUERY):
+        QUERY_RULES[operation](case.query)
+    if is_valid(ParameterLocation.HEADER) and "Idempotency-Key" in case.headers:
+        # a key stands for one content
+        case.headers["Idempotency-Key"] = str(uuid.uuid4())
+    if is_valid(ParameterLocation.HEADER):
+        # tags are given out: one that no answer had matches nothing
+        case.headers.pop("If-Match", None)
+        if "If-None-Match" in case.headers:
+            case.headers["If-None-Match"] = '"unknown"'
+    if not is_valid(ParameterLocation.BODY) or isinstance(case.body, NotSet):
+        return
+    if operation in FILES and isinstance(case.body, dict):
+        # bytes in a body that was changed would count as a violation: what is sent stands beside it
+        body = copy.deepcopy(case.body)
+        RULES.get(operation, lambda body: None)(body)
+        texts = [(name, (None, text_of(value))) for name, value in body.items() if name not in FILE_PARTS]
+        kwargs["files"] = FILES[operation](body) + texts
+    elif operation in RULES and isinstance(case.body, dict):
+        RULES[operation](case.body)
+    if operation in CONTENT and is_valid(ParameterLocation.PATH):
+        kwargs["data"] = CONTENT[operation](case)
+        if is_valid(ParameterLocation.HEADER) and "Content-Digest" in case.headers:
+            digest = base64.b64encode(hashlib.sha256(kwargs["data"]).digest()).decode()
+            case.headers["Content-Digest"] = f"sha-256=:{digest}:"
+
+
+@schemathesis.hook
+def after_call(context, case, response):
+    if not 200 <= response.status_code < 300:
+        return
+    operation = operation_id(case)
+    with open(ANSWERED, "a", encoding="utf-8") as answered:
+        print(operation, file=answered)
+    # what piles up would only cost: jobs wait in a queue that has an end, standards are counted
+    if operation in ("createJob", "uploadJob", "retryJob"):
+        requests.post(f"{URL}/v1/jobs/{response.json()['id']}/cancel", timeout=60)
+    if operation in LEFT_OVER:
+        made = LEFT_OVER[operation]
+        made.append(response.json()["href"])
+        # the last ones stay: calls that follow from each other go on with them
+        if len(made) > 8:
+            requests.delete(URL + made.pop(0), timeout=60)
