@@ -14,6 +14,7 @@ use crate::progress::{Canceled, Progress, Stage};
 pub use crate::reconstruction::merge::ModelCloud;
 use crate::reconstruction::merge::{PosedView, merge};
 pub use crate::registration::method::Method;
+use crate::registration::colour::{self, Brightness};
 use crate::registration::multiview::Multiview;
 use crate::registration::quality::Quality;
 use crate::registration::report::RegistrationReport;
@@ -169,7 +170,9 @@ pub fn run_from(
         Some(held) => covariance::of_result(&held.whole, &held.result),
         None => covariance::of_result(&views, &result),
     };
-    verdict.weigh(&known, resolution(&views, &result), &names);
+    let unit_length = resolution(&views, &result);
+    verdict.weigh(&known, unit_length, &names);
+    verdict.compare_colours(&colour::agreement(&views, &brightness_of(&scans), &result, unit_length), &names);
     for reason in readied.iter().zip(&names).filter_map(|(readied, name)| readied.doubt(name, unit.name())) {
         verdict.lower(Quality::Doubtful, reason);
     }
@@ -303,6 +306,13 @@ fn merge_views(
 fn sensor_of(scan: &NamedScan, view: &View, options: &Options) -> Option<Sensor> {
     let told = options.sensor.map(Vector3::from).or(scan.surface.sensor.map(|p| p.coords));
     told.map(|position| Sensor::At(position * view.scale - view.center)).or(view.sensor)
+}
+
+/// How bright the points of each scan are, where it has colours.
+fn brightness_of(scans: &[NamedScan]) -> Vec<Option<Brightness>> {
+    let brightness = |[red, green, blue]: &[u8; 3]| 0.3 * f32::from(*red) + 0.59 * f32::from(*green) + 0.11 * f32::from(*blue);
+    let of_scan = |scan: &NamedScan| Some(scan.surface.cloud.colors.as_ref()?.iter().map(brightness).collect());
+    scans.iter().map(of_scan).collect()
 }
 
 /// The signature, or `None` if the surface is too poor to have one.

@@ -5,6 +5,7 @@
 
 pub mod candidates;
 pub mod cleaning;
+pub mod colour;
 pub mod copies;
 pub mod covariance;
 pub mod free_space;

@@ -60,6 +60,9 @@ pub(super) mod limits {
     pub const UNREST: f64 = 1.0;
     /// Probability that the place of a view is right, where it was found by surface.
     pub const LEAST_SURE: f64 = 0.9;
+    /// Agreement of a view's texture with the neighbour it agrees with best, in what noise allows: on right poses 0.7 and
+    /// more, on a bottle that is turned at random 0.2 to 0.4.
+    pub const TEXTURE: f64 = 0.5;
     /// Share of a view without a side that lies on the other face of a wall than the rest of it.
     pub const MIXED_FACES: f64 = 0.05;
     /// Share of a view's points, where another saw something, that may lie before it; and of how many points.
@@ -112,6 +115,18 @@ impl Verdict {
                         "{name} has {:.0} % of its surface there where {other} looked through",
                         found.share * 100.0
                     ),
+                );
+            }
+        }
+    }
+
+    /// Adds what colours say: views with texture that does not agree with that of any neighbour.
+    pub fn compare_colours(&mut self, agreement: &[Option<f64>], names: &[String]) {
+        for (agreement, name) in agreement.iter().zip(names) {
+            if agreement.is_some_and(|agreement| agreement < limits::TEXTURE) {
+                self.lower(
+                    Quality::Doubtful,
+                    format!("the colours of {name} don't agree with its neighbours' where their surfaces meet"),
                 );
             }
         }

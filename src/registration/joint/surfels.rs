@@ -41,8 +41,12 @@ pub struct FineSurfels {
     pub share: f64,
 }
 
-/// Points a normal is fitted to.
+/// Points a normal is fitted to,
 const NEIGHBOURS: usize = 16;
+/// as long as noise is no more than this share of the spacing: with more of it, what they lie on has to be as much wider,
+/// or they hold no plane.
+const CALM: f64 = 0.25;
+const MOST_NEIGHBOURS: usize = 96;
 /// Surfels fitted one after the other.
 const CHUNK: usize = 256;
 /// The next surfel's points are sought within so many times the squared distance of this one's.
@@ -54,13 +58,14 @@ impl Surfels {
     /// One surfel for each voxel of edge `edge`.
     pub fn new(view: &View, edge: f64) -> Self {
         let centroids = thin(view.points(), edge as f32).centroids;
+        let neighbours = neighbours(view);
         let fitted: Vec<(Facet, bool)> = centroids
             .par_chunks(CHUNK)
             .flat_map_iter(|centroids| {
                 // neighbours on the curve have their points about as near: a good guess, the same for any threads
                 let (mut found, mut guess2) = (Vec::new(), 0.0f32);
                 centroids.iter().map(move |centroid| {
-                    view.indexed.tree.k_nearest_unordered(centroid, NEIGHBOURS, guess2, &mut found);
+                    view.indexed.tree.k_nearest_unordered(centroid, neighbours, guess2, &mut found);
                     let farthest2 = found.iter().map(|n| n.distance2).fold(0.0, f32::max);
                     guess2 = GUESS * farthest2;
                     let (normal, is_inner) = fit(&view.indexed.points, centroid, &found);
@@ -138,6 +143,12 @@ impl Surfels {
     ) -> T {
         if self.is_sided[index] && other.is_sided[target] { cosine } else { cosine.abs() }
     }
+}
+
+/// How many points of a view a normal is fitted to.
+fn neighbours(view: &View) -> usize {
+    let wider = (view.range_accuracy / (CALM * view.spacing)).max(1.0).powi(2);
+    ((NEIGHBOURS as f64 * wider) as usize).min(MOST_NEIGHBOURS)
 }
 
 /// The cosine below which a surface is seen so much from the side that noise decides which it is.
