@@ -17,6 +17,8 @@ pub struct ServerConfig {
     pub threads: usize,
     /// Jobs that run at the same time.
     pub concurrent_jobs: usize,
+    /// The memory that all running jobs together may take; `None` if it is not limited.
+    pub job_memory_bytes: Option<u64>,
     /// Bounds on what clients may ask for.
     pub limits: Limits,
     /// Clocks of the job queue.
@@ -35,6 +37,7 @@ impl ServerConfig {
             data_dir: data_dir.into(),
             threads: available_threads(),
             concurrent_jobs: 1,
+            job_memory_bytes: crate::machine::memory_bytes().map(|bytes| bytes / 4 * 3),
             limits: Limits::default(),
             queue: QueueTiming::default(),
             lock_patience: Duration::from_secs(5),

@@ -12,6 +12,7 @@ use crate::classes::ClassError;
 use crate::faces::DescribeError;
 use crate::formats::FormatError;
 use crate::jobs::admission::AdmissionError;
+use crate::jobs::memory::TooLarge;
 use crate::jobs::options::OptionError;
 use crate::pipeline::PipelineError;
 use crate::store::StoreError;
@@ -87,8 +88,11 @@ codes! {
     TooFewLabels = "too_few_labels", UNPROCESSABLE_ENTITY, "too few models have labels";
     TooManyLabels = "too_many_labels", UNPROCESSABLE_ENTITY, "too many models have labels";
     Undescribable = "undescribable_model", UNPROCESSABLE_ENTITY, "the model can't be described";
+    TooLittleMemory = "too_little_memory", UNPROCESSABLE_ENTITY, "the job needs more memory than there is";
     QueueFull = "queue_full", TOO_MANY_REQUESTS, "too many jobs are waiting";
     Internal = "internal", INTERNAL_SERVER_ERROR, "the server failed";
+    Damaged = "damaged", INTERNAL_SERVER_ERROR, "what is stored is damaged";
+    DatabaseLocked = "database_locked", SERVICE_UNAVAILABLE, "another program holds the database";
     NotReady = "not_ready", SERVICE_UNAVAILABLE, "the server is not ready yet";
     ShuttingDown = "shutting_down", SERVICE_UNAVAILABLE, "the server is shutting down";
     StorageFull = "storage_full", INSUFFICIENT_STORAGE, "the server's disk is full";
@@ -263,9 +267,17 @@ impl From<StoreError> for Problem {
             StoreError::KeyReused { .. } => {
                 Problem::new(Code::KeyReused, detail, "use a new key for a new request; repeat a request unchanged")
             }
-            StoreError::Database(_) | StoreError::Migration(_) | StoreError::Damaged { .. } => {
-                Problem::internal(detail)
+            StoreError::Full => Problem::storage_full(&detail),
+            StoreError::Locked => {
+                let hint = "repeat the request; if it stays, ask the operator which program holds visage.sqlite";
+                Problem::new(Code::DatabaseLocked, "nothing was stored: another program holds the database", hint)
+                    .retry_after(5)
             }
+            StoreError::Database(_)
+            | StoreError::Migration(_)
+            | StoreError::Damaged { .. }
+            | StoreError::Corrupt { .. }
+            | StoreError::Foreign => Problem::internal(detail),
         }
     }
 }
@@ -273,12 +285,12 @@ impl From<StoreError> for Problem {
 impl From<BlobError> for Problem {
     fn from(error: BlobError) -> Self {
         if error.is_storage_full() {
-            tracing::error!("the disk is full: {error}");
-            return Problem::new(
-                Code::StorageFull,
-                "nothing more can be stored",
-                "delete what is not needed, or ask the operator",
-            );
+            return Problem::storage_full(&error.to_string());
+        }
+        if let BlobError::Damaged { .. } = error {
+            tracing::error!("{error}; `visage doctor` tells what else is");
+            let hint = "ask the operator to put the file back from a backup, or delete what it belongs to";
+            return Problem::new(Code::Damaged, error.to_string(), hint);
         }
         Problem::internal(error)
     }
@@ -362,6 +374,12 @@ impl From<ClassError> for Problem {
     }
 }
 
+impl From<TooLarge> for Problem {
+    fn from(error: TooLarge) -> Self {
+        Problem::new(Code::TooLittleMemory, error.to_string(), TooLarge::HINT)
+    }
+}
+
 impl From<NotReady> for Problem {
     fn from(error: NotReady) -> Self {
         Problem::new(Code::NotReady, error.to_string(), "try again in a moment").retry_after(2)
@@ -369,6 +387,22 @@ impl From<NotReady> for Problem {
 }
 
 impl Problem {
+    fn storage_full(error: &str) -> Self {
+        tracing::error!("the disk is full: {error}");
+        let hint = "delete what is not needed, or ask the operator for space; then repeat the request";
+        Problem::new(Code::StorageFull, "nothing more can be stored", hint)
+    }
+
+    /// Why nothing can be stored at the moment, for `/readyz`.
+    pub fn not_writable(error: StoreError) -> Self {
+        let detail = match &error {
+            StoreError::Full => "nothing can be stored: the disk is full",
+            StoreError::Locked => "nothing can be stored: another program holds the database",
+            _ => return error.into(),
+        };
+        Problem::new(Code::NotReady, detail, "try again when the operator has seen to it").retry_after(5)
+    }
+
     /// The server takes on nothing new.
     pub fn shutting_down() -> Self {
         Problem::new(Code::ShuttingDown, "the server is shutting down", "try again in a moment").retry_after(5)

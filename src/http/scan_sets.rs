@@ -16,7 +16,9 @@ use super::state::{AppState, blocking, deleted, forget, uninterrupted};
 use super::upload::{self, Form, FormRules, UploadedFile};
 use super::{digest, names, responses};
 use crate::jobs::admission;
-use crate::store::{FileId, NewScanSet, PoseFile, PutScan, ScanRecord, ScanSetId, StoreError, sort_naturally};
+use crate::store::{
+    FileId, NewScanSet, PoseFile, PutScan, ScanRecord, ScanSetId, StoreError, StoredFile, sort_naturally,
+};
 
 const TAG: &str = "scan sets";
 const PARTS: &[&str] = &["poses", "name", "unit"];
@@ -130,6 +132,10 @@ pub(super) async fn keep_files(
     set: ScanSetId,
     files: Vec<(FileId, UploadedFile)>,
 ) -> Result<(), Problem> {
+    let expected: Vec<StoredFile> = files.iter().map(|(file, _)| StoredFile::Scan(set, *file)).collect();
+    if !expected.is_empty() {
+        state.shop.store.expect_files(&expected).await?;
+    }
     let blobs = state.shop.blobs.clone();
     blocking(move || -> Result<(), Problem> {
         for (id, file) in &files {
@@ -148,8 +154,8 @@ pub(super) async fn undo_unless_stored(
 ) -> Result<(), Problem> {
     match stored {
         Ok(()) => Ok(()),
-        // whether a failed commit took place is not known: the sweep at the next start will tell
-        Err(error @ StoreError::Database(_)) => Err(error.into()),
+        // whether a failed commit took place is not known: what has no row is removed later
+        Err(error) if error.leaves_in_doubt() => Err(error.into()),
         Err(refused) => {
             let blobs = state.shop.blobs.clone();
             blocking(move || blobs.remove_scan_set(set)).await??;
@@ -189,10 +195,10 @@ async fn get_one(State(state): State<AppState>, Path(id): Path<String>) -> Resul
 async fn delete(State(state): State<AppState>, Path(id): Path<String>) -> Result<StatusCode, Problem> {
     let id = parse_id(&id)?;
     deleted(async move {
-        let models = state.shop.store.delete_scan_set(id).await?;
+        let deleted = state.shop.store.delete_scan_set(id).await?;
         state.shop.board.announce_change();
         // whichever fails, the other is done
-        let of_models = forget(&state, models).await;
+        let of_models = forget(&state, deleted).await;
         let blobs = state.shop.blobs.clone();
         blocking(move || blobs.remove_scan_set(id)).await??;
         of_models
@@ -237,7 +243,7 @@ async fn put_scan(
         let (unused, status) = match &put {
             Ok(PutScan::Created) => (None, StatusCode::CREATED),
             Ok(PutScan::Replaced(old)) => (Some(*old), StatusCode::OK),
-            Err(_) => (Some(scan.file_id), StatusCode::INTERNAL_SERVER_ERROR),
+            Err(error) => ((!error.leaves_in_doubt()).then_some(scan.file_id), StatusCode::INTERNAL_SERVER_ERROR),
         };
         if let Some(file) = unused {
             let blobs = state.shop.blobs.clone();

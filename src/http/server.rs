@@ -11,13 +11,14 @@ use tokio_util::sync::CancellationToken;
 
 use super::router::{self, OpenApiError};
 use super::state::AppState;
-use crate::blobs::{BlobError, Blobs};
+use crate::blobs::Blobs;
 use crate::config::ServerConfig;
 use crate::jobs::board::Board;
 use crate::jobs::engine::{Engine, PipelineEngine};
+use crate::jobs::opening::{self, DataFolder, OpenError};
 use crate::jobs::runner::{Runner, Workshop};
 use crate::store::live_gallery::LiveGallery;
-use crate::store::{Store, StoreError};
+use crate::store::Store;
 
 /// How often answers kept for repeated requests are cleaned up.
 const CLEAN_UP: Duration = Duration::from_secs(3600);
@@ -35,16 +36,10 @@ pub enum StartError {
     },
     /// The data folder can't be used.
     #[error(transparent)]
-    Blobs(#[from] BlobError),
-    /// The database can't be used.
-    #[error(transparent)]
-    Store(#[from] StoreError),
+    Data(#[from] OpenError),
     /// The contract can't be made.
     #[error(transparent)]
     Contract(#[from] OpenApiError),
-    /// A start-up task ended badly.
-    #[error("starting: {0}")]
-    Task(#[from] tokio::task::JoinError),
 }
 
 /// Starts servers.
@@ -71,7 +66,7 @@ impl Server {
         let serving = axum::serve(listener, router).with_graceful_shutdown(stop.clone().cancelled_owned());
         let serving = tokio::spawn(serving.into_future());
         let runner = Runner::start(&shop, &stop, &crash);
-        let chores = tokio::spawn(chores(shop.store.clone(), shop.gallery.clone(), shop.board.clone(), stop.clone()));
+        let chores = tokio::spawn(chores(shop.clone(), stop.clone()));
         tracing::info!(%addr, data = %config.data_dir.display(), threads = config.threads, "serving");
         Ok(ServerHandle { addr, shop, stop, crash, serving, runner, chores })
     }
@@ -79,20 +74,14 @@ impl Server {
 
 /// Opens the data folder and picks up what a crash left.
 async fn open(config: &Arc<ServerConfig>, engine: Arc<dyn Engine>) -> Result<Workshop, StartError> {
-    let (folder, patience) = (config.data_dir.clone(), config.lock_patience);
-    let blobs = Arc::new(tokio::task::spawn_blocking(move || Blobs::open(&folder, patience)).await??);
-    let store = Store::open(&blobs.database()).await?;
-    // the folder is ours alone: whatever runs in the table ran in a process that is dead
-    let reclaimed = store.reclaim_jobs(config.queue.max_attempts).await?;
-    let known = store.known_files().await?;
-    let files = blobs.clone();
-    let swept = tokio::task::spawn_blocking(move || files.sweep(&known)).await??;
-    if reclaimed + swept as u64 > 0 {
-        tracing::warn!(jobs = reclaimed, files = swept, "picked up what the last server left");
+    let data = DataFolder::open(&config.data_dir, config.lock_patience).await?;
+    let left = data.pick_up(config.queue.max_attempts).await?;
+    if left.jobs + left.files as u64 > 0 {
+        tracing::warn!(jobs = left.jobs, files = left.files, "picked up what the last server left");
     }
     Ok(Workshop {
-        store,
-        blobs,
+        store: data.store,
+        blobs: data.blobs,
         gallery: LiveGallery::default(),
         engine,
         board: Arc::new(Board::default()),
@@ -101,7 +90,8 @@ async fn open(config: &Arc<ServerConfig>, engine: Arc<dyn Engine>) -> Result<Wor
 }
 
 /// Loads the gallery, then cleans up now and then.
-async fn chores(store: Store, gallery: LiveGallery, board: Arc<Board>, stop: CancellationToken) {
+async fn chores(shop: Workshop, stop: CancellationToken) {
+    let Workshop { store, gallery, board, blobs, .. } = shop;
     let work = async {
         match gallery.load(&store).await {
             Ok(models) => tracing::info!(models, "the gallery is loaded"),
@@ -116,15 +106,22 @@ async fn chores(store: Store, gallery: LiveGallery, board: Arc<Board>, stop: Can
             Err(error) => tracing::warn!("looking for what is out of date: {error}"),
         }
         loop {
-            if let Err(error) = store.forget_old_replays().await {
-                tracing::warn!("cleaning up: {error}");
-            }
+            clean_up(&blobs, &store).await;
             tokio::time::sleep(CLEAN_UP).await;
         }
     };
     tokio::select! {
         () = work => {}
         () = stop.cancelled() => {}
+    }
+}
+
+async fn clean_up(blobs: &Arc<Blobs>, store: &Store) {
+    if let Err(error) = store.forget_old_replays().await {
+        tracing::warn!("cleaning up: {error}");
+    }
+    if let Err(error) = opening::tidy_up(blobs, store).await {
+        tracing::warn!("cleaning up: {error}");
     }
 }
 

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use rayon::prelude::*;
+use tokio::runtime::Handle;
 
 use super::admission::Plan;
 use super::engine::Engine;
@@ -17,13 +18,18 @@ use crate::faces::Signature;
 use crate::formats;
 use crate::pipeline::{NamedScan, Outcome, PipelineError};
 use crate::progress::{Canceled, Progress, Stage};
-use crate::store::{AssetRecord, JobError, JobRecord, ModelId, NewModel, ScanRecord, ScanSetRecord};
+use crate::store::{
+    AssetRecord, JobError, JobRecord, ModelId, NewModel, ScanRecord, ScanSetRecord, Store, StoreError, StoredFile,
+};
 use crate::telemetry::panic_message;
 
 /// Everything one job needs.
 pub(super) struct Work {
     pub job: JobRecord,
     pub set: ScanSetRecord,
+    pub store: Store,
+    /// The runtime that the store runs on; this work runs on a thread of its own.
+    pub runtime: Handle,
     pub blobs: Arc<Blobs>,
     pub engine: Arc<dyn Engine>,
     pub limits: Limits,
@@ -64,6 +70,32 @@ impl From<BlobError> for WorkError {
             ("storage_failed", "look into the server's log and at its disk, then retry the job")
         };
         failed(code, error.to_string(), None, hint)
+    }
+}
+
+impl From<StoreError> for WorkError {
+    fn from(error: StoreError) -> Self {
+        match error {
+            StoreError::Full => {
+                failed("storage_full", error.to_string(), None, "free space on the server's disk, then retry the job")
+            }
+            error => failed("storage_failed", error.to_string(), None, "look into the server's log, then retry the job"),
+        }
+    }
+}
+
+/// Waits for the store from a job's thread. While another program holds the database's lock, it is tried again: what was
+/// computed is worth more than a few seconds.
+pub(super) fn stored<T, F: Future<Output = Result<T, StoreError>>>(
+    runtime: &Handle,
+    progress: &Progress,
+    ask: impl Fn() -> F,
+) -> Result<T, WorkError> {
+    loop {
+        match runtime.block_on(ask()) {
+            Err(StoreError::Locked) => progress.check()?,
+            done => return Ok(done?),
+        }
     }
 }
 
@@ -187,6 +219,8 @@ impl Work {
         let report = artifacts::report_json(&outcome.report, &run).map_err(|error| defect(error.to_string()))?;
         write("report.json", &report)?;
         let id = ModelId::new();
+        let coming = [StoredFile::Model(id)];
+        stored(&self.runtime, &self.progress, || self.store.expect_files(&coming))?;
         self.blobs.keep_model(&staged, id)?;
         Ok(Made { model: self.model(id, &outcome, assets), signature: outcome.signature })
     }

@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 use sqlx::{FromRow, SqliteConnection};
 
 use super::{
-    JobId, JobKind, ModelId, NewScanSet, Page, PageRequest, Replay, ScanSetId, Store, StoreError, damaged, models,
-    now_ms, replays, scan_sets, stored_id, timestamp, to_u64,
+    Deleted, JobId, JobKind, ModelId, NewScanSet, Page, PageRequest, Replay, ScanSetId, Store, StoreError, StoredFile,
+    damaged, models, now_ms, replays, scan_sets, stored_id, sweep, timestamp, to_u64,
 };
 use crate::pipeline::Options;
 
@@ -285,7 +285,11 @@ impl Store {
 
     /// Stops a job that waits, or asks the worker of a running one to stop.
     pub async fn cancel_job(&self, id: JobId) -> Result<CancelAnswer, StoreError> {
-        let mut tx = self.begin().await?;
+        self.with_reserve(|| self.cancel_once(id)).await
+    }
+
+    async fn cancel_once(&self, id: JobId) -> Result<CancelAnswer, StoreError> {
+        let mut tx = self.begin_any().await?;
         let answer = match status_of(&mut tx, id).await? {
             JobStatus::Queued => {
                 sqlx::query("UPDATE job SET status = 'canceled', cancel_asked = 1, finished_at = ? WHERE id = ?")
@@ -328,9 +332,13 @@ impl Store {
         Ok(())
     }
 
-    /// Deletes a finished job with the model it made; answers with that model.
-    pub async fn delete_job(&self, id: JobId) -> Result<Option<ModelId>, StoreError> {
-        let mut tx = self.begin().await?;
+    /// Deletes a finished job with the model it made.
+    pub async fn delete_job(&self, id: JobId) -> Result<Deleted, StoreError> {
+        self.with_reserve(|| self.delete_job_once(id)).await
+    }
+
+    async fn delete_job_once(&self, id: JobId) -> Result<Deleted, StoreError> {
+        let mut tx = self.begin_any().await?;
         if !status_of(&mut tx, id).await?.is_finished() {
             return Err(StoreError::InUse { kind: "job", id: id.to_string() });
         }
@@ -339,9 +347,10 @@ impl Store {
         replays::delete_of(&mut tx, &text).await?;
         // model, assets and signature go by foreign keys
         sqlx::query("DELETE FROM job WHERE id = ?").bind(&text).execute(&mut *tx).await?;
-        tx.commit().await?;
-        self.fold_log().await;
-        Ok(model)
+        if let Some(model) = model {
+            sweep::leave(&mut tx, StoredFile::Model(model)).await?;
+        }
+        Ok(Deleted { models: model.into_iter().collect(), unseen: tx.commit_unseen(self).await? })
     }
 }
 
@@ -408,7 +417,7 @@ mod tests {
         assert!(matches!(store.delete_scan_set(set).await, Err(StoreError::InUse { kind: "scan set", .. })));
         assert!(matches!(store.delete_job(id).await, Err(StoreError::InUse { kind: "job", .. })));
         store.cancel_job(id).await.expect("canceled");
-        store.delete_scan_set(set).await.expect("free now");
+        drop(store.delete_scan_set(set).await.expect("free now"));
         assert!(matches!(store.job(id).await, Err(StoreError::NotFound { .. })));
     }
 
@@ -430,7 +439,7 @@ mod tests {
         let other = store.replay(&replays_key("k", "other")).await.expect_err("another body");
         assert!(matches!(other, StoreError::KeyReused { .. }));
         store.cancel_job(job.id).await.expect("canceled");
-        store.delete_job(job.id).await.expect("deleted");
+        drop(store.delete_job(job.id).await.expect("deleted"));
         assert_eq!(store.replay(&key).await.expect("read"), None);
     }
 

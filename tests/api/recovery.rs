@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 use crate::common::{Mode, TestServer, config, expect_json, text};
 use reqwest::StatusCode;
 use visage::http::{Server, StartError};
+use visage::jobs::opening::OpenError;
 
 const LONG: Mode = Mode::Slow(Duration::from_secs(60));
 
@@ -100,7 +101,7 @@ async fn a_shutdown_waits_no_longer_than_its_deadline() {
 async fn a_folder_belongs_to_one_server() {
     let server = TestServer::start().await;
     let refused = Server::start(config(server.folder.path())).await.expect_err("in use");
-    assert!(matches!(refused, StartError::Blobs(_)));
+    assert!(matches!(refused, StartError::Data(OpenError::Blobs(_))));
     assert!(refused.to_string().contains("in use by another visage server"), "{refused}");
 }
 
