@@ -56,7 +56,9 @@ impl Blobs {
         match fs::read_to_string(self.root.join(MARKER)) {
             Ok(text) => match FolderId::parse(text.trim()) {
                 Some(id) => Ok(Some(id)),
-                None => Err(BlobError::Foreign { folder: self.name(), found: format!("a {MARKER} that is not visage's") }),
+                None => {
+                    Err(BlobError::Foreign { folder: self.name(), found: format!("a {MARKER} that is not visage's") })
+                }
             },
             Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
             Err(error) => Err(doing("reading whose data folder it is")(error)),

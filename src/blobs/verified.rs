@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::fs::{self, File};
 use std::io;
 use std::path::PathBuf;
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::SystemTime;
 
 use super::{BlobError, Blobs, doing};
@@ -33,8 +33,20 @@ impl Sound {
 }
 
 impl Blobs {
-    /// Opens a file of a model that is what was stored; `None` if it is not there. Blocks as long as reading it takes.
-    pub fn open_asset(&self, model: ModelId, asset: &AssetRecord) -> Result<Option<File>, BlobError> {
+    /// Opens a file of a model that is what was stored; `None` if it is not there.
+    pub async fn open_asset(
+        self: &Arc<Self>,
+        model: ModelId,
+        asset: &AssetRecord,
+    ) -> Result<Option<tokio::fs::File>, BlobError> {
+        let (blobs, asset) = (Arc::clone(self), asset.clone());
+        let opened = tokio::task::spawn_blocking(move || blobs.open_sound(model, &asset)).await;
+        let opened = opened.map_err(|error| doing("reading a file of a model")(io::Error::other(error)))??;
+        Ok(opened.map(tokio::fs::File::from_std))
+    }
+
+    /// The same for others than servers. Blocks as long as reading it takes.
+    pub fn open_sound(&self, model: ModelId, asset: &AssetRecord) -> Result<Option<File>, BlobError> {
         let path = self.models().join(model.to_string()).join(&asset.name);
         let reading = || doing("reading a file of a model");
         let mut file = match File::open(&path) {
@@ -110,18 +122,18 @@ mod tests {
         staged_model.write(&asset.name, b"three points").expect("written");
         blobs.keep_model(&staged_model, model).expect("kept");
         assert_eq!(blobs.read_asset(model, &asset).expect("sound").as_deref(), Some(&b"three points"[..]));
-        assert!(blobs.open_asset(model, &asset).expect("sound").is_some());
-        assert!(blobs.open_asset(model, &asset).expect("sound").is_some(), "remembered");
+        assert!(blobs.open_sound(model, &asset).expect("sound").is_some());
+        assert!(blobs.open_sound(model, &asset).expect("sound").is_some(), "remembered");
 
         let path = blobs.models().join(model.to_string()).join(&asset.name);
         fs::write(&path, b"three pointz").expect("flipped");
         // the same moment may have the same time: what was remembered is forgotten here
         blobs.sound.0.lock().expect("no panic").clear();
         assert!(matches!(blobs.read_asset(model, &asset), Err(BlobError::Damaged { .. })));
-        let refused = blobs.open_asset(model, &asset).expect_err("damaged");
+        let refused = blobs.open_sound(model, &asset).expect_err("damaged");
         assert!(refused.to_string().contains("cloud.ply"), "{refused}");
         fs::remove_file(path).expect("removed");
-        assert!(blobs.open_asset(model, &asset).expect("asked").is_none());
+        assert!(blobs.open_sound(model, &asset).expect("asked").is_none());
     }
 
     #[tokio::test]

@@ -12,7 +12,7 @@ use super::model_views::media_type;
 use super::models::{TAG, parse_id};
 use super::problem::{Code, Problem};
 use super::responses;
-use super::state::{AppState, blocking};
+use super::state::AppState;
 
 /// How much is read from disk at a time.
 const CHUNK: usize = 256 << 10;
@@ -62,9 +62,7 @@ pub async fn get_asset(
     answer.insert(header::CONTENT_TYPE, HeaderValue::from_static(media_type(&record.name)));
     // an upload of somebody else's must never be run as a page
     answer.insert(header::X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff"));
-    let (blobs, asset) = (state.shop.blobs.clone(), record.clone());
-    let file = blocking(move || blobs.open_asset(id, &asset)).await??.ok_or_else(missing)?;
-    let mut file = tokio::fs::File::from_std(file);
+    let mut file = state.shop.blobs.open_asset(id, &record).await?.ok_or_else(missing)?;
     let wanted = headers
         .get(header::RANGE)
         .filter(|_| headers.get(header::IF_RANGE).is_none_or(|known| known.as_bytes() == etag.as_bytes()))

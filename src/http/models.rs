@@ -232,11 +232,7 @@ async fn read_report(
 }
 
 /// A small file of a model; `None` if it was deleted in the meantime.
-pub(super) async fn read_asset(
-    state: &AppState,
-    id: ModelId,
-    asset: &AssetRecord,
-) -> Result<Option<Vec<u8>>, Problem> {
+pub(super) async fn read_asset(state: &AppState, id: ModelId, asset: &AssetRecord) -> Result<Option<Vec<u8>>, Problem> {
     let (blobs, asset) = (state.shop.blobs.clone(), asset.clone());
     Ok(blocking(move || blobs.read_asset(id, &asset)).await??)
 }

@@ -17,8 +17,8 @@ use crate::jobs::board::Board;
 use crate::jobs::engine::{Engine, PipelineEngine};
 use crate::jobs::opening::{self, DataFolder, OpenError};
 use crate::jobs::runner::{Runner, Workshop};
-use crate::store::live_gallery::LiveGallery;
 use crate::store::Store;
+use crate::store::live_gallery::LiveGallery;
 
 /// How often answers kept for repeated requests are cleaned up.
 const CLEAN_UP: Duration = Duration::from_secs(3600);

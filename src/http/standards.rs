@@ -19,7 +19,9 @@ use super::{describe, names, responses};
 use crate::classes::limit::{self, Learned};
 use crate::faces::standard::by_name;
 use crate::retrieval;
-use crate::store::{AssetRecord, Examples, NewStandard, StandardId, StandardRecord, StoreError, StoredFile, StoredVerdict};
+use crate::store::{
+    AssetRecord, Examples, NewStandard, StandardId, StandardRecord, StoreError, StoredFile, StoredVerdict,
+};
 
 const TAG: &str = "standards";
 const RULES: FormRules = FormRules {

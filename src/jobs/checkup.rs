@@ -85,9 +85,11 @@ async fn models(data: &DataFolder, findings: &mut Findings) -> Result<(), OpenEr
         page.before = models.next_cursor(|model| model.id.to_string());
         for model in models.items {
             for asset in data.store.assets(model.id).await? {
-                let check_asset = move |blobs: &Blobs| match blobs.open_asset(model.id, &asset)? {
+                let check_asset = move |blobs: &Blobs| match blobs.open_sound(model.id, &asset)? {
                     Some(_) => Ok(()),
-                    None => Err(BlobError::Damaged { what: format!("{} of model {} is missing and", asset.name, model.id) }),
+                    None => {
+                        Err(BlobError::Damaged { what: format!("{} of model {} is missing and", asset.name, model.id) })
+                    }
                 };
                 check(&data.blobs, findings, check_asset).await?;
             }

@@ -13,9 +13,7 @@ pub struct Budget(pub Option<u64>);
 
 /// A registration that needs more than there is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[error(
-    "registering {points} points takes up to {needed_mb} MB of memory, and jobs may take {allowed_mb} MB here"
-)]
+#[error("registering {points} points takes up to {needed_mb} MB of memory, and jobs may take {allowed_mb} MB here")]
 pub struct TooLarge {
     /// Points of all scans.
     pub points: u64,
@@ -35,11 +33,9 @@ impl Budget {
     pub fn admit(self, points: u64) -> Result<(), TooLarge> {
         let needed = points.saturating_mul(BYTES_PER_POINT);
         match self.0 {
-            Some(allowed) if needed > allowed => Err(TooLarge {
-                points,
-                needed_mb: needed.div_ceil(1_000_000),
-                allowed_mb: allowed / 1_000_000,
-            }),
+            Some(allowed) if needed > allowed => {
+                Err(TooLarge { points, needed_mb: needed.div_ceil(1_000_000), allowed_mb: allowed / 1_000_000 })
+            }
             _ => Ok(()),
         }
     }

@@ -61,7 +61,8 @@ impl Runner {
     pub fn start(workshop: &Workshop, stop: &CancellationToken, crash: &CancellationToken) -> Runner {
         let worker = |index: usize| {
             let name = format!("{}-{index}", uuid::Uuid::now_v7());
-            let work = Worker { shop: workshop.clone(), name, stop: stop.clone(), has_complained: AtomicBool::new(false) };
+            let work =
+                Worker { shop: workshop.clone(), name, stop: stop.clone(), has_complained: AtomicBool::new(false) };
             let crash = crash.clone();
             tokio::spawn(async move {
                 tokio::select! {

@@ -311,8 +311,7 @@ fn entry(id: ModelId, content: &StoredContent) -> Option<Entry> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::models::{NewModel, StoredSignature};
-    use super::super::testing;
+    use super::super::{NewModel, StoredSignature, testing};
     use super::*;
     use crate::faces::signature::tests::example;
     use crate::retrieval::Wanted;

@@ -3,8 +3,8 @@
 use sqlx::{FromRow, SqliteConnection};
 
 use super::{
-    Deleted, JobId, ModelId, Page, PageRequest, Replay, ScanSetId, Store, StoreError, StoredFile, StoredSignature, Unseen,
-    damaged, evaluations, replays, signatures, stored_id, sweep, to_i64, to_u64,
+    Deleted, JobId, ModelId, Page, PageRequest, Replay, ScanSetId, Store, StoreError, StoredFile, StoredSignature,
+    Unseen, damaged, evaluations, replays, signatures, stored_id, sweep, to_i64, to_u64,
 };
 use crate::faces::SignatureSummary;
 use crate::geometry::Unit;

@@ -375,13 +375,8 @@ mod tests {
         let (store, _folder) = testing::store().await;
         let large = queued(&store).await;
         let small_set = testing::scan_set(&store, &["a.ply"]).await;
-        let small = NewJob {
-            id: JobId::new(),
-            scan_set_id: small_set,
-            label: None,
-            options: Options::default(),
-            base: None,
-        };
+        let small =
+            NewJob { id: JobId::new(), scan_set_id: small_set, label: None, options: Options::default(), base: None };
         store.create_job(&small, None, 10, None).await.expect("queued");
         let claim = async |free_points: u64, all_points: u64| {
             let claimant = Claimant { room: Some(Room { free_points, all_points }), ..testing::claimant("w") };

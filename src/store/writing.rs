@@ -168,7 +168,13 @@ mod tests {
 
     fn large_set() -> NewScanSet {
         let poses = super::super::PoseFile { name: "poses".to_owned(), content: vec![7; 100_000] };
-        NewScanSet { id: ScanSetId::new(), name: "set".to_owned(), unit: Unit::Mm, scans: Vec::new(), poses: Some(poses) }
+        NewScanSet {
+            id: ScanSetId::new(),
+            name: "set".to_owned(),
+            unit: Unit::Mm,
+            scans: Vec::new(),
+            poses: Some(poses),
+        }
     }
 
     /// Space that comes and goes as the test wants.
@@ -202,7 +208,7 @@ mod tests {
         store.set_most_pages(None).await;
         let set = large_set();
         store.create_scan_set(&set, None).await.expect("there is space again");
-        store.delete_scan_set(set.id).await.expect("deleted");
+        drop(store.delete_scan_set(set.id).await.expect("deleted"));
     }
 
     #[tokio::test]
@@ -231,11 +237,11 @@ mod tests {
         let error = JobError { code: "x".into(), message: "y".into(), scan: None, hint: "z".into() };
         assert!(store.finish_job(&claim, &Finish::Failed(error)).await.expect("ended").is_some());
         assert_eq!(store.job(job.id).await.expect("there").status, JobStatus::Failed);
-        store.delete_scan_set(set).await.expect("deleted");
+        drop(store.delete_scan_set(set).await.expect("deleted"));
 
         reserve.has_space.store(true, Ordering::Relaxed);
         store.check_writable().await.expect("there is space");
-        store.create_model(&NewModel::test(None), None).await.expect("stored");
+        drop(store.create_model(&NewModel::test(None), None).await.expect("stored"));
     }
 
     #[tokio::test]

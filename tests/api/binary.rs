@@ -12,13 +12,13 @@ use reqwest::{Client, StatusCode};
 use serde_json::{Value, json};
 
 /// A running `visage serve`, killed when dropped.
-struct Process {
+pub struct Process {
     child: Child,
-    url: String,
+    pub url: String,
 }
 
 impl Process {
-    fn start(folder: &Path) -> Process {
+    pub fn start(folder: &Path) -> Process {
         let mut child = Command::new(env!("CARGO_BIN_EXE_visage"))
             .args(["serve", "--addr", "127.0.0.1:0", "--log-format", "json", "--data"])
             .arg(folder)
@@ -32,12 +32,12 @@ impl Process {
         Process { child, url }
     }
 
-    fn signal(&self, signal: &str) {
+    pub fn signal(&self, signal: &str) {
         let status = Command::new("kill").args([signal, &self.child.id().to_string()]).status().expect("kill runs");
         assert!(status.success());
     }
 
-    async fn get(&self, path: &str) -> Value {
+    pub async fn get(&self, path: &str) -> Value {
         let response = client().get(format!("{}{path}", self.url)).send().await.expect("an answer");
         expect_json(response, StatusCode::OK).await
     }
@@ -51,7 +51,7 @@ impl Drop for Process {
     }
 }
 
-fn client() -> Client {
+pub fn client() -> Client {
     Client::builder().no_proxy().timeout(Duration::from_secs(120)).build().expect("a client")
 }
 
@@ -104,12 +104,16 @@ fn it_prints_its_contract() {
 
 /// A part of a bumpy sphere as a scan, so dense that registering a few takes a while.
 fn scan(index: usize) -> Vec<u8> {
-    const ROWS: usize = 220;
+    coarse_scan(index, 220)
+}
+
+/// The same with fewer rows of points.
+pub fn coarse_scan(index: usize, rows: usize) -> Vec<u8> {
     let mut points = Vec::new();
-    for row in 0..ROWS {
-        for column in 0..ROWS {
-            let polar = 0.6 + 1.8 * row as f64 / ROWS as f64;
-            let azimuth = index as f64 * 0.5 + 2.4 * column as f64 / ROWS as f64;
+    for row in 0..rows {
+        for column in 0..rows {
+            let polar = 0.6 + 1.8 * row as f64 / rows as f64;
+            let azimuth = index as f64 * 0.5 + 2.4 * column as f64 / rows as f64;
             let radius = 80.0 + 5.0 * (5.0 * polar).sin() * (3.0 * azimuth).cos() + 2.0 * (7.0 * azimuth + polar).sin();
             let (x, y) = (radius * polar.sin() * azimuth.cos(), radius * polar.sin() * azimuth.sin());
             points.push(format!("{x:.5} {y:.5} {:.5}\n", radius * polar.cos()));
@@ -128,7 +132,7 @@ fn disturbed_poses(names: &[String]) -> String {
     Value::Object(map).to_string()
 }
 
-async fn start_job(process: &Process) -> String {
+pub async fn start_job(process: &Process) -> String {
     let names: Vec<String> = (0..6).map(|index| format!("part{index}.ply")).collect();
     let form = names
         .iter()
@@ -139,7 +143,7 @@ async fn start_job(process: &Process) -> String {
     text(&expect_json(response, StatusCode::ACCEPTED).await, "/id")
 }
 
-async fn finished(process: &Process, job: &str) -> Value {
+pub async fn finished(process: &Process, job: &str) -> Value {
     loop {
         let view = process.get(&format!("/v1/jobs/{job}?wait=60")).await;
         if !["queued", "running"].contains(&view["status"].as_str().unwrap_or_default()) {
