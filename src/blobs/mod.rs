@@ -91,6 +91,13 @@ impl BlobError {
         let BlobError::Io { source, .. } = self else { return false };
         matches!(source.kind(), io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded)
     }
+
+    /// Whether the process or the machine has as many files open as it may: that passes.
+    pub fn is_out_of_descriptors(&self) -> bool {
+        use nix::errno::Errno;
+        let BlobError::Io { source, .. } = self else { return false };
+        source.raw_os_error().is_some_and(|code| [Errno::EMFILE, Errno::ENFILE].contains(&Errno::from_raw(code)))
+    }
 }
 
 /// Names what was being done when the file system said no.

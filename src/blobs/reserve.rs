@@ -11,6 +11,8 @@ use crate::store::Reserve;
 
 /// Enough for the ends of all jobs and hundreds of deletions, whatever the size of the database.
 const SIZE: u64 = 8 << 20;
+/// What a small write takes in the database's log: some pages of 4 KiB.
+const SMALL_WRITE: u64 = 64 << 10;
 /// Of a small disk no more than this share of what is free.
 const SHARE: u64 = 16;
 
@@ -44,6 +46,12 @@ impl Reserve for DiskReserve {
         let given = *is_whole && File::options().write(true).truncate(true).open(&self.path).is_ok();
         *is_whole &= !given;
         given
+    }
+
+    fn has_space(&self) -> bool {
+        let folder = self.path.parent().unwrap_or(Path::new("."));
+        // what the system does not say is not held against it
+        super::free_space(folder).map_or(true, |free| free >= SMALL_WRITE)
     }
 }
 

@@ -44,7 +44,7 @@ impl Evaluation {
     /// queue until there is space: nobody else would ask for it again.
     pub(super) fn run(&self) -> Result<(), WorkError> {
         match self.make() {
-            Err(WorkError::Failed(error)) if error.code == "storage_full" => Err(WorkError::GivesWay),
+            Err(WorkError::Failed(error)) if error.code == "storage_full" => Err(WorkError::Later(error.message)),
             done => done,
         }
     }

@@ -293,6 +293,11 @@ impl Worker {
                 tracing::info!("the job gives way to registrations");
                 self.shop.store.give_back_job(claim).await.map(drop)
             }
+            Err(WorkError::Later(reason)) => {
+                tracing::warn!("the job is given back for now: {reason}");
+                tokio::time::sleep(PAUSE_AFTER_ERROR).await;
+                self.shop.store.give_back_job(claim).await.map(drop)
+            }
             Err(WorkError::Stopped) => match entry.stop.reason() {
                 Some(StopReason::Canceled) => {
                     tracing::info!("the job was canceled");

@@ -52,6 +52,8 @@ pub(super) enum WorkError {
     Stopped,
     /// An evaluation gives way to registrations that wait.
     GivesWay,
+    /// It can't be done at the moment: it is tried again in a while.
+    Later(String),
     /// The job failed.
     Failed(JobError),
 }
@@ -64,6 +66,9 @@ impl From<Canceled> for WorkError {
 
 impl From<BlobError> for WorkError {
     fn from(error: BlobError) -> Self {
+        if error.is_out_of_descriptors() {
+            return WorkError::Later(error.to_string());
+        }
         let (code, hint) = if error.is_storage_full() {
             ("storage_full", "free space on the server's disk, then retry the job")
         } else {
@@ -246,4 +251,22 @@ impl Work {
 fn write_asset(staged: &StagedModel, name: &str, content: &[u8]) -> Result<AssetRecord, BlobError> {
     let checksum = staged.write(name, content)?;
     Ok(AssetRecord { name: name.to_owned(), bytes: content.len() as u64, checksum })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_job_does_not_fail_for_good_because_too_many_files_are_open() {
+        let io = |code: i32| BlobError::Io { doing: "reading a scan", source: std::io::Error::from_raw_os_error(code) };
+        let of = |error: BlobError| WorkError::from(error);
+        assert!(matches!(of(io(nix::errno::Errno::EMFILE as i32)), WorkError::Later(_)));
+        assert!(
+            matches!(of(io(nix::errno::Errno::EIO as i32)), WorkError::Failed(error) if error.code == "storage_failed")
+        );
+        assert!(
+            matches!(of(io(nix::errno::Errno::ENOSPC as i32)), WorkError::Failed(error) if error.code == "storage_full")
+        );
+    }
 }

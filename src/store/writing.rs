@@ -18,6 +18,8 @@ pub trait Reserve: Send + Sync + std::fmt::Debug {
     fn is_whole(&self) -> bool;
     /// Gives the space away; false if that was done before.
     fn give(&self) -> bool;
+    /// Whether the disk has space beside it for a small write.
+    fn has_space(&self) -> bool;
 }
 
 /// Nothing is kept: for databases that stand alone, as in tests and benches.
@@ -31,6 +33,10 @@ impl Reserve for NoReserve {
 
     fn give(&self) -> bool {
         false
+    }
+
+    fn has_space(&self) -> bool {
+        true
     }
 }
 
@@ -148,8 +154,13 @@ impl Store {
         tokio::task::spawn_blocking(move || reserve.is_whole()).await.unwrap_or(false)
     }
 
-    /// Whether something could be stored now. It writes a time, since nothing less would tell.
+    /// Whether something could be stored now. It writes a time, since nothing less would tell; but that may fit into what
+    /// the log has already, where nothing larger would.
     pub async fn check_writable(&self) -> Result<(), StoreError> {
+        let reserve = Arc::clone(&self.reserve);
+        if !tokio::task::spawn_blocking(move || reserve.has_space()).await.unwrap_or(false) {
+            return Err(StoreError::Full);
+        }
         let mut tx = self.begin().await?;
         sqlx::query("UPDATE folder SET checked_at = ?").bind(now_ms()).execute(&mut *tx).await?;
         tx.commit().await
@@ -194,6 +205,10 @@ mod tests {
 
         fn give(&self) -> bool {
             !self.given.swap(true, Ordering::Relaxed)
+        }
+
+        fn has_space(&self) -> bool {
+            self.has_space.load(Ordering::Relaxed)
         }
     }
 
