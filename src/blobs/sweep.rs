@@ -17,22 +17,12 @@ impl Blobs {
         listing::of(&self.root).map_err(doing("reading the data folder"))
     }
 
-    /// Where something is, below the data folder.
-    fn relative(&self, file: StoredFile) -> PathBuf {
-        match file {
-            StoredFile::ScanSet(set) => PathBuf::from("scan-sets").join(set.to_string()),
-            StoredFile::Scan(set, scan) => PathBuf::from("scan-sets").join(set.to_string()).join(scan.to_string()),
-            StoredFile::Model(model) => PathBuf::from("models").join(model.to_string()),
-            StoredFile::Standard(standard) => PathBuf::from("standards").join(standard.to_string()),
-        }
-    }
-
     /// Moves things to the trash, under the place they had; answers with the folder in which they are now. Blocks.
     pub fn set_aside(&self, files: &[StoredFile]) -> Result<PathBuf, BlobError> {
         let batch = self.trash().join(FileId::new().to_string());
         let set_aside = || -> io::Result<()> {
             for file in files {
-                let place = self.relative(*file);
+                let place = file.to_string();
                 let target = batch.join(&place);
                 private::create_folder(target.parent().unwrap_or(&batch))?;
                 gone(fs::rename(self.root.join(&place), &target))?;

@@ -51,11 +51,11 @@ fn print(found: &Findings) {
     list("the database file is damaged: put it back from a backup", &found.database);
     list(
         "files that the database does not know: put back the database that goes with them, or set them aside with --set-aside",
-        &found.unknown.iter().map(|file| format!("{file:?}")).collect::<Vec<_>>(),
+        &found.unknown.iter().map(ToString::to_string).collect::<Vec<_>>(),
     );
     list(
         "files that are missing: put them back from a backup, or delete what they belong to",
-        &found.missing.iter().map(|file| format!("{file:?}")).collect::<Vec<_>>(),
+        &found.missing.iter().map(ToString::to_string).collect::<Vec<_>>(),
     );
     list("files that are damaged: put them back from a backup, or upload them again", &found.damaged_files);
     list(

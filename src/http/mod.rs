@@ -3,7 +3,7 @@
 //! - `router`: the table of contents, layers, the contract
 //! - `scan_sets`, `jobs` (with `events`), `models` (with `assets`), `queries`, `evaluation`, `standards`, `meta`: one
 //!   file or folder a resource; what goes over the wire is in the `*_views` beside them
-//! - `problem`, `responses`: every error that leaves the service, and how the contract names them
+//! - `problem`, `storage_problem`, `responses`: every error that leaves the service, and how the contract names them
 //! - `upload`, `digest`, `names`, `describe`: what comes in is hostile until it has passed here
 //! - `verdicts`: how models were judged, as queries and models show it
 //! - `extract`, `idempotency`, `state`: parts of requests, repeated requests, what handlers share
@@ -33,6 +33,7 @@ mod server;
 mod standard_views;
 mod standards;
 mod state;
+mod storage_problem;
 mod upload;
 mod verdicts;
 

@@ -1,5 +1,5 @@
 //! Every error that leaves the service: `application/problem+json` (RFC 9457) with a stable `code`, the `scan`
-//! concerned and a `hint`. This is the one place where the layers' errors become HTTP.
+//! concerned and a `hint`. Here and in `storage_problem` the layers' errors become HTTP.
 
 use std::time::Duration;
 
@@ -7,15 +7,12 @@ use axum::http::StatusCode;
 use axum::http::header::{self, HeaderName, HeaderValue};
 use axum::response::{IntoResponse, Response};
 
-use crate::blobs::BlobError;
 use crate::classes::ClassError;
 use crate::faces::DescribeError;
 use crate::formats::FormatError;
 use crate::jobs::admission::AdmissionError;
-use crate::jobs::memory::TooLarge;
 use crate::jobs::options::OptionError;
 use crate::pipeline::PipelineError;
-use crate::store::StoreError;
 use crate::store::live_gallery::NotReady;
 
 macro_rules! codes {
@@ -237,65 +234,6 @@ impl IntoResponse for Problem {
     }
 }
 
-impl From<StoreError> for Problem {
-    fn from(error: StoreError) -> Self {
-        let detail = error.to_string();
-        match error {
-            StoreError::NotFound { kind, .. } => {
-                Problem::new(Code::NotFound, detail, format!("it may have been deleted; list what there is of {kind}s"))
-            }
-            StoreError::InUse { .. } => {
-                Problem::new(Code::InUse, detail, "wait for the job's end, or cancel it first").retry_after(5)
-            }
-            StoreError::QueueFull { .. } => {
-                Problem::new(Code::QueueFull, detail, "try again when jobs have ended, or cancel some").retry_after(10)
-            }
-            StoreError::NameTaken { .. } => {
-                Problem::new(Code::DuplicateStandard, detail, "choose another name, or delete that one first")
-            }
-            StoreError::TooManyStandards { .. } => {
-                Problem::new(Code::TooManyStandards, detail, "delete one that is not needed any more")
-            }
-            StoreError::TooManyScans { .. } => {
-                Problem::new(Code::TooManyScans, detail, "send fewer scans, or ask the operator to raise the limit")
-            }
-            StoreError::WrongStatus { .. } => Problem::new(
-                Code::WrongStatus,
-                detail,
-                "only queued or running jobs can be canceled, only failed or canceled ones retried",
-            ),
-            StoreError::KeyReused { .. } => {
-                Problem::new(Code::KeyReused, detail, "use a new key for a new request; repeat a request unchanged")
-            }
-            StoreError::Full => Problem::storage_full(&detail),
-            StoreError::Locked => {
-                let hint = "repeat the request; if it stays, ask the operator which program holds visage.sqlite";
-                Problem::new(Code::DatabaseLocked, "nothing was stored: another program holds the database", hint)
-                    .retry_after(5)
-            }
-            StoreError::Database(_)
-            | StoreError::Migration(_)
-            | StoreError::Damaged { .. }
-            | StoreError::Corrupt { .. }
-            | StoreError::Foreign => Problem::internal(detail),
-        }
-    }
-}
-
-impl From<BlobError> for Problem {
-    fn from(error: BlobError) -> Self {
-        if error.is_storage_full() {
-            return Problem::storage_full(&error.to_string());
-        }
-        if let BlobError::Damaged { .. } = error {
-            tracing::error!("{error}; `visage doctor` tells what else is");
-            let hint = "ask the operator to put the file back from a backup, or delete what it belongs to";
-            return Problem::new(Code::Damaged, error.to_string(), hint);
-        }
-        Problem::internal(error)
-    }
-}
-
 impl From<AdmissionError> for Problem {
     fn from(error: AdmissionError) -> Self {
         let detail = error.to_string();
@@ -374,12 +312,6 @@ impl From<ClassError> for Problem {
     }
 }
 
-impl From<TooLarge> for Problem {
-    fn from(error: TooLarge) -> Self {
-        Problem::new(Code::TooLittleMemory, error.to_string(), TooLarge::HINT)
-    }
-}
-
 impl From<NotReady> for Problem {
     fn from(error: NotReady) -> Self {
         Problem::new(Code::NotReady, error.to_string(), "try again in a moment").retry_after(2)
@@ -387,22 +319,6 @@ impl From<NotReady> for Problem {
 }
 
 impl Problem {
-    fn storage_full(error: &str) -> Self {
-        tracing::error!("the disk is full: {error}");
-        let hint = "delete what is not needed, or ask the operator for space; then repeat the request";
-        Problem::new(Code::StorageFull, "nothing more can be stored", hint)
-    }
-
-    /// Why nothing can be stored at the moment, for `/readyz`.
-    pub fn not_writable(error: StoreError) -> Self {
-        let detail = match &error {
-            StoreError::Full => "nothing can be stored: the disk is full",
-            StoreError::Locked => "nothing can be stored: another program holds the database",
-            _ => return error.into(),
-        };
-        Problem::new(Code::NotReady, detail, "try again when the operator has seen to it").retry_after(5)
-    }
-
     /// The server takes on nothing new.
     pub fn shutting_down() -> Self {
         Problem::new(Code::ShuttingDown, "the server is shutting down", "try again in a moment").retry_after(5)
@@ -412,6 +328,7 @@ impl Problem {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::store::StoreError;
 
     #[test]
     fn codes_are_unique_and_are_errors() {

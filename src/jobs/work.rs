@@ -84,6 +84,7 @@ impl From<StoreError> for WorkError {
             StoreError::Full => {
                 failed("storage_full", error.to_string(), None, "free space on the server's disk, then retry the job")
             }
+            StoreError::Locked => WorkError::Later(error.to_string()),
             error => {
                 failed("storage_failed", error.to_string(), None, "look into the server's log, then retry the job")
             }

@@ -19,6 +19,18 @@ pub enum StoredFile {
     Standard(StandardId),
 }
 
+impl std::fmt::Display for StoredFile {
+    /// The place below the data folder.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            StoredFile::ScanSet(set) => write!(f, "scan-sets/{set}"),
+            StoredFile::Scan(set, scan) => write!(f, "scan-sets/{set}/{scan}"),
+            StoredFile::Model(model) => write!(f, "models/{model}"),
+            StoredFile::Standard(standard) => write!(f, "standards/{standard}"),
+        }
+    }
+}
+
 impl StoredFile {
     fn kind(self) -> &'static str {
         match self {

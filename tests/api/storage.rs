@@ -2,6 +2,7 @@
 //! locks of other programs, too little memory.
 
 use std::path::{Path, PathBuf};
+use std::process::Command;
 use std::time::{Duration, Instant};
 
 use crate::common::{FakeEngine, Mode, TestServer, config, expect_json, expect_problem, files, text};
@@ -256,6 +257,38 @@ async fn a_damaged_file_is_not_served_and_not_built_on() {
     let findings = checkup::examine(&data).await.expect("examined");
     assert_eq!((findings.damaged_files.len(), findings.files_read), (2, 8), "{findings:?}");
     data.store.close().await;
+    drop(data);
+    let doctor = Command::new(env!("CARGO_BIN_EXE_visage")).args(["doctor", "--data"]).arg(folder.path()).output();
+    let doctor = doctor.expect("it runs");
+    let said = String::from_utf8_lossy(&doctor.stdout);
+    assert!(!doctor.status.success());
+    assert!(said.contains(&format!("cloud.ply of model {model} is not what was stored")), "{said}");
+}
+
+#[cfg(unix)]
+#[tokio::test]
+async fn nobody_but_the_owner_may_read_what_is_stored() {
+    use std::os::unix::fs::PermissionsExt;
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    std::fs::set_permissions(folder.path(), std::fs::Permissions::from_mode(0o755)).expect("made by hand");
+    let server = TestServer::start_on(folder, |_| {}).await;
+    server.model().await;
+    let mut folders = vec![server.folder.path().to_owned()];
+    let mut seen = Vec::new();
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(folder).expect("a folder") {
+            let entry = entry.expect("an entry");
+            let mode = entry.metadata().expect("there").permissions().mode();
+            assert_eq!(mode & 0o077, 0, "{} has {mode:o}", entry.path().display());
+            seen.push(entry.file_name().to_string_lossy().into_owned());
+            if entry.path().is_dir() {
+                folders.push(entry.path());
+            }
+        }
+    }
+    for name in ["visage.sqlite", "visage.sqlite-wal", "visage.folder", "cloud.ply"] {
+        assert!(seen.iter().any(|seen| seen == name), "{name} is not among {seen:?}");
+    }
 }
 
 #[tokio::test]
