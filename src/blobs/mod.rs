@@ -67,7 +67,8 @@ pub enum BlobError {
     /// There are files but no database that knows them.
     #[error(
         "the database of {folder} is {database}, but there are {files} scans, models and standards in the folder: put \
-         visage.sqlite back from a backup, or choose another --data folder to begin anew"
+         visage.sqlite back from a backup (and remove visage.sqlite-wal and -shm, if there are any), or choose another \
+         --data folder to begin anew"
     )]
     DatabaseLost {
         /// The data folder.

@@ -142,8 +142,17 @@ impl DataFolder {
         Err(OpenError::UnknownFiles { folder: self.folder.display().to_string(), files: found.unknown.len() })
     }
 
-    /// Picks up what a server left that has ended. Only before the service begins.
+    /// Picks up what a server left that has ended. Only before the service begins. What is refused is left as it was, and
+    /// without a log beside the database: another one can be put in its place.
     pub async fn pick_up(&self, max_attempts: u32) -> Result<PickedUp, OpenError> {
+        let picked_up = self.pick_up_all(max_attempts).await;
+        if picked_up.is_err() {
+            self.store.close().await;
+        }
+        picked_up
+    }
+
+    async fn pick_up_all(&self, max_attempts: u32) -> Result<PickedUp, OpenError> {
         let mut found = self.inventory().await?;
         if self.is_from_before {
             // earlier versions did not say which files they expected
