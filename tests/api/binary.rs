@@ -122,7 +122,7 @@ pub fn coarse_scan(index: usize, rows: usize) -> Vec<u8> {
     format!("{}{}", files::header(points.len()), points.concat()).into_bytes()
 }
 
-fn disturbed_poses(names: &[String]) -> String {
+pub fn disturbed_poses(names: &[String]) -> String {
     let pose = |index: usize| {
         let angle = 0.01 * index as f64;
         json!([[angle.cos(), -angle.sin(), 0, 0.5], [angle.sin(), angle.cos(), 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])

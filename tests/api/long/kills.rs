@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-use crate::binary::{Process, client};
+use crate::binary::{Process, client, coarse_scan, disturbed_poses};
 use crate::common::files;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -49,7 +49,8 @@ struct Ledger {
 }
 
 impl Ledger {
-    fn note(&mut self, order: &Order, status: StatusCode, body: &Value) {
+    /// `is_repeated`: an earlier try may have done it, though its answer was lost.
+    fn note(&mut self, order: &Order, is_repeated: bool, status: StatusCode, body: &Value) {
         let id = || body["id"].as_str().unwrap_or_else(|| panic!("{order:?}: {body}")).to_owned();
         let name = match order {
             Order::ScanSet { .. } => "scan sets",
@@ -66,11 +67,15 @@ impl Ledger {
             (Order::Model { .. }, 201) => {
                 self.models.insert(id());
             }
-            (Order::Job { set, .. }, 202) => {
+            // its scan set may have been deleted before the answer came
+            (Order::Job { set, .. }, 202) if self.sets.contains(set) => {
                 self.jobs.insert(id(), set.clone());
             }
-            // its scan set was deleted meanwhile, or there are jobs enough
-            (Order::Job { .. }, 404 | 429) => {}
+            (Order::Job { .. }, 202) => {}
+            (Order::Job { set, .. }, 404) if !self.sets.contains(set) || self.leaving.contains(set) => {}
+            // there are jobs enough
+            (Order::Job { .. }, 429) => {}
+            (Order::DeleteModel(_) | Order::DeleteSet(_), 404) if !is_repeated => panic!("{order:?}: it is lost"),
             (Order::DeleteModel(model), 204 | 404) => {
                 self.models.remove(model);
                 self.leaving.remove(model);
@@ -90,10 +95,12 @@ impl Ledger {
 }
 
 fn scans(number: u64) -> Form {
-    (0..3).fold(Form::new(), |form, index| {
-        let scan = crate::binary::coarse_scan(index, 30 + number as usize % 7);
-        form.part("scans", Part::bytes(scan).file_name(format!("part{index}.ply")))
-    })
+    let names: Vec<String> = (0..3).map(|index| format!("part{index}.ply")).collect();
+    let form = names.iter().enumerate().fold(Form::new(), |form, (index, name)| {
+        let scan = coarse_scan(index, 30 + number as usize % 7);
+        form.part("scans", Part::bytes(scan).file_name(name.clone()))
+    });
+    form.part("poses", Part::text(disturbed_poses(&names)))
 }
 
 fn request(client: &Client, url: &str, order: &Order) -> RequestBuilder {
@@ -141,7 +148,7 @@ async fn work(client: Client, url: String, ledger: Arc<Mutex<Ledger>>, numbers: 
         let answer = answered(request(&client, &url, &order)).await;
         let mut ledger = ledger.lock().expect("no panic");
         match answer {
-            Some((status, body)) => ledger.note(&order, status, &body),
+            Some((status, body)) => ledger.note(&order, false, status, &body),
             None => {
                 ledger.in_doubt.push(order);
                 return;
@@ -219,7 +226,7 @@ async fn settle(process: &Process, client: &Client, ledger: &Mutex<Ledger>) {
     let in_doubt = std::mem::take(&mut ledger.lock().expect("no panic").in_doubt);
     for order in in_doubt {
         let (status, body) = answered(request(client, &process.url, &order)).await.expect("nobody kills it now");
-        ledger.lock().expect("no panic").note(&order, status, &body);
+        ledger.lock().expect("no panic").note(&order, true, status, &body);
     }
 }
 
