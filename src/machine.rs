@@ -14,8 +14,8 @@ pub fn peak_memory_bytes() -> Option<u64> {
     u64::try_from(usage.max_rss()).ok().map(|size| size * unit)
 }
 
-/// The memory that this process may use, in bytes: the machine's, or what its control group is held to. `None` where the
-/// system does not say.
+/// The memory that this process may use, in bytes: the machine's, or what its control group is held to. `None` where
+/// the system does not say.
 pub fn memory_bytes() -> Option<u64> {
     let machine = field("/proc/meminfo", "MemTotal:").map(|kib| kib * 1024);
     let group = ["/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes"];

@@ -15,9 +15,9 @@ const DATABASE: &str = "visage.sqlite";
 const LOCK: &str = "visage.lock";
 
 impl Blobs {
-    /// Takes the folder into use: creates it when absent (readable by its owner alone) and locks it. A folder with other
-    /// things in it is refused, and so is one whose database is gone. A process that has just been killed holds its lock
-    /// until the system has taken it apart: `patience` is how long that may take. Blocks.
+    /// Takes the folder into use: creates it when absent (readable by its owner alone) and locks it. A folder with
+    /// other things in it is refused, and so is one whose database is gone. A process that has just been killed holds
+    /// its lock until the system has taken it apart: `patience` is how long that may take. Blocks.
     pub fn open(root: &Path, patience: Duration) -> Result<Blobs, BlobError> {
         refuse_foreign(root)?;
         private::create_folder(root).map_err(doing("creating the data folder"))?;

@@ -11,10 +11,10 @@
 //! DATA/standards/{standard}/{asset} files that standards were made of
 //! DATA/trash/{id}/...              what a start found without a row, for a while
 //! ```
-//! Files are written and synced under `staging` and then moved by one rename, so a file that is where it belongs is whole.
-//! The database says beforehand that a file is coming (`Store::expect_files`), and has its row afterwards: what a crash
-//! leaves without a row is known to be that, and is set aside at the next start. Other files without a row mean that the
-//! database is not the one of this folder: then nothing is touched.
+//! Files are written and synced under `staging` and then moved by one rename, so a file that is where it belongs is
+//! whole. The database says beforehand that a file is coming (`Store::expect_files`), and has its row afterwards: what
+//! a crash leaves without a row is known to be that, and is set aside at the next start. Other files without a row
+//! mean that the database is not the one of this folder: then nothing is touched.
 //!
 //! - `folder`: whose it is, lock and marker; `private`: who may read; `reserve`: space for when there is none
 //! - `staged`: files in the making; `verified`: files are what was stored

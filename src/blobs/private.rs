@@ -1,4 +1,5 @@
-//! Files and folders that only their owner may read, whatever the umask says: scans of people are nobody else's business.
+//! Files and folders that only their owner may read, whatever the umask says: scans of people are nobody else's
+//! business.
 
 use std::fs::{self, File, OpenOptions};
 use std::io;

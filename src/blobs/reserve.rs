@@ -1,5 +1,5 @@
-//! A file that is there for the space it takes: when the disk is full, it is given up so that jobs can be ended and things
-//! deleted; it is filled again as soon as there is space.
+//! A file that is there for the space it takes: when the disk is full, it is given up so that jobs can be ended and
+//! things deleted; it is filled again as soon as there is space.
 
 use std::fs::{self, File};
 use std::io::{self, Write};

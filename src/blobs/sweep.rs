@@ -1,5 +1,5 @@
-//! What no row knows is set aside, never just deleted: it goes to `trash/{day and time as an id}/...` and stays there for
-//! [`TRASH_DAYS`] days.
+//! What no row knows is set aside, never just deleted: it goes to `trash/{day and time as an id}/...` and stays there
+//! for [`TRASH_DAYS`] days.
 
 use std::fs;
 use std::io;
@@ -58,7 +58,8 @@ impl Blobs {
         empty().map_err(doing("emptying the staging folder"))
     }
 
-    /// Deletes for good what was set aside more than [`TRASH_DAYS`] days ago; answers with the number of batches. Blocks.
+    /// Deletes for good what was set aside more than [`TRASH_DAYS`] days ago; answers with the number of batches.
+    /// Blocks.
     pub fn empty_trash(&self, now: jiff::Timestamp) -> Result<usize, BlobError> {
         let empty = || -> io::Result<usize> {
             let mut removed = 0;

@@ -39,7 +39,7 @@ async fn healthz() -> Json<Health> {
     Json(Health { status: "ok" })
 }
 
-/// Whether requests will be served: the database answers and takes writes, the gallery is loaded, no shutdown is under way.
+/// Whether requests will be served: the database takes writes, the gallery is loaded, no shutdown is under way.
 #[utoipa::path(
     get, path = "/readyz", tag = TAG, operation_id = "ready",
     responses((status = 200, description = "They will.", body = Health), responses::NotReady, responses::Other)

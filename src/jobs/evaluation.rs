@@ -40,8 +40,8 @@ pub(super) struct Evaluation {
 }
 
 impl Evaluation {
-    /// Does all that is to be done, and what comes up meanwhile. Runs inside a rayon pool. On a full disk it waits in the
-    /// queue until there is space: nobody else would ask for it again.
+    /// Does all that is to be done, and what comes up meanwhile. Runs inside a rayon pool. On a full disk it waits in
+    /// the queue until there is space: nobody else would ask for it again.
     pub(super) fn run(&self) -> Result<(), WorkError> {
         match self.make() {
             Err(WorkError::Failed(error)) if error.code == "storage_full" => Err(WorkError::Later(error.message)),

@@ -1,10 +1,11 @@
-//! Whether a registration fits into memory, told by the points of its scans before it begins. A job that does not fit would
-//! take the whole server down with it, again at each attempt.
+//! Whether a registration fits into memory, told by the points of its scans before it begins. A job that does not fit
+//! would take the whole server down with it, again at each attempt.
 
 use crate::store::Room;
 
-/// The most bytes that a registration takes at its peak for each point of its scans. Measured: 120 to 140 with plain points,
-/// 200 with normals and colours (`docs/PERFORMANCE.md`); the rest is room for what a set may have beyond those.
+/// The most bytes that a registration takes at its peak for each point of its scans. Measured: 120 to 140 with plain
+/// points, 200 with normals and colours (`docs/PERFORMANCE.md`); the rest is room for what a set may have beyond
+/// those.
 pub const BYTES_PER_POINT: u64 = 256;
 
 /// The memory that all running jobs together may take; `None` if it is not limited.

@@ -1,8 +1,8 @@
 //! A data folder is taken into use: it is told to be ours, and what a crash left in it is picked up.
 //!
-//! Files without a row mean one of two things. Those that the database expected, or whose row it has deleted, were left by a
-//! crash. Any other one says that the database is not the one that goes with these files (an older copy, a new one): then
-//! nothing is touched.
+//! Files without a row mean one of two things. Those that the database expected, or whose row it has deleted, were
+//! left by a crash. Any other one says that the database is not the one that goes with these files (an older copy, a
+//! new one): then nothing is touched.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -142,8 +142,8 @@ impl DataFolder {
         Err(OpenError::UnknownFiles { folder: self.folder.display().to_string(), files: found.unknown.len() })
     }
 
-    /// Picks up what a server left that has ended. Only before the service begins. What is refused is left as it was, and
-    /// without a log beside the database: another one can be put in its place.
+    /// Picks up what a server left that has ended. Only before the service begins. What is refused is left as it was,
+    /// and without a log beside the database: another one can be put in its place.
     pub async fn pick_up(&self, max_attempts: u32) -> Result<PickedUp, OpenError> {
         let picked_up = self.pick_up_all(max_attempts).await;
         if picked_up.is_err() {

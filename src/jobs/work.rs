@@ -92,8 +92,8 @@ impl From<StoreError> for WorkError {
     }
 }
 
-/// Waits for the store from a job's thread. While another program holds the database's lock, it is tried again: what was
-/// computed is worth more than a few seconds.
+/// Waits for the store from a job's thread. While another program holds the database's lock, it is tried again: what
+/// was computed is worth more than a few seconds.
 pub(super) fn stored<T, F: Future<Output = Result<T, StoreError>>>(
     runtime: &Handle,
     progress: &Progress,

@@ -78,9 +78,9 @@ impl Default for LiveGallery {
 pub struct NotReady;
 
 impl LiveGallery {
-    /// Reads all signatures, page by page, and builds the index. Models added or deleted meanwhile are seen afterwards.
-    /// Signatures of another version and damaged ones are left out: their models are kept, but not found until described
-    /// anew.
+    /// Reads all signatures, page by page, and builds the index. Models added or deleted meanwhile are seen
+    /// afterwards. Signatures of another version and damaged ones are left out: their models are kept, but not found
+    /// until described anew.
     pub async fn load(&self, store: &Store) -> Result<usize, StoreError> {
         let mut loading = Loading::default();
         let mut page = store.signatures_after(None, PAGE).await?;

@@ -78,8 +78,8 @@ impl Store {
         Self::open_with(file, Arc::new(NoReserve)).await
     }
 
-    /// Opens the database file, creates it when absent, checks it, and brings it to this program's version. `reserve` is
-    /// what is given away when the disk is full.
+    /// Opens the database file, creates it when absent, checks it, and brings it to this program's version. `reserve`
+    /// is what is given away when the disk is full.
     pub async fn open_with(file: &Path, reserve: Arc<dyn Reserve>) -> Result<Store, StoreError> {
         let options = SqliteConnectOptions::new()
             .filename(file)
@@ -133,8 +133,8 @@ pub struct Deleted {
     pub unseen: Unseen,
 }
 
-/// Checks the file and brings it to this program's version, on a connection that lets tables be built anew without taking
-/// along what refers to them.
+/// Checks the file and brings it to this program's version, on a connection that lets tables be built anew without
+/// taking along what refers to them.
 async fn migrate(options: &SqliteConnectOptions) -> Result<(), StoreError> {
     let pool = SqlitePoolOptions::new().max_connections(1).connect_with(options.clone().foreign_keys(false)).await?;
     let migrated = migrate_checked(&pool).await;

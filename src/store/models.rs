@@ -106,7 +106,8 @@ impl ModelRow {
 }
 
 impl Store {
-    /// Stores an uploaded model and the answer that the client gets. The index has to follow before the answer is dropped.
+    /// Stores an uploaded model and the answer that the client gets. The index has to follow before the answer is
+    /// dropped.
     pub async fn create_model(&self, model: &NewModel, replay: Option<&Replay>) -> Result<Unseen, StoreError> {
         let mut tx = self.begin().await?;
         insert(&mut tx, model).await?;

@@ -218,7 +218,8 @@ fn lease_end(lease: Duration) -> i64 {
     now_ms().saturating_add(i64::try_from(lease.as_millis()).unwrap_or(i64::MAX))
 }
 
-/// Fails the jobs whose worker vanished for the last time that is allowed; `living` is a JSON list of those that have not.
+/// Fails the jobs whose worker vanished for the last time that is allowed; `living` is a JSON list of those that have
+/// not.
 async fn fail_exhausted(db: &mut SqliteConnection, max_attempts: u32, living: &str) -> Result<(), StoreError> {
     let error = JobError {
         code: "attempts_exhausted".to_owned(),

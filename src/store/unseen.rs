@@ -1,8 +1,9 @@
-//! What is written but not yet in the index in memory: queries wait for it, so that what a client has seen of a job or a
-//! model holds for what it asks next.
+//! What is written but not yet in the index in memory: queries wait for it, so that what a client has seen of a job or
+//! a model holds for what it asks next.
 //!
-//! Writers hold a share from just before their commit until the index has followed. Whoever asks afterwards has to get past
-//! those shares once. Nobody waits for a lock of the database meanwhile: it is held already when the share is taken.
+//! Writers hold a share from just before their commit until the index has followed. Whoever asks afterwards has to get
+//! past those shares once. Nobody waits for a lock of the database meanwhile: it is held already when the share is
+//! taken.
 
 use std::sync::Arc;
 

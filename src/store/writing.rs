@@ -1,8 +1,8 @@
 //! Writes: one at a time, whole or not at all, on a connection that no failure spoils.
 //!
-//! A transaction is a plain `BEGIN IMMEDIATE` and `COMMIT`, not one that the driver counts: when a disk is full or fails,
-//! SQLite has rolled back already, and a driver that still counts an open transaction refuses every later one. Whatever
-//! is open when a connection is given back is rolled back then.
+//! A transaction is a plain `BEGIN IMMEDIATE` and `COMMIT`, not one that the driver counts: when a disk is full or
+//! fails, SQLite has rolled back already, and a driver that still counts an open transaction refuses every later one.
+//! Whatever is open when a connection is given back is rolled back then.
 
 use std::ops::{Deref, DerefMut};
 use std::sync::Arc;
@@ -154,8 +154,8 @@ impl Store {
         tokio::task::spawn_blocking(move || reserve.is_whole()).await.unwrap_or(false)
     }
 
-    /// Whether something could be stored now. It writes a time, since nothing less would tell; but that may fit into what
-    /// the log has already, where nothing larger would.
+    /// Whether something could be stored now. It writes a time, since nothing less would tell; but that may fit into
+    /// what the log has already, where nothing larger would.
     pub async fn check_writable(&self) -> Result<(), StoreError> {
         let reserve = Arc::clone(&self.reserve);
         if !tokio::task::spawn_blocking(move || reserve.has_space()).await.unwrap_or(false) {
