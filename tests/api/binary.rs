@@ -102,12 +102,7 @@ fn it_prints_its_contract() {
     assert_eq!(String::from_utf8(output.stdout).expect("text"), visage::http::openapi_yaml().expect("YAML"));
 }
 
-/// A part of a bumpy sphere as a scan, so dense that registering a few takes a while.
-fn scan(index: usize) -> Vec<u8> {
-    coarse_scan(index, 220)
-}
-
-/// The same with fewer rows of points.
+/// A part of a bumpy sphere as a scan; with 220 rows so dense that registering a few takes a while.
 pub fn coarse_scan(index: usize, rows: usize) -> Vec<u8> {
     let mut points = Vec::new();
     for row in 0..rows {
@@ -132,12 +127,16 @@ pub fn disturbed_poses(names: &[String]) -> String {
     Value::Object(map).to_string()
 }
 
-pub async fn start_job(process: &Process) -> String {
+async fn start_job(process: &Process) -> String {
+    start_job_of(process, 220).await
+}
+
+/// A job on six scans of so many rows.
+pub async fn start_job_of(process: &Process, rows: usize) -> String {
     let names: Vec<String> = (0..6).map(|index| format!("part{index}.ply")).collect();
-    let form = names
-        .iter()
-        .enumerate()
-        .fold(Form::new(), |form, (index, name)| form.part("scans", Part::bytes(scan(index)).file_name(name.clone())));
+    let form = names.iter().enumerate().fold(Form::new(), |form, (index, name)| {
+        form.part("scans", Part::bytes(coarse_scan(index, rows)).file_name(name.clone()))
+    });
     let form = form.part("poses", Part::text(disturbed_poses(&names)));
     let response = client().post(format!("{}/v1/jobs", process.url)).multipart(form).send().await.expect("an answer");
     text(&expect_json(response, StatusCode::ACCEPTED).await, "/id")

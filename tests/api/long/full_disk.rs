@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::Command;
 use std::time::Duration;
 
-use crate::binary::{Process, client, finished, start_job};
+use crate::binary::{Process, client, finished, start_job_of};
 use crate::common::{expect_json, expect_problem, text};
 use reqwest::StatusCode;
 use serde_json::json;
@@ -103,7 +103,7 @@ async fn a_full_disk_ends_nothing_but_what_takes_space() {
 async fn a_job_ends_on_a_full_disk() {
     let disk = Disk::mount(64);
     let process = Process::start(&disk.path().join("data"));
-    let job = start_job(&process).await;
+    let job = start_job_of(&process, 100).await;
     // as soon as its scans are there, there is no space for what it makes of them
     while process.get(&format!("/v1/jobs/{job}")).await["status"] == "queued" {
         tokio::time::sleep(Duration::from_millis(5)).await;
