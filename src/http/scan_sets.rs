@@ -18,7 +18,7 @@ use super::state::{AppState, blocking, deleted, forget, uninterrupted};
 use super::upload::{self, Form, FormRules, UploadedFile};
 use super::{cursor, names, poses, responses, scans};
 use crate::jobs::admission;
-use crate::store::{FileId, NewScanSet, PoseFile, ScanRecord, ScanSetId, StoreError, sort_naturally};
+use crate::store::{FileId, NewScanSet, PoseFile, ScanRecord, ScanSetId, StoreError, StoredFile, sort_naturally};
 
 pub(super) const TAG: &str = "scan sets";
 const PARTS: &[&str] = &["poses", "name", "unit"];
@@ -178,6 +178,10 @@ pub(super) async fn keep_files(
     set: ScanSetId,
     files: Vec<(FileId, UploadedFile)>,
 ) -> Result<(), Problem> {
+    let expected: Vec<StoredFile> = files.iter().map(|(file, _)| StoredFile::Scan(set, *file)).collect();
+    if !expected.is_empty() {
+        state.shop.store.expect_files(&expected).await?;
+    }
     let blobs = state.shop.blobs.clone();
     blocking(move || -> Result<(), Problem> {
         for (id, file) in &files {
@@ -196,8 +200,8 @@ pub(super) async fn undo_unless_stored(
 ) -> Result<(), Problem> {
     match stored {
         Ok(()) => Ok(()),
-        // whether a failed commit took place is not known: the sweep at the next start will tell
-        Err(error @ StoreError::Database(_)) => Err(error.into()),
+        // whether a failed commit took place is not known: what has no row is removed later
+        Err(error) if error.leaves_in_doubt() => Err(error.into()),
         Err(refused) => {
             let blobs = state.shop.blobs.clone();
             blocking(move || blobs.remove_scan_set(set)).await??;
@@ -253,10 +257,10 @@ async fn delete(
         if conditions.any() {
             conditions.check_view(&ScanSetView::of(&state.shop.store.scan_set(id).await?))?;
         }
-        let models = state.shop.store.delete_scan_set(id).await?;
+        let deleted = state.shop.store.delete_scan_set(id).await?;
         state.shop.board.announce_change();
         // whichever fails, the other is done
-        let of_models = forget(&state, models).await;
+        let of_models = forget(&state, deleted).await;
         let blobs = state.shop.blobs.clone();
         blocking(move || blobs.remove_scan_set(id)).await??;
         of_models

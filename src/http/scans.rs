@@ -73,7 +73,7 @@ pub(super) async fn put_scan(
         let (unused, status) = match &put {
             Ok(PutScan::Created) => (None, StatusCode::CREATED),
             Ok(PutScan::Replaced(old)) => (Some(*old), StatusCode::OK),
-            Err(_) => (Some(scan.file_id), StatusCode::INTERNAL_SERVER_ERROR),
+            Err(error) => ((!error.leaves_in_doubt()).then_some(scan.file_id), StatusCode::INTERNAL_SERVER_ERROR),
         };
         if let Some(file) = unused {
             let blobs = state.shop.blobs.clone();

@@ -48,7 +48,7 @@ impl RunFacts {
             signature_version: crate::faces::Signature::VERSION,
             threads,
             seconds,
-            peak_memory_bytes: peak_memory_bytes(),
+            peak_memory_bytes: crate::machine::peak_memory_bytes(),
             host: Host {
                 os: std::env::consts::OS,
                 arch: std::env::consts::ARCH,
@@ -56,14 +56,6 @@ impl RunFacts {
             },
         }
     }
-}
-
-/// The most memory this process has ever held.
-fn peak_memory_bytes() -> Option<u64> {
-    let usage = nix::sys::resource::getrusage(nix::sys::resource::UsageWho::RUSAGE_SELF).ok()?;
-    // Linux counts in KiB, macOS in bytes
-    let unit = if cfg!(target_os = "macos") { 1 } else { 1024 };
-    u64::try_from(usage.max_rss()).ok().map(|size| size * unit)
 }
 
 /// `report.json`: the deterministic result and, apart from it, the run.

@@ -3,8 +3,8 @@
 use sqlx::{FromRow, SqliteConnection};
 
 use super::{
-    FileId, ModelId, Page, PageRequest, Replay, ScanSetId, Store, StoreError, damaged, models, replays, stored_id,
-    to_i64, to_u64,
+    Deleted, FileId, Page, PageRequest, Replay, ScanSetId, Store, StoreError, StoredFile, damaged, models, replays,
+    stored_id, sweep, to_i64, to_u64,
 };
 use crate::geometry::Unit;
 
@@ -171,18 +171,26 @@ impl Store {
         }
         delete_scan_row(&mut tx, set, &scan.name).await?;
         insert_scan(&mut tx, set, scan).await?;
+        if let Some(old) = old {
+            sweep::leave(&mut tx, StoredFile::Scan(set, old)).await?;
+        }
         tx.commit().await?;
         Ok(old.map_or(PutScan::Created, PutScan::Replaced))
     }
 
     /// Takes a scan out of a set; answers with the file that is no longer used.
     pub async fn delete_scan(&self, set: ScanSetId, name: &str) -> Result<FileId, StoreError> {
-        let mut tx = self.begin().await?;
+        self.with_reserve(|| self.delete_scan_once(set, name)).await
+    }
+
+    async fn delete_scan_once(&self, set: ScanSetId, name: &str) -> Result<FileId, StoreError> {
+        let mut tx = self.begin_any().await?;
         check_free(&mut tx, set).await?;
         let file = file_of(&mut tx, set, name)
             .await?
             .ok_or_else(|| StoreError::NotFound { kind: "scan", id: name.to_owned() })?;
         delete_scan_row(&mut tx, set, name).await?;
+        sweep::leave(&mut tx, StoredFile::Scan(set, file)).await?;
         tx.commit().await?;
         Ok(file)
     }
@@ -202,8 +210,12 @@ impl Store {
     }
 
     /// Deletes a scan set with everything derived from it; answers with the models that went with it.
-    pub async fn delete_scan_set(&self, id: ScanSetId) -> Result<Vec<ModelId>, StoreError> {
-        let mut tx = self.begin().await?;
+    pub async fn delete_scan_set(&self, id: ScanSetId) -> Result<Deleted, StoreError> {
+        self.with_reserve(|| self.delete_set_once(id)).await
+    }
+
+    async fn delete_set_once(&self, id: ScanSetId) -> Result<Deleted, StoreError> {
+        let mut tx = self.begin_any().await?;
         check_free(&mut tx, id).await?;
         let text = id.to_string();
         let models = models::ids_of_scan_set(&mut tx, &text).await?;
@@ -214,9 +226,11 @@ impl Store {
         }
         // jobs, models, assets and signatures go by foreign keys
         sqlx::query("DELETE FROM scan_set WHERE id = ?").bind(&text).execute(&mut *tx).await?;
-        tx.commit().await?;
-        self.fold_log().await;
-        Ok(models)
+        sweep::leave(&mut tx, StoredFile::ScanSet(id)).await?;
+        for model in &models {
+            sweep::leave(&mut tx, StoredFile::Model(*model)).await?;
+        }
+        Ok(Deleted { models, unseen: tx.commit_unseen(self).await? })
     }
 }
 
@@ -253,9 +267,9 @@ async fn insert_scan(db: &mut SqliteConnection, set: ScanSetId, scan: &ScanRecor
         .bind(to_i64(scan.points))
         .bind(to_i64(scan.bytes))
         .bind(&scan.checksum)
-        .execute(db)
+        .execute(&mut *db)
         .await?;
-    Ok(())
+    sweep::settle(db, StoredFile::Scan(set, scan.file_id)).await
 }
 
 async fn delete_scan_row(db: &mut SqliteConnection, set: ScanSetId, name: &str) -> Result<(), StoreError> {
