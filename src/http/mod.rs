@@ -35,6 +35,7 @@ mod multipart;
 mod names;
 pub mod problem;
 mod queries;
+mod reading_view;
 mod responses;
 mod router;
 mod scan_set_views;

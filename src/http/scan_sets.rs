@@ -14,9 +14,9 @@ use super::idempotency::{Attempt, Created};
 use super::problem::{Code, Problem};
 use super::scan_set_views::{NewScanSetBody, PosesView, ScanSetForm, ScanSetList, ScanSetView, ScanView};
 use super::state::{AppState, blocking, deleted, forget, uninterrupted};
-use super::upload::{self, Form, FormRules, UploadedFile};
-use super::{cursor, digest, names, responses};
-use crate::jobs::admission;
+use super::upload::{self, CheckedScan, Form, FormRules, UploadedFile};
+use super::{cursor, digest, names, reading_view, responses};
+use crate::jobs::admission::{self, PoseFit};
 use crate::store::{
     FileId, NewScanSet, PoseFile, PutScan, ScanRecord, ScanSetId, ScanSetRecord, StoreError, sort_naturally,
 };
@@ -103,13 +103,14 @@ pub(super) async fn from_form(
         content: part.content.to_vec(),
     });
     if let Some(poses) = &poses {
-        admission::fit_poses(&[], poses).map_err(|error| Problem::unreadable_poses(&error))?;
+        let names: Vec<&str> = form.files.iter().map(|file| file.name.as_str()).collect();
+        fit_poses(&names, poses)?;
     }
     let mut scans = Vec::new();
     let mut files = Vec::new();
-    for (file, points) in upload::check_scans(state, std::mem::take(&mut form.files)).await? {
-        let record = record_of(&file, points);
-        files.push((record.file_id, file));
+    for checked in upload::check_scans(state, std::mem::take(&mut form.files)).await? {
+        let record = record_of(&checked);
+        files.push((record.file_id, checked.file));
         scans.push(record);
     }
     sort_naturally(&mut scans);
@@ -117,13 +118,21 @@ pub(super) async fn from_form(
     Ok((NewScanSet { id, name: name.unwrap_or_else(|| format!("scan set {id}")), unit, scans, poses }, files))
 }
 
-fn record_of(file: &UploadedFile, points: u64) -> ScanRecord {
+/// Holds a pose file against scans; one that fits none of them is refused, unless there are no scans yet.
+fn fit_poses(names: &[&str], poses: &PoseFile) -> Result<PoseFit, Problem> {
+    let fit = admission::fit_poses(names, poses).map_err(|error| Problem::unreadable_poses(&error))?;
+    admission::check_fit(names, poses, &fit)?;
+    Ok(fit)
+}
+
+fn record_of(CheckedScan { file, points, dropped }: &CheckedScan) -> ScanRecord {
     ScanRecord {
         name: file.name.clone(),
         file_id: FileId::new(),
-        points,
+        points: *points,
         bytes: file.staged.bytes,
         checksum: file.staged.checksum.clone(),
+        reading: reading_view::stored(dropped),
     }
 }
 
@@ -248,12 +257,12 @@ async fn put_scan(
     let (staged, digests) = upload::receive_body(&state, &name, request).await?;
     digest::check(&headers, &name, &digests)?;
     let mut checked = upload::check_scans(&state, vec![UploadedFile { name, staged }]).await?;
-    let (file, points) = checked.pop().ok_or_else(|| Problem::internal("a checked scan vanished"))?;
+    let checked = checked.pop().ok_or_else(|| Problem::internal("a checked scan vanished"))?;
     uninterrupted(async move {
         let _turn = conditions.turn(&state).await;
-        conditions.check(scan_tag(&state, id, &file.name).await?.as_ref())?;
-        let scan = record_of(&file, points);
-        keep_files(&state, id, vec![(scan.file_id, file)]).await?;
+        conditions.check(scan_tag(&state, id, &checked.file.name).await?.as_ref())?;
+        let scan = record_of(&checked);
+        keep_files(&state, id, vec![(scan.file_id, checked.file)]).await?;
         let put = state.shop.store.put_scan(id, &scan, state.limits().scans_per_set).await;
         let (unused, status) = match &put {
             Ok(PutScan::Created) => (None, StatusCode::CREATED),
@@ -337,7 +346,7 @@ async fn put_poses(
     let set = state.shop.store.scan_set(id).await?;
     conditions.check(poses_tag(&set).as_ref())?;
     let names: Vec<&str> = set.scans.iter().map(|scan| scan.name.as_str()).collect();
-    let fit = admission::fit_poses(&names, &poses).map_err(|error| Problem::unreadable_poses(&error))?;
+    let fit = fit_poses(&names, &poses)?;
     state.shop.store.put_poses(id, &poses).await?;
     let etag = ETag::of_bytes(&poses.content).header()?;
     Ok(([etag], Json(PosesView::of(&poses.name, &fit))).into_response())
