@@ -22,8 +22,8 @@ fn ply(vertices: usize, properties: &str, more: &str, body: &str) -> String {
 
 fn pcd(fields: &str, size: &str, kind: &str, points: usize, body: &str) -> String {
     format!(
-        "VERSION 0.7\nFIELDS x y z{fields}\nSIZE 4 4 4{size}\nTYPE F F F{kind}\nWIDTH {points}\nHEIGHT 1\nPOINTS {points}\n\
-         DATA ascii\n{body}"
+        "VERSION 0.7\nFIELDS x y z{fields}\nSIZE 4 4 4{size}\nTYPE F F F{kind}\nWIDTH {points}\nHEIGHT 1\n\
+         POINTS {points}\nDATA ascii\n{body}"
     )
 }
 
@@ -61,44 +61,49 @@ fn none() -> Dropped {
 }
 
 fn ply_cases() -> Vec<Case> {
-    let rgb = |kind: &str, names: [&str; 3]| names.map(|name| format!("property {kind} {name}\n")).concat();
-    let channels = ["red", "green", "blue"];
+    let rgb = |kind: &str| ["red", "green", "blue"].map(|name| format!("property {kind} {name}\n")).concat();
+    let bytes = rgb("uchar");
     let face = "element face 2\nproperty list uchar int vertex_indices\n";
+    let strips = "element tristrips 1\nproperty list int int vertex_indices\n";
+    let size = "obj_info num_cols 512\nobj_info num_rows 400\n";
     let square = "0 0 0\n1 0 0\n1 1 0\n0 1 0\n";
+    let triangles = |rows: &str| ply(4, "", face, &format!("{square}{rows}"));
     let normals = "property float nx\nproperty float ny\nproperty float nz\n";
     let note = |text: &str| Dropped { notes: vec![text.to_owned()], ..none() };
     vec![
         Case::new("NaN vertices are no return", "a.ply", ply(3, "", "", "0 0 0\nnan nan nan\n1 1 1\n"), 2)
             .drops(Dropped { no_return: 1, ..none() }),
-        Case::new("NaN as Microsoft writes it", "a.ply", ply(3, "", "", "-nan(ind) 0 0\n1 1 1\n-1.#IND 0 1.#QNAN\n"), 1)
-            .drops(Dropped { no_return: 2, ..none() }),
+        Case::new(
+            "NaN as Microsoft writes it",
+            "a.ply",
+            ply(3, "", "", "-nan(ind) 0 0\n1 1 1\n-1.#IND 0 1.#QNAN\n"),
+            1,
+        )
+        .drops(Dropped { no_return: 2, ..none() }),
         Case::new("NaN normals", "a.ply", ply(2, normals, "", "0 0 0 nan nan nan\n1 1 1 0 0 1\n"), 2)
             .drops(Dropped { normals: 1, ..none() }),
         Case::new("NaN intensity", "a.ply", ply(2, "property float intensity\n", "", "0 0 0 nan\n1 1 1 5\n"), 2)
             .drops(Dropped { intensities: 1, ..none() }),
-        Case::new("NaN colour", "a.ply", ply(2, &rgb("float", channels), "", "0 0 0 1 0 0\n1 1 1 nan 0 0\n"), 2)
+        Case::new("NaN colour", "a.ply", ply(2, &rgb("float"), "", "0 0 0 1 0 0\n1 1 1 nan 0 0\n"), 2)
             .color([255, 0, 0])
             .drops(Dropped { colors: 1, ..none() }),
-        Case::new("a 64-bit property", "a.ply", ply(1, "property int64 timestamp\n", "", "0 0 0 1699999999999999999\n"), 1),
-        Case::new("rows over two lines", "a.ply", ply(2, &rgb("uchar", channels), "", "0 0 0 \n1 2 3\n1 1 1 \n4 5 6\n"), 2)
+        Case::new("a 64-bit property", "a.ply", ply(1, "property int64 t\n", "", "0 0 0 1699999999999999999\n"), 1),
+        Case::new("rows over two lines", "a.ply", ply(2, &bytes, "", "0 0 0 \n1 2 3\n1 1 1 \n4 5 6\n"), 2)
             .color([1, 2, 3]),
-        Case::new("all rows in one line", "a.ply", ply(2, &rgb("uchar", channels), "", "0 0 0 1 2 3 1 1 1 4 5 6"), 2)
-            .color([1, 2, 3]),
+        Case::new("all rows in one line", "a.ply", ply(2, &bytes, "", "0 0 0 1 2 3 1 1 1 4 5 6"), 2).color([1, 2, 3]),
         Case::new("the mark of UTF-8", "a.ply", format!("\u{feff}{}", ply(1, "", "", "0 0 0\n")), 1),
-        Case::new("faces named otherwise", "a.ply", ply(4, "", &face.replace("_i", "I"), &format!("{square}3 0 1 2\n4 0 1 2 3\n")), 4)
-            .faces(3),
-        Case::new("a bad face", "a.ply", ply(4, "", face, &format!("{square}3 0 1 -1\n4 0 1 2 3\n")), 4)
+        Case::new("faces named otherwise", "a.ply", triangles("3 0 1 2\n4 0 1 2 3\n").replace("_i", "I"), 4).faces(3),
+        Case::new("a bad face", "a.ply", triangles("3 0 1 -1\n4 0 1 2 3\n"), 4)
             .faces(2)
             .drops(Dropped { faces: 1, ..none() }),
-        Case::new("a face of a vertex without a return", "a.ply", ply(4, "", face, "0 0 0\n1 0 0\nnan 0 0\n1 1 0\n3 0 1 2\n3 3 1 0\n"), 3)
+        Case::new("a face of no return", "a.ply", triangles("3 0 1 2\n3 3 1 0\n").replace("1 1 0", "nan 1 0"), 3)
             .faces(1)
             .drops(Dropped { no_return: 1, faces: 1, ..none() }),
-        Case::new("strips", "a.ply", ply(4, "", "element tristrips 1\nproperty list int int vertex_indices\n", &format!("{square}8 0 1 3 2 -1 2 1 0\n")), 4)
-            .faces(3),
+        Case::new("strips", "a.ply", ply(4, "", strips, &format!("{square}8 0 1 3 2 -1 2 1 0\n")), 4).faces(3),
         Case::new(
             "a grid that is not its size",
             "a.ply",
-            ply(1, "", "obj_info num_cols 512\nobj_info num_rows 400\nelement range_grid 4\nproperty list uchar int vertex_indices\n", "0 0 0\n1 0\n0\n0\n0\n"),
+            ply(1, "", &(size.to_owned() + &face.replace("face 2", "range_grid 4")), "0 0 0\n1 0\n0\n0\n0\n"),
             1,
         )
         .drops(note("the range grid is not used: num_cols 512 x num_rows 400 does not give its 4 pixels")),
@@ -203,7 +208,8 @@ fn a_compressed_file_counts_as_what_it_unpacks_to() {
 fn nothing_grows_beyond_the_budget() {
     let limits = ReadLimits { max_points: 10, max_faces: 10, ..ReadLimits::default() };
     let refused = |name: &str, text: String| formats::read(name, text.as_bytes(), &limits).expect_err(name).to_string();
-    let grid = "obj_info num_cols 100\nobj_info num_rows 10\nelement range_grid 1000\nproperty list uchar int vertex_indices\n";
+    let grid = "obj_info num_cols 100\nobj_info num_rows 10\nelement range_grid 1000\n\
+                property list uchar int vertex_indices\n";
     let grid = ply(1, "", grid, &format!("0 0 0\n{}", "0\n".repeat(1000)));
     assert!(refused("a.ply", grid).starts_with("what it holds takes "));
     assert!(refused("a.obj", format!("v 0 0 0\n{}", "vn 0 0 1\n".repeat(1000))).starts_with("what it holds takes "));
@@ -218,22 +224,46 @@ fn nothing_grows_beyond_the_budget() {
 
 const LINE_ENDS: [&str; 4] = ["\n", "\r\n", "\r", "\n\r"];
 
+/// What programs call the channels of a colour.
+const NAMES: &[[&str; 3]] = &[
+    ["red", "green", "blue"],
+    ["r", "g", "b"],
+    ["diffuse_red", "diffuse_green", "diffuse_blue"],
+    ["Red", "Green", "Blue"],
+];
+/// Types of PLY and PCD for a channel, and what a byte is multiplied with in that range.
+const KINDS: &[(&str, &str, &str, f64)] = &[
+    ("uchar", " 1", " U", 1.0),
+    ("ushort", " 2", " U", 257.0),
+    ("ushort", " 2", " U", 1.0),
+    ("uint", " 4", " U", 16_843_009.0),
+    ("int", " 4", " I", 1.0),
+    ("float", " 4", " F", 1.0 / 255.0),
+    ("float", " 4", " F", 1.0),
+    ("double", " 8", " F", 257.0),
+];
+
 proptest! {
     #![proptest_config(ProptestConfig { cases: 300, ..ProptestConfig::default() })]
 
     /// Any line end, or one after the other, in any reader: text.
     #[test]
-    fn line_ends_of_text_do_not_matter(ends in prop::collection::vec(prop::sample::select(&LINE_ENDS[..]), 1..30), mixed: bool) {
+    fn line_ends_of_text_do_not_matter(
+        ends in prop::collection::vec(prop::sample::select(&LINE_ENDS[..]), 1..30),
+        mixed: bool,
+    ) {
+        let (channels, rows) = ("property uchar r\nproperty uchar g\nproperty uchar b\n", "0 0 0 1 2 3\n1 0 0 4 5 6\n");
         let face = "element face 1\nproperty list uchar int vertex_indices\n";
         let texts = [
-            ("a.ply", ply(3, "property uchar r\nproperty uchar g\nproperty uchar b\n", face, "0 0 0 1 2 3\n1 0 0 4 5 6\n1 1 0 7 8 9\n3 0 1 2\n")),
-            ("a.pcd", pcd(" r g b", " 1 1 1", " U U U", 2, "0 0 0 1 2 3\n1 0 0 4 5 6\n")),
+            ("a.ply", ply(3, channels, face, &format!("{rows}1 1 0 7 8 9\n3 0 1 2\n"))),
+            ("a.pcd", pcd(" r g b", " 1 1 1", " U U U", 2, rows)),
             ("a.obj", "# a comment\nv 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 3\n".to_owned()),
         ];
         for (name, text) in texts {
             let expected = read(name, text.as_bytes());
             let mut all = ends.iter().cycle();
-            let lines: String = text.lines().map(|line| line.to_owned() + if mixed { all.next().unwrap() } else { ends[0] }).collect();
+            let mut end = || if mixed { all.next().copied().unwrap_or("\n") } else { ends[0] };
+            let lines: String = text.lines().map(|line| line.to_owned() + end()).collect();
             prop_assert_eq!(read(name, lines.as_bytes()), expected);
         }
     }
@@ -259,17 +289,15 @@ proptest! {
     #[test]
     fn colours_of_any_type_range_and_name_are_the_same(
         colors in prop::collection::vec(prop::array::uniform3(any::<u8>()), 1..8),
-        names in prop::sample::select(vec![["red", "green", "blue"], ["r", "g", "b"], ["diffuse_red", "diffuse_green", "diffuse_blue"], ["Red", "Green", "Blue"]]),
-        kind in prop::sample::select(vec![
-            ("uchar", " 1", " U", 1.0), ("ushort", " 2", " U", 257.0), ("uint", " 4", " U", 16_843_009.0), ("float", " 4", " F", 1.0 / 255.0),
-            ("float", " 4", " F", 1.0), ("double", " 8", " F", 257.0), ("ushort", " 2", " U", 1.0), ("int", " 4", " I", 1.0),
-        ]),
+        names in prop::sample::select(NAMES),
+        kind in prop::sample::select(KINDS),
     ) {
         // full light is among them, so that the range can be seen
         let colors: Vec<[u8; 3]> = colors.into_iter().chain([[255; 3]]).collect();
         let (ply_kind, size, pcd_kind, factor) = kind;
         let value = |channel: &u8| (f64::from(*channel) * factor).to_string();
-        let rows: String = colors.iter().map(|color| format!("0 0 0 {}\n", color.iter().map(value).collect::<Vec<_>>().join(" "))).collect();
+        let row = |color: &[u8; 3]| format!("0 0 0 {}\n", color.iter().map(value).collect::<Vec<_>>().join(" "));
+        let rows: String = colors.iter().map(row).collect();
         let properties = names.map(|name| format!("property {ply_kind} {name}\n")).concat();
         let ply = ply(colors.len(), &properties, "", &rows);
         prop_assert_eq!(read("a.ply", ply.as_bytes()).surface.cloud.colors, Some(colors.clone()));
@@ -280,7 +308,10 @@ proptest! {
 
     /// Packed colours survive in text and in bytes, whether the type is a float or a whole number.
     #[test]
-    fn packed_colours_are_the_same(color in prop::array::uniform3(any::<u8>()), opacity in prop::sample::select(vec![0u8, 255])) {
+    fn packed_colours_are_the_same(
+        color in prop::array::uniform3(any::<u8>()),
+        opacity in prop::sample::select(vec![0u8, 255]),
+    ) {
         let [red, green, blue] = color;
         let bits = u32::from_le_bytes([blue, green, red, opacity]);
         for kind in ["F", "U"] {
@@ -300,17 +331,18 @@ proptest! {
     fn what_is_nan_costs_itself_alone(rows in prop::collection::vec((any::<[bool; 4]>(), 0..1000u16), 1..20)) {
         let word = |is_sound: bool, sound: String| if is_sound { sound } else { "nan".to_owned() };
         let row = |([point, normal, color, intensity], x): &([bool; 4], u16)| {
-            let parts = [word(*point, x.to_string()), word(*normal, "1".into()), word(*color, "1".into()), word(*intensity, "2".into())];
-            parts
+            let one = |is_sound: bool| word(is_sound, "1".into());
+            let x = word(*point, x.to_string());
+            format!("{x} 0 0 {} 0 0 {} 0 0 {}\n", one(*normal), one(*color), one(*intensity))
         };
         let kept: Vec<_> = rows.iter().filter(|row| row.0[0]).collect();
-        let properties = "property float nx\nproperty float ny\nproperty float nz\nproperty float r\nproperty float g\nproperty float b\n\
-                          property float intensity\n";
-        let body: String = rows.iter().map(row).map(|[x, n, c, i]| format!("{x} 0 0 {n} 0 0 {c} 0 0 {i}\n")).collect();
-        let pcd_body: String = rows.iter().map(row).map(|[x, n, c, i]| format!("{x} 0 0 {n} 0 0 {c} 0 0 {i}\n")).collect();
+        let names = ["nx", "ny", "nz", "r", "g", "b", "intensity"];
+        let properties = names.map(|name| format!("property float {name}\n")).concat();
+        let body: String = rows.iter().map(row).collect();
+        let fields = format!(" {}", names.join(" "));
         let files = [
-            ("a.ply", ply(rows.len(), properties, "", &body)),
-            ("a.pcd", pcd(" normal_x normal_y normal_z r g b intensity", &" 4".repeat(7), &" F".repeat(7), rows.len(), &pcd_body)),
+            ("a.ply", ply(rows.len(), &properties, "", &body)),
+            ("a.pcd", pcd(&fields, &" 4".repeat(7), &" F".repeat(7), rows.len(), &body)),
         ];
         for (name, text) in files {
             let result = formats::read(name, text.as_bytes(), &ReadLimits::default());
@@ -320,9 +352,11 @@ proptest! {
             }
             let Reading { surface, dropped } = result.expect("some points are sound");
             let unsound = |k: usize| kept.iter().filter(|row| !row.0[k]).count() as u64;
-            prop_assert_eq!(surface.cloud.points.iter().map(|p| p.x).collect::<Vec<_>>(), kept.iter().map(|row| f64::from(row.1)).collect::<Vec<_>>());
+            let xs: Vec<f64> = surface.cloud.points.iter().map(|p| p.x).collect();
+            prop_assert_eq!(xs, kept.iter().map(|row| f64::from(row.1)).collect::<Vec<_>>());
             prop_assert_eq!(dropped.no_return, (rows.len() - kept.len()) as u64);
-            prop_assert_eq!((dropped.normals, dropped.colors, dropped.intensities), (unsound(1), unsound(2), unsound(3)));
+            let counts = [dropped.normals, dropped.colors, dropped.intensities];
+            prop_assert_eq!(counts, [unsound(1), unsound(2), unsound(3)]);
             let all = kept.len() as u64;
             prop_assert_eq!(surface.cloud.normals.is_some(), unsound(1) < all);
             prop_assert_eq!(surface.cloud.colors.is_some(), unsound(2) < all);

@@ -1,15 +1,15 @@
 //! Sound files of every format, changed at random but with their structure in mind: never a panic, no long wait, no
 //! memory beyond the budget, and whatever is read is sound.
 //!
-//! A plain run tries a few thousand files; `VISAGE_FUZZ_SECONDS=600 cargo test --release --test formats_fuzz` goes on for
-//! ten minutes. `VISAGE_FUZZ_SEED` begins elsewhere; a failure names the seed of its file.
+//! A plain run tries a few thousand files; `VISAGE_FUZZ_SECONDS=600 cargo test --release --test formats_fuzz` goes on
+//! for ten minutes. `VISAGE_FUZZ_SEED` begins elsewhere; a failure names the seed of its file.
 
 use std::time::{Duration, Instant};
 
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use visage::formats::{self, FormatError, MAX_COORDINATE, ReadLimits, ply, poses};
-use visage::geometry::{Cloud, Mesh, Motion, Point3, RangeGrid, Vector3};
+use visage::formats::{self, FormatError, ReadLimits, poses};
+use visage::geometry::{Cloud, MAX_COORDINATE, Mesh, Motion, Point3, RangeGrid, Vector3};
 
 /// Files without a time budget.
 const FILES: u64 = 4000;
@@ -34,33 +34,40 @@ fn seeds() -> Vec<(&'static str, Vec<u8>)> {
     let rows = |write: &dyn Fn(&Point3) -> String| points.iter().map(write).collect::<String>();
     let xyz = rows(&|p| format!("{} {} {}\n", p.x, p.y, p.z));
     let colored = rows(&|p| format!("{} {} {} 0.5 0.25 1 7\n", p.x, p.y, p.z));
-    let head = "property float x\nproperty float y\nproperty float z\n";
     let pcd_head = |data: &str| {
         format!(
-            "VERSION 0.7\nFIELDS x y z rgb\nSIZE 4 4 4 4\nTYPE F F F U\nCOUNT 1 1 1 1\nWIDTH 5\nHEIGHT 4\nVIEWPOINT 0 0 9 1 0 0 0\nPOINTS 20\nDATA {data}\n"
+            "VERSION 0.7\nFIELDS x y z rgb\nSIZE 4 4 4 4\nTYPE F F F U\nCOUNT 1 1 1 1\nWIDTH 5\nHEIGHT 4\n\
+             VIEWPOINT 0 0 9 1 0 0 0\nPOINTS 20\nDATA {data}\n"
         )
     };
+    let ply = |before: &str, after: &str, body: &str| {
+        let xyz = "property float x\nproperty float y\nproperty float z\n";
+        format!("ply\nformat ascii 1.0\n{before}element vertex 20\n{xyz}{after}end_header\n{body}").into_bytes()
+    };
+    let channels = "property float red\nproperty float green\nproperty float blue\nproperty int64 time\n";
+    let strips = "element tristrips 1\nproperty list int int vertex_indices\n";
+    let grid = "element range_grid 4\nproperty list uchar int vertex_indices\n";
+    let obj = rows(&|p| format!("v {} {} {} 0.1 0.2 0.3\n", p.x, p.y, p.z)) + &"vn 0 0 1\n".repeat(20);
     let binary: Vec<u8> = points
         .iter()
         .flat_map(|p| [p.x, p.y, p.z].map(|x| (x as f32).to_le_bytes()).concat().into_iter().chain([1, 2, 3, 0]))
         .collect();
     let literal: Vec<u8> = binary.chunks(32).flat_map(|run| [&[run.len() as u8 - 1], run].concat()).collect();
     let sizes = [(literal.len() as u32).to_le_bytes(), (binary.len() as u32).to_le_bytes()].concat();
-    let corner = |k: usize| format!("{k}/1/{k}");
     let named: Vec<_> = (0..3)
         .map(|k| (format!("scan {k}.ply"), Some(Motion::new(Vector3::x() * f64::from(k), Vector3::y()))))
         .collect();
     let blocks = "a.ply\n1 0 0 1\n0 1 0 2\n0 0 1 3\n0 0 0 1\n# b\nb.ply\n1 0 0 1\n0 1 0 2\n0 0 1 3\n0 0 0 1\n";
     vec![
-        ("cloud.ply", ply::write_cloud(&cloud, Some(&[0; 20]))),
-        ("mesh.ply", ply::write_mesh(&mesh)),
-        ("text.ply", format!("ply\nformat ascii 1.0\nelement vertex 20\n{head}property float red\nproperty float green\nproperty float blue\nproperty int64 t\nend_header\n{colored}").into_bytes()),
-        ("strips.ply", format!("ply\nformat ascii 1.0\nelement vertex 20\n{head}element tristrips 1\nproperty list int int vertex_indices\nend_header\n{xyz}9 0 1 2 3 -1 4 5 6 7\n").into_bytes()),
-        ("grid.ply", format!("ply\nformat ascii 1.0\nobj_info num_cols 2\nobj_info num_rows 2\nelement vertex 20\n{head}element range_grid 4\nproperty list uchar int vertex_indices\nend_header\n{xyz}1 0\n0\n1 1\n0\n").into_bytes()),
+        ("cloud.ply", formats::ply::write_cloud(&cloud, Some(&[0; 20]))),
+        ("mesh.ply", formats::ply::write_mesh(&mesh)),
+        ("text.ply", ply("", channels, &colored)),
+        ("strips.ply", ply("", strips, &format!("{xyz}9 0 1 2 3 -1 4 5 6 7\n"))),
+        ("grid.ply", ply("obj_info num_cols 2\nobj_info num_rows 2\n", grid, &format!("{xyz}1 0\n0\n1 1\n0\n"))),
         ("text.pcd", [pcd_head("ascii"), rows(&|p| format!("{} {} {} 66051\n", p.x, p.y, p.z))].concat().into_bytes()),
         ("binary.pcd", [pcd_head("binary").as_bytes(), &binary].concat()),
         ("packed.pcd", [pcd_head("binary_compressed").as_bytes(), &sizes, &literal].concat()),
-        ("mesh.obj", format!("{}{}f {} {} {} {}\n", rows(&|p| format!("v {} {} {} 0.1 0.2 0.3\n", p.x, p.y, p.z)), "vn 0 0 1\n".repeat(20), corner(1), corner(2), corner(3), corner(4)).into_bytes()),
+        ("mesh.obj", format!("{obj}f 1/1/1 2/1/2 3/1/3 4/1/4\n").into_bytes()),
         ("poses.json", poses::write_json(&named).into_bytes()),
         ("poses.conf", poses::write_conf(&named).into_bytes()),
         ("poses.txt", blocks.as_bytes().to_vec()),

@@ -24,7 +24,7 @@ pub mod poses;
 mod reading;
 
 pub use budget::ReadLimits;
-pub use number::{MAX_COORDINATE, NoCoordinate, checked_coordinate};
+pub use number::{NoCoordinate, checked_coordinate};
 pub use reading::{Dropped, Reading};
 
 use crate::geometry::Surface;
@@ -102,7 +102,7 @@ pub(crate) fn quote(bytes: &[u8]) -> String {
 /// Where the text of a file begins: behind the mark by which some editors say that it is UTF-8.
 ///
 /// # Errors
-/// [`FormatError::Malformed`] if it is UTF-16, with or without its mark. All formats that are read here begin with text.
+/// [`FormatError::Malformed`] if it is UTF-16, with or without its mark. All formats read here begin with text.
 fn text_start(bytes: &[u8]) -> Result<usize, FormatError> {
     let is_utf16 = match *bytes {
         [0xff, 0xfe, ..] | [0xfe, 0xff, ..] => true,

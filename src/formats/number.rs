@@ -2,9 +2,7 @@
 
 use std::fmt;
 
-/// The largest coordinate that is taken for a measurement, in any unit. Cubes of distances up to it stay finite in
-/// f32, and f64 still tells places apart that are 0.0001 from each other there.
-pub const MAX_COORDINATE: f64 = 1e12;
+use crate::geometry::MAX_COORDINATE;
 
 /// Why a number is no coordinate.
 #[derive(Debug, Clone, Copy, PartialEq)]

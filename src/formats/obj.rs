@@ -16,8 +16,8 @@ use crate::geometry::Vector3;
 /// it.
 ///
 /// # Errors
-/// [`FormatError::TooLarge`] and [`FormatError::TooManyBytes`] beyond the limits, [`FormatError::Malformed`] with the line
-/// for the rest: no vertices, words that are no numbers, coordinates that are too large.
+/// [`FormatError::TooLarge`] and [`FormatError::TooManyBytes`] beyond the limits, [`FormatError::Malformed`] with the
+/// line for the rest: no vertices, words that are no numbers, coordinates that are too large.
 pub fn read(bytes: &[u8], limits: &ReadLimits) -> Result<Reading, FormatError> {
     let text = &bytes[text_start(bytes)?..];
     let mut reader = Reader::new(limits);

@@ -1,5 +1,5 @@
-//! The points of a file as they are read, by one rule for all formats: a point of which a coordinate is not finite is no
-//! return; an attribute that is not sound costs the point this attribute, and the file only if no point has it.
+//! The points of a file as they are read, by one rule for all formats: a point of which a coordinate is not finite is
+//! no return; an attribute that is not sound costs the point this attribute, and the file only if no point has it.
 
 use super::colors::{Channels, Colors};
 use super::number::{NoCoordinate, checked_coordinate};

@@ -9,8 +9,8 @@ const REACH: usize = 1 << 13;
 /// So much is unpacked before what is wanted of it is taken.
 const PORTION: usize = 1 << 16;
 
-/// Unpacks `packed`, which makes `length` bytes, and keeps those in the ranges `wanted` (in ascending order, apart from each
-/// other), one after the other; `None` if it is damaged. Never holds more than that and a portion of some 74 kB.
+/// Unpacks `packed`, which makes `length` bytes, and keeps those in the ranges `wanted` (in ascending order, apart from
+/// each other), one after the other; `None` if it is damaged. Never holds more than that and a portion of some 74 kB.
 pub(super) fn unpack(packed: &[u8], length: usize, wanted: &[Range<usize>]) -> Option<Vec<u8>> {
     let mut kept = Vec::with_capacity(wanted.iter().map(ExactSizeIterator::len).sum());
     let mut portion: Vec<u8> = Vec::with_capacity(REACH + PORTION + MAX_GROWTH * 3);

@@ -9,7 +9,8 @@ use crate::formats::points::{Layout, PACKED, Points, SLOTS, Values, packed_color
 use crate::formats::{FormatError, ReadLimits, Reading, quote};
 use crate::geometry::{Point3, RangeGrid};
 
-/// Reads a PCD file: points, normals, colours and intensities, the grid of an organised scan, and where the sensor stood.
+/// Reads a PCD file: points, normals, colours and intensities, the grid of an organised scan, and where the sensor
+/// stood.
 ///
 /// Read of each point: `x y z`, `normal_x normal_y normal_z`, `rgb` (or `rgba`, or `r g b` of any type and range) and
 /// `intensity`. Points of which a coordinate is not finite are left out: they stand for pixels that saw nothing. A
@@ -17,8 +18,8 @@ use crate::geometry::{Point3, RangeGrid};
 ///
 /// # Errors
 /// [`FormatError::Truncated`] when the file declares more than it holds (checked before anything is allocated),
-/// [`FormatError::TooLarge`] and [`FormatError::TooManyBytes`] beyond the limits, [`FormatError::Malformed`] with the point
-/// for the rest: no positions, no points, coordinates that are too large, damaged compression.
+/// [`FormatError::TooLarge`] and [`FormatError::TooManyBytes`] beyond the limits, [`FormatError::Malformed`] with the
+/// point for the rest: no positions, no points, coordinates that are too large, damaged compression.
 pub fn read(bytes: &[u8], limits: &ReadLimits) -> Result<Reading, FormatError> {
     let header = Header::parse(bytes)?;
     let limit = limits.most_points();

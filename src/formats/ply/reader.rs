@@ -11,14 +11,14 @@ use crate::formats::{FormatError, ReadLimits, Reading, text_start};
 
 /// Reads a PLY file: points with their attributes, triangles and the range grid, as far as the file has them.
 ///
-/// Read of each vertex: `x y z` (any number type), `nx ny nz`, `red green blue` (or `r g b`, `diffuse_red` and so on, of
-/// any type and range; or packed as `rgb`) and `intensity` (or `scalar_intensity`). Polygons are cut into fans of
+/// Read of each vertex: `x y z` (any number type), `nx ny nz`, `red green blue` (or `r g b`, `diffuse_red` and so on,
+/// of any type and range; or packed as `rgb`) and `intensity` (or `scalar_intensity`). Polygons are cut into fans of
 /// triangles, strips of triangles (`tristrips`) are taken apart. Rows of an ASCII file need not be lines.
 ///
 /// # Errors
 /// [`FormatError::Truncated`] when the file declares more than it holds (checked before anything is allocated),
-/// [`FormatError::TooLarge`] and [`FormatError::TooManyBytes`] beyond the limits, [`FormatError::Malformed`] with the row
-/// and the line or byte for the rest: no vertices, words that are no numbers, coordinates that are too large.
+/// [`FormatError::TooLarge`] and [`FormatError::TooManyBytes`] beyond the limits, [`FormatError::Malformed`] with the
+/// row and the line or byte for the rest: no vertices, words that are no numbers, coordinates that are too large.
 pub fn read(bytes: &[u8], limits: &ReadLimits) -> Result<Reading, FormatError> {
     let header = Header::parse(bytes, text_start(bytes)?)?;
     header.check_counts((bytes.len() - header.body_start) as u64)?;
