@@ -143,7 +143,8 @@ async fn poses_fit_nearly_the_same_names_and_must_fit_some() {
         let put = server.put(&format!("{set}/poses"), format!("{name}\n{rows}")).await;
         let poses = expect_json(put, StatusCode::OK).await;
         assert_eq!((&poses["unknown_scans"], &poses["scans_without_pose"]), (&json!([]), &json!([])), "{name}");
-        assert!(text(&poses, "/notes/0").contains("nearly the same name"), "{poses}");
+        let is_told = poses["notes"][0].as_str().is_some_and(|note| note.contains("nearly the same name"));
+        assert_eq!(is_told, !name.starts_with('b'), "{poses}");
     }
     let rounded = "a.ply\n0.866 -0.5 0 0\n0.5 0.866 0 0\n0 0 1 0\n0 0 0 1\n".replace("a.ply", "b\u{fc}ste");
     let poses = expect_json(server.put(&format!("{set}/poses"), rounded).await, StatusCode::OK).await;

@@ -31,14 +31,12 @@ pub(super) fn unpack(packed: &[u8], length: usize, wanted: &[Range<usize>]) -> O
             }
             let back = ((control & 31) << 8) + usize::from(*input.split_off_first()?) + 1;
             let from = portion.len().checked_sub(back)?;
-            let count = count + 2;
-            if back >= count {
-                portion.extend_from_within(from..from + count);
-            } else {
-                // byte by byte: the copy reaches into itself
-                for k in from..from + count {
-                    portion.push(portion[k]);
-                }
+            let mut left = count + 2;
+            // a copy may reach into itself: what it has made so far repeats, and is copied with it
+            while left > 0 {
+                let copied = left.min(portion.len() - from);
+                portion.extend_from_within(from..from + copied);
+                left -= copied;
             }
         }
         if start + portion.len() > length {

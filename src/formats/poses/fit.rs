@@ -40,7 +40,8 @@ impl PoseFile {
         let named: Vec<&str> = named.into_iter().chain(self.unplaced.iter().map(String::as_str)).collect();
         let names = fit(&named, scans);
         let renamed = |name: &String| names.get(name).cloned().unwrap_or_else(|| name.clone());
-        self.fitted = names.iter().filter(|(from, to)| from != to).map(|(a, b)| (a.clone(), b.clone())).collect();
+        let is_other = |(from, to): &(&String, &String)| composed(from) != composed(to);
+        self.fitted = names.iter().filter(is_other).map(|(a, b)| (a.clone(), b.clone())).collect();
         self.poses.iter_mut().for_each(|(name, _)| *name = renamed(name));
         self.unplaced.iter_mut().for_each(|name| *name = renamed(name));
         self.scales = self.scales.iter().map(|(name, scale)| (renamed(name), *scale)).collect();
