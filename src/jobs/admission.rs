@@ -227,7 +227,7 @@ mod tests {
     fn names_fit_in_a_plainer_form_and_a_file_that_fits_nothing_is_refused() {
         let fit = admit(&["a.ply", "b.ply"], Some(&poses(&["C:/scans/b.ply", "A"]))).expect("both are meant");
         assert_eq!(fit.view_order().collect::<Vec<_>>(), ["b.ply", "a.ply"]);
-        assert!(fit.unknown_scans.is_empty() && fit.notes[0].contains("C:/scans/b.ply"), "{:?}", fit.notes);
+        assert!(fit.unknown_scans.is_empty() && fit.notes[0].starts_with("2 pose(s) are taken"), "{:?}", fit.notes);
         let refused = admit(&["a.ply", "b.ply"], Some(&poses(&["0.ply"]))).expect_err("fits nothing");
         assert!(matches!(refused, AdmissionError::FitsNothing { ref named, .. } if named == "0.ply"), "{refused}");
         let base = poses(&["a.ply"]).content;
