@@ -107,7 +107,11 @@ impl Default for Limits {
 impl Limits {
     /// What the readers of files accept. A closed mesh has about two faces a vertex, hence the factor.
     pub fn read_limits(&self) -> ReadLimits {
-        ReadLimits { max_points: self.points_per_scan, max_faces: self.points_per_scan.saturating_mul(2) }
+        ReadLimits {
+            max_points: self.points_per_scan,
+            max_faces: self.points_per_scan.saturating_mul(2),
+            max_bytes: self.file_bytes,
+        }
     }
 }
 

@@ -39,6 +39,7 @@ mod names;
 mod poses;
 pub mod problem;
 mod queries;
+mod reading_view;
 mod responses;
 mod router;
 mod scan_set_views;

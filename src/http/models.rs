@@ -17,8 +17,9 @@ use super::scan_sets::parse_id as parse_scan_set_id;
 use super::state::{AppState, blocking, deleted, forget, uninterrupted};
 use super::upload::{self, Form, FormRules, UploadedFile};
 use super::verdicts::{self, VerdictView};
-use super::{assets, cursor, describe, names, responses};
+use super::{assets, cursor, describe, names, reading_view, responses};
 use crate::faces::Signature;
+use crate::formats::Reading;
 use crate::geometry::Surface;
 use crate::store::{AssetRecord, ModelFilter, ModelId, ModelRecord, NewModel, StoreError, StoredFile};
 
@@ -121,6 +122,7 @@ impl Upload {
             unit: self.model.unit,
             points: self.model.points,
             quality: None,
+            reading: self.model.reading.clone(),
             signature: self.model.signature.as_ref().map(|signature| signature.summary.clone()),
         }
     }
@@ -138,7 +140,7 @@ async fn described(state: &AppState, mut form: Form) -> Result<Upload, Problem> 
         )
     })?;
     let turn = describe::turn(state, &file).await?;
-    let (file, surface) = upload::read_surface(state, file).await?;
+    let (file, Reading { surface, dropped }) = upload::read(state, file).await?;
     let asset = AssetRecord {
         name: asset_name(&file.name, &surface),
         bytes: file.staged.bytes,
@@ -155,6 +157,7 @@ async fn described(state: &AppState, mut form: Form) -> Result<Upload, Problem> 
         points,
         quality: None,
         assets: vec![asset],
+        reading: reading_view::stored(&dropped),
         signature: Some((&signature).into()),
     };
     Ok(Upload { model, file, signature })

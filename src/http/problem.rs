@@ -76,6 +76,7 @@ codes! {
     WrongBase = "wrong_base", UNPROCESSABLE_ENTITY, "the scans can't be added to this model";
     NothingToAdd = "nothing_to_add", UNPROCESSABLE_ENTITY, "the model has all scans already";
     UnreadablePoses = "unreadable_poses", UNPROCESSABLE_ENTITY, "the pose file can't be read";
+    PosesFitNothing = "poses_fit_nothing", UNPROCESSABLE_ENTITY, "the pose file names none of the scans";
     KeyReused = "idempotency_key_reused", UNPROCESSABLE_ENTITY, "the idempotency key belongs to another request";
     UnknownStandard = "unknown_standard", UNPROCESSABLE_ENTITY, "there is no such standard";
     TooManyStandards = "too_many_standards", UNPROCESSABLE_ENTITY, "there are as many standards as are allowed";
@@ -198,15 +199,19 @@ impl Problem {
     /// What a reader says about the file `name`.
     pub fn unreadable(name: &str, error: &FormatError) -> Self {
         let code = match error {
-            FormatError::UnknownExtension { .. } => Code::UnsupportedFormat,
+            FormatError::UnknownExtension { .. } | FormatError::Packed { .. } => Code::UnsupportedFormat,
             FormatError::TooLarge { .. } => Code::TooManyPoints,
+            FormatError::TooManyBytes { .. } => Code::TooLarge,
             _ => Code::UnreadableScan,
         };
         let hint = match error {
             FormatError::UnknownExtension { .. } => "export the scan as PLY, PCD or OBJ".to_owned(),
+            FormatError::Packed { .. } => "unpack the file and send what is in it: PLY, PCD or OBJ".to_owned(),
             FormatError::Malformed { remedy, .. } => remedy.clone(),
             FormatError::Truncated { .. } => "export or upload the file again".to_owned(),
-            FormatError::TooLarge { .. } => "thin the scan, or ask the operator to raise the limit".to_owned(),
+            FormatError::TooLarge { .. } | FormatError::TooManyBytes { .. } => {
+                "thin the scan, or ask the operator to raise the limit".to_owned()
+            }
         };
         Problem::new(code, format!("{name}: {error}"), hint).scan(name)
     }
@@ -256,6 +261,11 @@ impl From<AdmissionError> for Problem {
                 Problem::new(Code::WrongScanCount, detail, "choose two scans, or a method for several such as joint")
             }
             AdmissionError::Unreadable(error) => Problem::unreadable_poses(&error),
+            AdmissionError::FitsNothing { .. } => Problem::new(
+                Code::PosesFitNothing,
+                detail,
+                "name the poses after the scans' files, or send the scans first",
+            ),
             AdmissionError::Unfit(error) => error.into(),
         }
     }

@@ -15,7 +15,7 @@ use super::{admission, artifacts};
 use crate::blobs::{BlobError, Blobs, StagedModel};
 use crate::config::Limits;
 use crate::faces::Signature;
-use crate::formats;
+use crate::formats::{self, Dropped};
 use crate::pipeline::{NamedScan, Outcome, PipelineError};
 use crate::progress::{Canceled, Progress, Stage};
 use crate::store::{
@@ -159,8 +159,10 @@ impl Work {
 
     fn make(&self) -> Result<Made, WorkError> {
         let plan = self.plan()?;
-        let scans = self.load(&plan.names)?;
-        let outcome = self.engine.register(scans, &plan.start, self.set.unit, &self.job.options, &self.progress)?;
+        let (scans, dropped): (Vec<_>, Vec<_>) = self.load(&plan.names)?.into_iter().unzip();
+        let dropped: BTreeMap<String, Dropped> = plan.names.iter().cloned().zip(dropped).collect();
+        let mut outcome = self.engine.register(scans, &plan.start, self.set.unit, &self.job.options, &self.progress)?;
+        artifacts::add_readings(&mut outcome.report, &dropped, &plan.notes);
         self.progress.check()?;
         self.progress.report(Stage::Storing, 0.0);
         self.keep(outcome)
@@ -176,8 +178,8 @@ impl Work {
         })
     }
 
-    /// Reads the scans of these names, in their order.
-    fn load(&self, names: &[String]) -> Result<Vec<NamedScan>, WorkError> {
+    /// Reads the scans of these names, in their order; with what of their files was not taken.
+    fn load(&self, names: &[String]) -> Result<Vec<(NamedScan, Dropped)>, WorkError> {
         self.progress.report(Stage::Loading, 0.0);
         let stored: BTreeMap<&str, &ScanRecord> =
             self.set.scans.iter().map(|scan| (scan.name.as_str(), scan)).collect();
@@ -195,16 +197,16 @@ impl Work {
             .collect()
     }
 
-    fn load_one(&self, scan: &ScanRecord) -> Result<NamedScan, WorkError> {
+    fn load_one(&self, scan: &ScanRecord) -> Result<(NamedScan, Dropped), WorkError> {
         let bytes = self.blobs.read_scan(self.set.id, scan.file_id)?;
         if blake3::hash(&bytes).to_hex().as_str() != scan.checksum {
             let message = format!("the stored file of scan {} is not what was uploaded", scan.name);
             return Err(failed("damaged_scan", message, Some(scan.name.clone()), "upload the scan again"));
         }
-        let surface = formats::read_surface(&scan.name, &bytes, &self.limits.read_limits()).map_err(|error| {
+        let reading = formats::read(&scan.name, &bytes, &self.limits.read_limits()).map_err(|error| {
             failed("unreadable_scan", error.to_string(), Some(scan.name.clone()), "upload a sound file of the scan")
         })?;
-        Ok(NamedScan { name: scan.name.clone(), surface })
+        Ok((NamedScan { name: scan.name.clone(), surface: reading.surface }, reading.dropped))
     }
 
     /// Writes the model's files and moves them to where they belong.
@@ -246,6 +248,7 @@ impl Work {
             points: outcome.cloud.as_ref().map_or(scanned, |merged| merged.cloud.len() as u64),
             quality: outcome.report.pointer("/verdict/quality").and_then(|quality| quality.as_str()).map(str::to_owned),
             assets,
+            reading: None,
             signature: outcome.signature.as_ref().map(Into::into),
         }
     }

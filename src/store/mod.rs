@@ -292,6 +292,7 @@ pub(crate) mod testing {
                     points: 10,
                     bytes: 100,
                     checksum: "00".to_owned(),
+                    reading: None,
                 })
                 .collect(),
             poses: None,

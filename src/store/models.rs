@@ -39,6 +39,8 @@ pub struct NewModel {
     pub quality: Option<String>,
     /// Its files.
     pub assets: Vec<AssetRecord>,
+    /// What of an uploaded file was not taken (JSON); `None` if all of it was.
+    pub reading: Option<String>,
     /// Its signature.
     pub signature: Option<StoredSignature>,
 }
@@ -62,6 +64,8 @@ pub struct ModelRecord {
     pub points: u64,
     /// The verdict on its registration.
     pub quality: Option<String>,
+    /// What of an uploaded file was not taken (JSON); `None` if all of it was.
+    pub reading: Option<String>,
     /// What the API shows of its signature.
     pub signature: Option<SignatureSummary>,
 }
@@ -85,6 +89,7 @@ struct ModelRow {
     unit: String,
     points: i64,
     quality: Option<String>,
+    reading: Option<String>,
     summary: Option<String>,
 }
 
@@ -100,6 +105,7 @@ impl ModelRow {
             unit: self.unit.parse().map_err(|reason: String| damaged("a unit", reason))?,
             points: to_u64(self.points),
             quality: self.quality,
+            reading: self.reading,
             signature: summary.map_err(|error| damaged("a signature's summary", error))?,
         })
     }
@@ -195,8 +201,8 @@ fn not_found(id: ModelId) -> StoreError {
 pub(super) async fn insert(db: &mut SqliteConnection, model: &NewModel) -> Result<(), StoreError> {
     let id = model.id.to_string();
     sqlx::query(
-        "INSERT INTO model (id, job_id, scan_set_id, name, label, unit, points, quality)
-         VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
+        "INSERT INTO model (id, job_id, scan_set_id, name, label, unit, points, quality, reading)
+         VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
     )
     .bind(&id)
     .bind(model.origin.map(|(job, _)| job.to_string()))
@@ -206,6 +212,7 @@ pub(super) async fn insert(db: &mut SqliteConnection, model: &NewModel) -> Resul
     .bind(model.unit.name())
     .bind(to_i64(model.points))
     .bind(&model.quality)
+    .bind(&model.reading)
     .execute(&mut *db)
     .await?;
     for asset in &model.assets {
@@ -256,6 +263,7 @@ impl NewModel {
             points: 7,
             quality: None,
             assets: vec![AssetRecord { name: "report.json".to_owned(), bytes: 2, checksum: "00".to_owned() }],
+            reading: None,
             signature: None,
         }
     }

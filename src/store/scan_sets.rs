@@ -21,6 +21,8 @@ pub struct ScanRecord {
     pub bytes: u64,
     /// BLAKE3 of the file, hexadecimal.
     pub checksum: String,
+    /// What of the file was not taken (JSON); `None` if all of it was.
+    pub reading: Option<String>,
 }
 
 /// A pose file as it was sent.
@@ -87,6 +89,7 @@ struct ScanRow {
     points: i64,
     bytes: i64,
     checksum: String,
+    reading: Option<String>,
 }
 
 impl SetRow {
@@ -111,6 +114,7 @@ impl ScanRow {
             points: to_u64(self.points),
             bytes: to_u64(self.bytes),
             checksum: self.checksum,
+            reading: self.reading,
         })
     }
 }
@@ -260,13 +264,16 @@ pub(super) async fn insert_set(db: &mut SqliteConnection, set: &NewScanSet) -> R
 }
 
 async fn insert_scan(db: &mut SqliteConnection, set: ScanSetId, scan: &ScanRecord) -> Result<(), StoreError> {
-    sqlx::query("INSERT INTO scan (scan_set_id, name, file_id, points, bytes, checksum) VALUES (?, ?, ?, ?, ?, ?)")
+    let columns = "INSERT INTO scan (scan_set_id, name, file_id, points, bytes, checksum, reading)
+                   VALUES (?, ?, ?, ?, ?, ?, ?)";
+    sqlx::query(columns)
         .bind(set.to_string())
         .bind(&scan.name)
         .bind(scan.file_id.to_string())
         .bind(to_i64(scan.points))
         .bind(to_i64(scan.bytes))
         .bind(&scan.checksum)
+        .bind(&scan.reading)
         .execute(&mut *db)
         .await?;
     sweep::settle(db, StoredFile::Scan(set, scan.file_id)).await
@@ -282,7 +289,7 @@ async fn delete_scan_row(db: &mut SqliteConnection, set: ScanSetId, name: &str) 
 }
 
 async fn scan_rows(db: &mut SqliteConnection, set: &str) -> Result<Vec<ScanRow>, StoreError> {
-    let rows = sqlx::query_as("SELECT name, file_id, points, bytes, checksum FROM scan WHERE scan_set_id = ?")
+    let rows = sqlx::query_as("SELECT name, file_id, points, bytes, checksum, reading FROM scan WHERE scan_set_id = ?")
         .bind(set)
         .fetch_all(db)
         .await?;
@@ -320,7 +327,8 @@ mod tests {
     use super::*;
 
     fn scan(name: &str) -> ScanRecord {
-        ScanRecord { name: name.to_owned(), file_id: FileId::new(), points: 3, bytes: 9, checksum: "ab".to_owned() }
+        let (file_id, checksum) = (FileId::new(), "ab".to_owned());
+        ScanRecord { name: name.to_owned(), file_id, points: 3, bytes: 9, checksum, reading: Some("{}".to_owned()) }
     }
 
     #[tokio::test]
@@ -338,6 +346,7 @@ mod tests {
         let id = testing::scan_set(&store, &["a.ply"]).await;
         let first = scan("b.ply");
         assert_eq!(store.put_scan(id, &first, 2).await.expect("put"), PutScan::Created);
+        assert_eq!(store.scan_set(id).await.expect("stored").scans[1].reading.as_deref(), Some("{}"));
         let again = scan("b.ply");
         assert_eq!(store.put_scan(id, &again, 2).await.expect("put"), PutScan::Replaced(first.file_id));
         let refused = store.put_scan(id, &scan("c.ply"), 2).await.expect_err("full");
