@@ -18,7 +18,7 @@ test *args:
 
 # the tests on real data
 real *args:
-    cargo test --release --locked {{args}} -- --ignored --nocapture
+    cargo test --release --locked {{args}} -- --ignored --skip long:: --nocapture
 
 # write the contract anew after a change of the API
 openapi:
@@ -32,3 +32,7 @@ demo *args:
 # all that has to pass
 ci:
     .ci/run
+
+# what takes too long for every change: hundreds of kills, disks that are full
+long:
+    .ci/long

@@ -21,6 +21,8 @@ pub struct ServerConfig {
     pub threads: usize,
     /// Jobs that run at the same time.
     pub concurrent_jobs: usize,
+    /// The memory that all running jobs together may take; `None` if it is not limited.
+    pub job_memory_bytes: Option<u64>,
     /// Bounds on what clients may ask for.
     pub limits: Limits,
     /// Names by which clients may call the service, besides loopback ones and the address it listens on.
@@ -43,6 +45,7 @@ impl ServerConfig {
             data_dir: data_dir.into(),
             threads: available_threads(),
             concurrent_jobs: 1,
+            job_memory_bytes: crate::machine::memory_bytes().map(|bytes| bytes / 4 * 3),
             limits: Limits::default(),
             hosts: Vec::new(),
             edge: EdgeLimits::default(),
@@ -104,7 +107,11 @@ impl Default for Limits {
 impl Limits {
     /// What the readers of files accept. A closed mesh has about two faces a vertex, hence the factor.
     pub fn read_limits(&self) -> ReadLimits {
-        ReadLimits { max_points: self.points_per_scan, max_faces: self.points_per_scan.saturating_mul(2) }
+        ReadLimits {
+            max_points: self.points_per_scan,
+            max_faces: self.points_per_scan.saturating_mul(2),
+            max_bytes: self.file_bytes,
+        }
     }
 }
 

@@ -22,7 +22,7 @@
 //! - [`jobs`]: the durable queue and its runner
 //! - [`http`]: router, resources, problem+json
 //! - [`cli`]: the commands of the binary
-//! - [`config`], [`telemetry`]: settings, logs
+//! - [`config`], [`telemetry`], [`machine`]: settings, logs, memory
 
 #![warn(missing_docs)]
 
@@ -35,6 +35,7 @@ pub mod formats;
 pub mod geometry;
 pub mod http;
 pub mod jobs;
+pub mod machine;
 pub mod pipeline;
 pub mod progress;
 pub mod reconstruction;

@@ -20,7 +20,9 @@ const LAYERS: &[(&str, &[&str])] = &[
     ("pipeline", &["geometry", "registration", "reconstruction", "saliency", "faces", "progress"]),
     // around them
     ("formats", &["geometry"]),
-    ("config", &["formats"]),
+    // what the machine has
+    ("machine", &[]),
+    ("config", &["formats", "machine"]),
     ("telemetry", &[]),
     // scans, poses and options as values; the gallery index, which it keeps current
     ("store", &["geometry", "pipeline", "faces", "classes", "retrieval"]),
@@ -28,7 +30,19 @@ const LAYERS: &[(&str, &[&str])] = &[
     ("blobs", &["store"]),
     (
         "jobs",
-        &["geometry", "formats", "faces", "classes", "pipeline", "progress", "config", "telemetry", "store", "blobs"],
+        &[
+            "geometry",
+            "formats",
+            "faces",
+            "classes",
+            "pipeline",
+            "progress",
+            "config",
+            "machine",
+            "telemetry",
+            "store",
+            "blobs",
+        ],
     ),
     (
         "http",
@@ -60,6 +74,7 @@ const LAYERS: &[(&str, &[&str])] = &[
             "pipeline",
             "progress",
             "config",
+            "machine",
             "telemetry",
             "jobs",
             // how long a start takes is measured on a database
@@ -113,8 +128,8 @@ const ONLY_IN: &[(&str, &[&str])] = &[
     ("axum", &["http"]),
     ("reqwest", &["cli"]),
     ("indicatif", &["cli"]),
-    // `blobs` keeps the service's files; `cli` reads and writes the folders that its user names
-    ("std::fs", &["blobs", "cli"]),
+    // `blobs` keeps the service's files; `cli` reads and writes the folders that its user names; `machine` asks the system
+    ("std::fs", &["blobs", "cli", "machine"]),
     ("tokio::fs", &["blobs", "cli"]),
     ("std::process", &["cli", "main"]),
 ];

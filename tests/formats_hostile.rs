@@ -66,14 +66,24 @@ fn elements_without_properties_take_no_time() {
 }
 
 #[test]
-fn nan_points_are_named() {
-    let text = format!("ply\nformat ascii 1.0\nelement vertex 2\n{XYZ}end_header\n0 0 0\nNaN 0 0\n");
-    assert_eq!(message(text.as_bytes()), "vertex 1 (line 9): x is not finite; repair the file or export it again");
+fn points_too_far_away_are_named_with_their_value() {
+    let text = format!("ply\nformat ascii 1.0\nelement vertex 2\n{XYZ}end_header\n0 0 0\n1e20 0 0\n");
+    assert_eq!(
+        message(text.as_bytes()),
+        "vertex 1 (line 9): x is 1e20, which is too large to be a coordinate (they reach to 1e12); repair the file or \
+         export it again"
+    );
     let mut binary = format!("ply\nformat binary_big_endian 1.0\nelement vertex 1\n{XYZ}end_header\n").into_bytes();
-    for x in [0.0, f32::INFINITY, 0.0] {
+    for x in [0.0, f32::MAX, 0.0] {
         binary.extend(x.to_be_bytes());
     }
-    assert!(message(&binary).starts_with("vertex 0 (byte 120): y is not finite; "), "{}", message(&binary));
+    assert!(message(&binary).starts_with("vertex 0 (byte 124): y is 3.4028234"), "{}", message(&binary));
+    let pcd = "FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH 1\nHEIGHT 1\nDATA ascii\n0 -1e19 0\n";
+    let obj = "v 0 0 1e19\n";
+    for (name, text) in [("a.pcd", pcd), ("a.obj", obj)] {
+        let error = read_surface(name, text.as_bytes(), &ReadLimits::default()).expect_err(name).to_string();
+        assert!(error.contains("1e19, which is too large to be a coordinate"), "{error}");
+    }
 }
 
 #[test]
@@ -209,7 +219,7 @@ proptest! {
 
     #[test]
     fn odd_objs_are_read_soundly_or_refused(text in "((v|vn|f|o|#|usemtl)( (-?[0-9]{1,2}|1//1|2/2/2|nan|1e400|\\pL)){0,7}\n){0,12}") {
-        if let Ok(surface) = obj::read(text.as_bytes(), &ReadLimits::default()) {
+        if let Ok(surface) = read_surface("model.obj", text.as_bytes(), &ReadLimits::default()) {
             let count = surface.cloud.len();
             prop_assert!(surface.faces.iter().flatten().all(|vertex| (*vertex as usize) < count));
             prop_assert!(surface.cloud.points.iter().all(|p| p.iter().all(|x| x.is_finite())));

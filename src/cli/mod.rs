@@ -4,6 +4,7 @@
 
 pub mod bench;
 pub mod demo;
+mod doctor;
 mod healthcheck;
 mod openapi;
 pub mod register;
@@ -31,6 +32,8 @@ enum Command {
     Demo(demo::DemoArgs),
     /// Repeat published experiments and write the results as Markdown.
     Bench(bench::BenchArgs),
+    /// Look whether a data folder is sound, and say what to do where it isn't.
+    Doctor(doctor::DoctorArgs),
     /// Print the contract of the service (OpenAPI, YAML).
     Openapi,
     /// Ask a running service whether it is well; for container health checks.
@@ -49,6 +52,7 @@ pub fn main() -> ExitCode {
         Command::Register(args) => register::run(args),
         Command::Demo(args) => demo::run(args),
         Command::Bench(args) => bench::run(args),
+        Command::Doctor(args) => doctor::run(args),
         Command::Openapi => openapi::run(),
         Command::Healthcheck(args) => healthcheck::run(args),
     };

@@ -1,5 +1,8 @@
 //! `visage register`: the scans of a folder into one model, without a server.
 
+mod folder;
+
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -9,9 +12,10 @@ use anyhow::{Context, bail, ensure};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::formats::{self, ReadLimits, poses::PoseFile};
+use self::folder::Folder;
+use crate::formats::{self, Dropped, ReadLimits, Reading, poses::PoseFile};
 use crate::geometry::Unit;
-use crate::jobs::artifacts::{RunFacts, report_json};
+use crate::jobs::artifacts::{RunFacts, add_readings, report_json};
 use crate::jobs::tracker::Tracker;
 
 use crate::pipeline::{self, Method, NamedScan, Options, Outcome, PipelineError, Scale, Start};
@@ -84,21 +88,29 @@ pub fn run(args: RegisterArgs) -> anyhow::Result<()> {
     });
     let progress = Progress::new(tracker.clone(), Arc::new(AtomicBool::new(false)));
 
-    let poses = args.poses.as_deref().map(read_poses).transpose()?;
-    let base = args.add_to.as_deref().map(read_base).transpose()?;
-    let names = scan_names(&args, poses.as_ref(), base.as_ref())?;
-    let scans = pool.install(|| read_scans(&args.dir, &names, &progress))?;
+    folder::make_out(&args.out, &args.dir)?;
+    let folder = Folder::list(&args.dir)?;
+    let fit = |file| folder.fit(file);
+    let poses = args.poses.as_deref().map(read_poses).transpose()?.map(fit);
+    let base = args.add_to.as_deref().map(read_base).transpose()?.map(fit);
+    let names = folder.choose(args.scans.as_deref(), poses.as_ref(), base.as_ref())?;
+    let pose_notes = poses.as_ref().map(PoseFile::notes).unwrap_or_default();
+    let not_read = if args.scans.is_none() && poses.is_none() { folder.not_read() } else { Vec::new() };
+    pose_notes.iter().chain(&not_read).for_each(|note| eprintln!("note: {note}"));
+    let (scans, dropped): (Vec<_>, Vec<_>) =
+        pool.install(|| read_scans(&args.dir, &names, &progress))?.into_iter().unzip();
+    let dropped: BTreeMap<String, Dropped> = names.iter().cloned().zip(dropped).collect();
     let start = Start {
         poses: poses.as_ref().map(PoseFile::to_map).unwrap_or_default(),
         scales: poses.map(|file| file.scales).unwrap_or_default(),
         base: base.map(|file| file.matrices).unwrap_or_default(),
     };
     let options = options(&args);
-    let outcome =
+    let mut outcome =
         pool.install(|| pipeline::run_from(scans, &start, args.unit, &options, &progress)).map_err(with_hint)?;
+    add_readings(&mut outcome.report, &dropped, &pose_notes);
 
     progress.report(Stage::Storing, 0.0);
-    std::fs::create_dir_all(&args.out).with_context(|| format!("making {}", args.out.display()))?;
     write_model(&args.out, &outcome)?;
     progress.report(Stage::Storing, 1.0);
     let facts = RunFacts::here(None, threads, tracker.snapshot().stage_seconds);
@@ -147,59 +159,7 @@ fn read_base(model: &Path) -> anyhow::Result<PoseFile> {
     Ok(file)
 }
 
-/// The scans to register, in the order of the views: that of the base model, then of the pose file, else natural order
-/// of the names.
-fn scan_names(args: &RegisterArgs, poses: Option<&PoseFile>, base: Option<&PoseFile>) -> anyhow::Result<Vec<String>> {
-    let files = files_of(&args.dir)?;
-    if let Some(conf) = files.iter().find(|name| poses.is_none() && name.ends_with(".conf")) {
-        eprintln!("note: {conf} is not used; give it with --poses if the scans are to start from it");
-    }
-    let mut names: Vec<String> = match (&args.scans, poses) {
-        (Some(glob), _) => {
-            let glob = globset::Glob::new(glob).context("--scans")?.compile_matcher();
-            files.into_iter().filter(|name| glob.is_match(name)).collect()
-        }
-        (None, Some(poses)) => {
-            let missing: Vec<&str> =
-                poses.poses.iter().map(|p| p.0.as_str()).filter(|n| !files.iter().any(|f| f == n)).collect();
-            ensure!(
-                missing.is_empty(),
-                "the pose file names scans that are not in {}: {}",
-                args.dir.display(),
-                missing.join(", ")
-            );
-            let posed = || poses.poses.iter().chain(base.iter().flat_map(|base| &base.poses));
-            files.into_iter().filter(|name| posed().any(|(posed, _)| posed == name)).collect()
-        }
-        (None, None) => files.into_iter().filter(|name| is_scan(name)).collect(),
-    };
-    let place_in = |file: Option<&PoseFile>, name: &String| {
-        file.and_then(|file| file.poses.iter().position(|(posed, _)| posed == name)).unwrap_or(usize::MAX)
-    };
-    let place = |name: &String| (place_in(base, name), place_in(poses, name));
-    names.sort_by(|a, b| place(a).cmp(&place(b)).then_with(|| natord::compare(a, b)));
-    ensure!(!names.is_empty(), "no scans in {} (read are: {})", args.dir.display(), formats::EXTENSIONS.join(", "));
-    Ok(names)
-}
-
-fn files_of(dir: &Path) -> anyhow::Result<Vec<String>> {
-    let entries = std::fs::read_dir(dir).with_context(|| format!("reading the folder {}", dir.display()))?;
-    let mut names = Vec::new();
-    for entry in entries {
-        let entry = entry.with_context(|| format!("reading the folder {}", dir.display()))?;
-        if entry.path().is_file() {
-            names.push(entry.file_name().to_string_lossy().into_owned());
-        }
-    }
-    Ok(names)
-}
-
-fn is_scan(name: &str) -> bool {
-    let extension = name.rsplit_once('.').map_or("", |(_, extension)| extension).to_ascii_lowercase();
-    formats::EXTENSIONS.contains(&extension.as_str())
-}
-
-fn read_scans(dir: &Path, names: &[String], progress: &Progress) -> anyhow::Result<Vec<NamedScan>> {
+fn read_scans(dir: &Path, names: &[String], progress: &Progress) -> anyhow::Result<Vec<(NamedScan, Dropped)>> {
     use rayon::prelude::*;
     progress.report(Stage::Loading, 0.0);
     names
@@ -207,12 +167,15 @@ fn read_scans(dir: &Path, names: &[String], progress: &Progress) -> anyhow::Resu
         .map(|name| {
             let path = dir.join(name);
             let bytes = std::fs::read(&path).with_context(|| format!("reading {}", path.display()))?;
-            let surface = formats::read_surface(name, &bytes, &ReadLimits::default())
+            let Reading { surface, dropped } = formats::read(name, &bytes, &ReadLimits::default())
                 .with_context(|| format!("reading {}", path.display()))?;
+            if !dropped.is_empty() {
+                eprintln!("note: {name}: {dropped}");
+            }
             if !surface.faces.is_empty() && surface.grid.is_none() {
                 eprintln!("note: {name} is a mesh; its vertices are taken as a scan");
             }
-            Ok(NamedScan { name: name.clone(), surface })
+            Ok((NamedScan { name: name.clone(), surface }, dropped))
         })
         .collect()
 }

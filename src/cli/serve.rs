@@ -30,6 +30,9 @@ pub struct ServeArgs {
     /// Jobs that run at the same time
     #[arg(long, env = "VISAGE_JOBS", default_value = "1", value_parser = at_least_one)]
     jobs: usize,
+    /// Megabytes (10^6) of memory that all running jobs together may take [default: three quarters of the machine's]
+    #[arg(long, env = "VISAGE_JOB_MEMORY_MB")]
+    job_memory_mb: Option<u64>,
     /// Jobs that may wait
     #[arg(long, env = "VISAGE_MAX_QUEUED_JOBS", default_value_t = Limits::default().queued_jobs)]
     max_queued_jobs: usize,
@@ -78,7 +81,10 @@ fn at_least_one(text: &str) -> Result<usize, String> {
 
 impl ServeArgs {
     fn config(&self) -> ServerConfig {
+        let defaults = ServerConfig::new(self.addr, &self.data);
+        let job_memory_bytes = self.job_memory_mb.map(|mb| mb.saturating_mul(1_000_000));
         ServerConfig {
+            job_memory_bytes: job_memory_bytes.or(defaults.job_memory_bytes),
             threads: self.threads.unwrap_or_else(available_threads),
             concurrent_jobs: self.jobs,
             limits: Limits {
@@ -98,7 +104,7 @@ impl ServeArgs {
                 ..EdgeLimits::default()
             },
             shutdown_deadline: Duration::from_secs(self.shutdown_seconds),
-            ..ServerConfig::new(self.addr, &self.data)
+            ..defaults
         }
     }
 }

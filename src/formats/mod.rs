@@ -1,7 +1,9 @@
 //! Bytes to geometry and back: every input from outside is hostile until it has passed here.
 //!
 //! Readers take a byte slice and a name (for messages) and give typed errors that name the place and the remedy.
-//! They check declared counts against the bytes that are there before they allocate.
+//! They check declared counts against the bytes that are there before they allocate, and take what they keep from one
+//! [budget](ReadLimits). One rule for all of them: what can be read without doubt is read; what is not sound costs
+//! itself and not the file, and is counted ([`Dropped`]).
 //!
 //! - [`ply`]: scans, models and range grids, ASCII and binary, read and written
 //! - [`obj`]: models, read
@@ -10,19 +12,35 @@
 
 #![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used))]
 
+mod budget;
+mod colors;
+mod header_lines;
+mod number;
 pub mod obj;
 pub mod pcd;
 pub mod ply;
+mod points;
 pub mod poses;
+mod reading;
+
+pub use budget::ReadLimits;
+pub use number::{NoCoordinate, checked_coordinate};
+pub use reading::{Dropped, Reading};
 
 use crate::geometry::Surface;
 
 /// Why a file could not be read. Messages name the place in the file and what to do.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum FormatError {
     /// The name's extension is none that is read here.
     #[error("files ending in {extension:?} are not read; send PLY, PCD or OBJ")]
     UnknownExtension {
+        /// The part of the name after the last dot.
+        extension: String,
+    },
+    /// The name's extension is that of a packed file.
+    #[error("files ending in {extension:?} are packed; unpack the file and send PLY, PCD or OBJ")]
+    Packed {
         /// The part of the name after the last dot.
         extension: String,
     },
@@ -54,26 +72,22 @@ pub enum FormatError {
         /// How many there may be.
         limit: u64,
     },
+    /// The file may be sound but makes more bytes than are allowed.
+    #[error("{what} {found} bytes, more than the {limit} that are allowed; thin the scan or raise the limit")]
+    TooManyBytes {
+        /// What takes the bytes.
+        what: &'static str,
+        /// How many it takes.
+        found: u64,
+        /// How many it may take.
+        limit: u64,
+    },
 }
 
 impl FormatError {
     /// Shorthand for [`FormatError::Malformed`].
     pub(crate) fn malformed(place: impl Into<String>, problem: impl Into<String>, remedy: impl Into<String>) -> Self {
         FormatError::Malformed { place: place.into(), problem: problem.into(), remedy: remedy.into() }
-    }
-}
-
-/// The largest coordinate that is taken for a measurement: squares and cubes of it stay finite.
-pub(crate) const MAX_COORDINATE: f64 = 1e30;
-
-/// A number that can serve as a coordinate, or what is wrong with it.
-pub(crate) fn checked_coordinate(value: f64) -> Result<f64, &'static str> {
-    if value.abs() <= MAX_COORDINATE {
-        Ok(value)
-    } else if value.is_finite() {
-        Err("is too large to be a coordinate")
-    } else {
-        Err("is not finite")
     }
 }
 
@@ -85,33 +99,59 @@ pub(crate) fn quote(bytes: &[u8]) -> String {
     format!("\"{}{dots}\"", text.escape_debug())
 }
 
-/// Bounds on what a reader accepts.
-#[derive(Debug, Clone, Copy)]
-pub struct ReadLimits {
-    /// Points in one file.
-    pub max_points: u64,
-    /// Faces in one file.
-    pub max_faces: u64,
-}
-
-impl Default for ReadLimits {
-    fn default() -> Self {
-        ReadLimits { max_points: 20_000_000, max_faces: 40_000_000 }
+/// Where the text of a file begins: behind the mark by which some editors say that it is UTF-8.
+///
+/// # Errors
+/// [`FormatError::Malformed`] if it is UTF-16, with or without its mark. All formats read here begin with text.
+fn text_start(bytes: &[u8]) -> Result<usize, FormatError> {
+    let is_utf16 = match *bytes {
+        [0xff, 0xfe, ..] | [0xfe, 0xff, ..] => true,
+        [0, a, 0, b, ..] | [a, 0, b, 0, ..] => a.is_ascii_graphic() && b.is_ascii(),
+        _ => false,
+    };
+    if is_utf16 {
+        return Err(FormatError::malformed("byte 0", "the text is UTF-16", "save the file as UTF-8"));
     }
+    Ok(if bytes.starts_with(b"\xef\xbb\xbf") { 3 } else { 0 })
 }
 
 /// Extensions (lower case, no dot) of the files that are read as scans or models.
 pub const EXTENSIONS: &[&str] = &["ply", "pcd", "obj"];
 
-/// Reads a scan or model; the format is told by the extension of `name`.
-pub fn read_surface(name: &str, bytes: &[u8], limits: &ReadLimits) -> Result<Surface, FormatError> {
-    let extension = name.rsplit_once('.').map_or("", |(_, extension)| extension).to_ascii_lowercase();
+/// Extensions of packed files, which may hold a scan.
+const PACKED: &[&str] = &["gz", "bz2", "xz", "zst", "zip", "7z", "rar", "tar", "tgz"];
+
+/// The extension of a file's name, lower case; empty if it has none.
+pub fn extension(name: &str) -> String {
+    name.rsplit_once('.').map_or("", |(_, extension)| extension).to_ascii_lowercase()
+}
+
+/// Whether a file of this name may be read.
+///
+/// # Errors
+/// [`FormatError::UnknownExtension`] or [`FormatError::Packed`], by its ending.
+pub fn check_name(name: &str) -> Result<(), FormatError> {
+    let extension = extension(name);
     match extension.as_str() {
-        "ply" => ply::read(bytes, limits),
-        "pcd" => pcd::read(bytes, limits),
-        "obj" => obj::read(bytes, limits),
+        known if EXTENSIONS.contains(&known) => Ok(()),
+        packed if PACKED.contains(&packed) => Err(FormatError::Packed { extension }),
         _ => Err(FormatError::UnknownExtension { extension }),
     }
+}
+
+/// Reads a scan or model, and says what of it was not taken; the extension of `name` is that of the format.
+pub fn read(name: &str, bytes: &[u8], limits: &ReadLimits) -> Result<Reading, FormatError> {
+    check_name(name)?;
+    match extension(name).as_str() {
+        "ply" => ply::read(bytes, limits),
+        "pcd" => pcd::read(bytes, limits),
+        _ => obj::read(bytes, limits),
+    }
+}
+
+/// The same without what was not taken.
+pub fn read_surface(name: &str, bytes: &[u8], limits: &ReadLimits) -> Result<Surface, FormatError> {
+    read(name, bytes, limits).map(|reading| reading.surface)
 }
 
 #[cfg(test)]
@@ -125,6 +165,8 @@ mod tests {
             assert_eq!(error.to_string(), "files ending in \"xyz\" are not read; send PLY, PCD or OBJ");
         }
         assert!(matches!(read_surface("ply", b"", &ReadLimits::default()), Err(FormatError::UnknownExtension { .. })));
+        let packed = read_surface("scan.ply.gz", b"", &ReadLimits::default()).expect_err("packed").to_string();
+        assert_eq!(packed, "files ending in \"gz\" are packed; unpack the file and send PLY, PCD or OBJ");
     }
 
     #[test]
@@ -134,10 +176,12 @@ mod tests {
     }
 
     #[test]
-    fn coordinates_must_be_finite_and_of_this_world() {
-        assert_eq!(checked_coordinate(-1e9), Ok(-1e9));
-        assert_eq!(checked_coordinate(f64::NAN), Err("is not finite"));
-        assert_eq!(checked_coordinate(f64::NEG_INFINITY), Err("is not finite"));
-        assert_eq!(checked_coordinate(1e200), Err("is too large to be a coordinate"));
+    fn text_begins_behind_its_mark_and_utf16_is_refused() {
+        assert_eq!(text_start(b"ply\n"), Ok(0));
+        assert_eq!(text_start(b"\xef\xbb\xbfply\n"), Ok(3));
+        for text in [&b"\xff\xfev\0 \0"[..], b"\xfe\xff\0v\0 ", b"v\0 \0", b"\0v\0 "] {
+            let error = text_start(text).expect_err("UTF-16").to_string();
+            assert_eq!(error, "byte 0: the text is UTF-16; save the file as UTF-8");
+        }
     }
 }

@@ -24,3 +24,7 @@ pub use surface::{RangeGrid, Surface, Unit};
 pub type Point3 = nalgebra::Point3<f64>;
 /// A direction or displacement in f64.
 pub type Vector3 = nalgebra::Vector3<f64>;
+
+/// The largest coordinate that is taken for a measurement, in any unit. Cubes of distances up to it stay finite in
+/// f32, and f64 still tells places apart that are 0.0001 from each other there.
+pub const MAX_COORDINATE: f64 = 1e12;

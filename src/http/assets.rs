@@ -144,7 +144,7 @@ async fn send(
     answer.insert(header::CONTENT_TYPE, HeaderValue::from_static(media_type(&record.name)));
     // an upload of somebody else's must never be run as a page
     answer.insert(header::X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff"));
-    let mut file = state.shop.blobs.open_asset(id, &record.name).await?.ok_or_else(missing)?;
+    let mut file = state.shop.blobs.open_asset(id, &record).await?.ok_or_else(missing)?;
     let wanted = headers
         .get(header::RANGE)
         .filter(|_| headers.get(header::IF_RANGE).is_none_or(|known| etag.is_given_by(known)))

@@ -22,6 +22,7 @@ use super::scan_sets::{form_rules, from_form, keep_files, parse_id as parse_scan
 use super::state::{AppState, deleted, forget, uninterrupted};
 use super::upload::{self, UploadedFile};
 use super::{cursor, events, extract, job_views, models, names, responses};
+use crate::jobs::memory::Budget;
 use crate::jobs::{admission, options};
 use crate::pipeline::Options;
 use crate::store::{
@@ -204,7 +205,7 @@ async fn order_of_json(state: &AppState, body: NewJobBody) -> Result<Order, Prob
         Some(id) => Some(base_of(state, models::parse_id(id)?, set.id).await?),
         None => None,
     };
-    admit(&set.scans, set.poses.as_ref(), base.as_ref(), &options)?;
+    admit(state, &set.scans, set.poses.as_ref(), base.as_ref(), &options)?;
     Ok(Order { job: NewJob { id: JobId::new(), scan_set_id: set.id, label, options, base }, upload: None })
 }
 
@@ -220,12 +221,13 @@ async fn order_of_form(state: &AppState, form: upload::Form) -> Result<Order, Pr
     };
     let label = form.text("label")?.map(|label| names::text("label", label)).transpose()?;
     let (set, files) = from_form(state, form).await?;
-    admit(&set.scans, set.poses.as_ref(), None, &options)?;
+    admit(state, &set.scans, set.poses.as_ref(), None, &options)?;
     let job = NewJob { id: JobId::new(), scan_set_id: set.id, label, options, base: None };
     Ok(Order { job, upload: Some((set, files)) })
 }
 
 fn admit(
+    state: &AppState,
     scans: &[ScanRecord],
     poses: Option<&PoseFile>,
     base: Option<&JobBase>,
@@ -233,6 +235,7 @@ fn admit(
 ) -> Result<(), Problem> {
     let names: Vec<&str> = scans.iter().map(|scan| scan.name.as_str()).collect();
     admission::plan(&names, poses, base.map(|base| base.poses.as_slice()), options)?;
+    Budget(state.shop.config.job_memory_bytes).admit(scans.iter().map(|scan| scan.points).sum())?;
     Ok(())
 }
 
@@ -243,7 +246,12 @@ async fn base_of(state: &AppState, id: ModelId, set: ScanSetId) -> Result<JobBas
         let hint = "name a model that was made from this scan set, or register without a base model";
         return Err(Problem::new(Code::WrongBase, format!("the model {id} was not made from this scan set"), hint));
     }
-    let poses = models::read_asset(state, id, "poses.json").await?.ok_or_else(|| {
+    let assets = state.shop.store.assets(id).await?;
+    let poses = match assets.iter().find(|asset| asset.name == "poses.json") {
+        Some(asset) => models::read_asset(state, id, asset).await?,
+        None => None,
+    };
+    let poses = poses.ok_or_else(|| {
         let hint = "name a model that was registered from scans";
         Problem::new(Code::WrongBase, format!("the model {id} has no poses"), hint)
     })?;
@@ -379,7 +387,7 @@ async fn retry(
     let job = state.shop.store.job(id).await?;
     if let Some(set) = job.scan_set_id {
         let set = state.shop.store.scan_set(set).await?;
-        admit(&set.scans, set.poses.as_ref(), job.base.as_ref(), &job.options)?;
+        admit(&state, &set.scans, set.poses.as_ref(), job.base.as_ref(), &job.options)?;
     }
     state.shop.store.retry_job(id, state.limits().queued_jobs).await?;
     state.shop.board.announce_work();
@@ -402,9 +410,9 @@ async fn delete(
     deleted(async move {
         let _turn = conditions.turn(&state).await;
         check(&state, id, &conditions).await?;
-        let model = state.shop.store.delete_job(id).await?;
+        let deleted = state.shop.store.delete_job(id).await?;
         state.shop.board.announce_change();
-        forget(&state, model.into_iter().collect()).await
+        forget(&state, deleted).await
     })
     .await
 }

@@ -39,7 +39,7 @@ async fn healthz() -> Json<Health> {
     Json(Health { status: "ok" })
 }
 
-/// Whether requests will be served: the database answers, the gallery is loaded, no shutdown is under way.
+/// Whether requests will be served: the database takes writes, the gallery is loaded, no shutdown is under way.
 #[utoipa::path(
     get, path = "/readyz", tag = TAG, operation_id = "ready",
     responses((status = 200, description = "They will.", body = Health), responses::NotReady, responses::Other)
@@ -49,6 +49,7 @@ async fn readyz(State(state): State<AppState>) -> Result<Json<Health>, Problem> 
         return Err(Problem::shutting_down());
     }
     state.shop.store.ping().await?;
+    state.shop.store.check_writable().await.map_err(Problem::not_writable)?;
     if !state.shop.gallery.is_ready() {
         return Err(NotReady.into());
     }
@@ -76,6 +77,8 @@ struct LimitsView {
     threads_per_job: usize,
     /// Jobs that run at the same time.
     concurrent_jobs: usize,
+    /// Bytes of memory that all running jobs together may take; null if that is not limited.
+    job_memory_bytes: Option<u64>,
     /// Times a job is started before it counts as failed.
     attempts_per_job: u32,
     /// Connections at the same time; others wait.
@@ -152,6 +155,7 @@ struct Info {
     responses((status = 200, description = "What the service offers.", body = Info), responses::Other)
 )]
 async fn info(State(state): State<AppState>) -> Result<Json<Info>, Problem> {
+    state.shop.store.settled().await;
     let config = &state.shop.config;
     let limits = &config.limits;
     let (queued_jobs, running_jobs) = state.shop.store.queue_length().await?;
@@ -173,6 +177,7 @@ async fn info(State(state): State<AppState>) -> Result<Json<Info>, Problem> {
             queued_jobs: limits.queued_jobs,
             threads_per_job: config.threads,
             concurrent_jobs: config.concurrent_jobs,
+            job_memory_bytes: config.job_memory_bytes,
             attempts_per_job: config.queue.max_attempts,
             connections: config.edge.connections,
             head_seconds: config.edge.head_time.as_secs(),

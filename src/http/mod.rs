@@ -3,7 +3,7 @@
 //! - `router`: the table of contents, layers, the contract
 //! - `scan_sets` (with `scans`, `poses`), `jobs` (with `events`), `models` (with `assets`), `queries`, `evaluation`,
 //!   `standards`, `meta`: one file or folder a resource; what goes over the wire is in the `*_views` beside them
-//! - `problem`, `responses`: every error that leaves the service, and how the contract names them
+//! - `problem`, `storage_problem`, `responses`: every error that leaves the service, and how the contract names them
 //! - `connections`: how many, and how long without being used; `hosts`: who is meant, and from where a page asks
 //! - `schemas`: bounds of values that the contract tells and Rust types don't
 //! - `body`, `multipart`, `upload`, `digest`, `names`, `describe`: what comes in is hostile until it has passed here
@@ -39,6 +39,7 @@ mod names;
 mod poses;
 pub mod problem;
 mod queries;
+mod reading_view;
 mod responses;
 mod router;
 mod scan_set_views;
@@ -49,6 +50,7 @@ mod server;
 mod standard_views;
 mod standards;
 mod state;
+mod storage_problem;
 mod upload;
 mod verdicts;
 

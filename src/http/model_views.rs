@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
+use super::reading_view::ReadingView;
 use super::scan_set_views::UnitView;
 use super::schemas::ShortText;
 use super::verdicts::VerdictView;
@@ -151,6 +152,8 @@ pub struct ModelView {
     pub summary: ModelSummary,
     /// Its files.
     pub assets: Vec<AssetView>,
+    /// What of an uploaded file was not taken; null if all of it was. Of a registered model, `report` says it scan by scan.
+    pub reading: Option<ReadingView>,
     /// The content of `report.json`: `result` (the same for the same scans) and `run` (times, memory, host); null for
     /// an uploaded model.
     #[schema(value_type = Option<Object>)]
@@ -165,6 +168,7 @@ impl ModelView {
         ModelView {
             summary: ModelSummary::of(model),
             assets: assets.iter().map(|asset| AssetView::of(model.id, asset)).collect(),
+            reading: model.reading.as_deref().and_then(ReadingView::of_stored),
             report,
             verdicts: Vec::new(),
         }

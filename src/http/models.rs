@@ -17,10 +17,11 @@ use super::scan_sets::parse_id as parse_scan_set_id;
 use super::state::{AppState, blocking, deleted, forget, uninterrupted};
 use super::upload::{self, Form, FormRules, UploadedFile};
 use super::verdicts::{self, VerdictView};
-use super::{assets, cursor, describe, names, responses};
+use super::{assets, cursor, describe, names, reading_view, responses};
 use crate::faces::Signature;
+use crate::formats::Reading;
 use crate::geometry::Surface;
-use crate::store::{AssetRecord, ModelFilter, ModelId, ModelRecord, NewModel, StoreError};
+use crate::store::{AssetRecord, ModelFilter, ModelId, ModelRecord, NewModel, StoreError, StoredFile};
 
 pub(super) const TAG: &str = "models";
 const RULES: FormRules = FormRules { files: &["model"], most_files: 1, texts: &["label", "name", "unit"] };
@@ -80,9 +81,20 @@ async fn create(
         let _attempt = attempt;
         let Upload { model, file, signature } = upload;
         let id = model.id;
+        state.shop.store.expect_files(&[StoredFile::Model(id)]).await?;
         keep_file(&state, &model, file).await?;
-        state.shop.store.create_model(&model, replay.as_ref()).await?;
+        let unseen = match state.shop.store.create_model(&model, replay.as_ref()).await {
+            Ok(unseen) => unseen,
+            Err(error) => {
+                if !error.leaves_in_doubt() {
+                    let blobs = state.shop.blobs.clone();
+                    blocking(move || blobs.remove_model(id)).await??;
+                }
+                return Err(error.into());
+            }
+        };
         state.shop.gallery.publish(&state.shop.store, id, signature).await?;
+        drop(unseen);
         // where there are standards, it waits to be judged against them
         state.shop.board.announce_work();
         Ok(())
@@ -110,6 +122,7 @@ impl Upload {
             unit: self.model.unit,
             points: self.model.points,
             quality: None,
+            reading: self.model.reading.clone(),
             signature: self.model.signature.as_ref().map(|signature| signature.summary.clone()),
         }
     }
@@ -127,7 +140,7 @@ async fn described(state: &AppState, mut form: Form) -> Result<Upload, Problem> 
         )
     })?;
     let turn = describe::turn(state, &file).await?;
-    let (file, surface) = upload::read_surface(state, file).await?;
+    let (file, Reading { surface, dropped }) = upload::read(state, file).await?;
     let asset = AssetRecord {
         name: asset_name(&file.name, &surface),
         bytes: file.staged.bytes,
@@ -144,6 +157,7 @@ async fn described(state: &AppState, mut form: Form) -> Result<Upload, Problem> 
         points,
         quality: None,
         assets: vec![asset],
+        reading: reading_view::stored(&dropped),
         signature: Some((&signature).into()),
     };
     Ok(Upload { model, file, signature })
@@ -231,20 +245,17 @@ async fn read_report(
     id: ModelId,
     assets: &[AssetRecord],
 ) -> Result<Option<serde_json::Value>, Problem> {
-    if !assets.iter().any(|asset| asset.name == "report.json" && asset.bytes <= LARGEST_REPORT) {
+    let Some(asset) = assets.iter().find(|asset| asset.name == "report.json" && asset.bytes <= LARGEST_REPORT) else {
         return Ok(None);
-    }
-    let content = read_asset(state, id, "report.json").await?;
+    };
+    let content = read_asset(state, id, asset).await?;
     content.map(|content| serde_json::from_slice(&content).map_err(Problem::internal)).transpose()
 }
 
-/// A small file of a model; `None` if it has none of that name, or was deleted in the meantime.
-pub(super) async fn read_asset(state: &AppState, id: ModelId, name: &str) -> Result<Option<Vec<u8>>, Problem> {
-    use tokio::io::AsyncReadExt;
-    let Some(mut file) = state.shop.blobs.open_asset(id, name).await? else { return Ok(None) };
-    let mut content = Vec::new();
-    file.read_to_end(&mut content).await.map_err(Problem::internal)?;
-    Ok(Some(content))
+/// A small file of a model; `None` if it was deleted in the meantime.
+pub(super) async fn read_asset(state: &AppState, id: ModelId, asset: &AssetRecord) -> Result<Option<Vec<u8>>, Problem> {
+    let (blobs, asset) = (state.shop.blobs.clone(), asset.clone());
+    Ok(blocking(move || blobs.read_asset(id, &asset)).await??)
 }
 
 /// Delete a model with its files and its signature. The job and the scans it came from stay.
@@ -265,8 +276,8 @@ async fn delete(
         if conditions.any() {
             conditions.check_view(&view(&state, id).await?)?;
         }
-        state.shop.store.delete_model(id).await?;
-        forget(&state, vec![id]).await
+        let deleted = state.shop.store.delete_model(id).await?;
+        forget(&state, deleted).await
     })
     .await
 }

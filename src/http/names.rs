@@ -1,7 +1,7 @@
 //! Names that users give. They are shown and compared, never used as paths; still, nothing odd comes in.
 
 use super::problem::{Code, Problem};
-use crate::formats::{self, FormatError};
+use crate::formats;
 
 /// The longest file name, in bytes: what file systems allow.
 const LONGEST_FILE_NAME: usize = 255;
@@ -36,11 +36,8 @@ pub fn file_name(name: &str) -> Result<String, Problem> {
 /// The file name of a scan or model, whose ending tells a format that is read here.
 pub fn surface_file_name(name: &str) -> Result<String, Problem> {
     let name = file_name(name)?;
-    let extension = name.rsplit_once('.').map_or("", |(_, extension)| extension).to_ascii_lowercase();
-    if formats::EXTENSIONS.contains(&extension.as_str()) {
-        return Ok(name);
-    }
-    Err(Problem::unreadable(&name, &FormatError::UnknownExtension { extension }))
+    formats::check_name(&name).map_err(|error| Problem::unreadable(&name, &error))?;
+    Ok(name)
 }
 
 /// A name or label: short, in one line.

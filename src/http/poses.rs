@@ -10,10 +10,9 @@ use super::extract::{Path, is_json, media_type};
 use super::problem::{Code, Problem};
 use super::responses;
 use super::scan_set_views::PosesView;
-use super::scan_sets::{TAG, parse_id};
+use super::scan_sets::{TAG, fit_poses, parse_id};
 use super::schemas::{FileContent, Poses};
 use super::state::AppState;
-use crate::jobs::admission;
 use crate::store::{PoseFile, ScanSetRecord};
 
 /// Set the initial poses of a scan set.
@@ -89,7 +88,7 @@ async fn store_poses(
     let set = state.shop.store.scan_set(id).await?;
     conditions.check(poses_tag(&set).as_ref())?;
     let names: Vec<&str> = set.scans.iter().map(|scan| scan.name.as_str()).collect();
-    let fit = admission::fit_poses(&names, &poses).map_err(|error| Problem::unreadable_poses(&error))?;
+    let fit = fit_poses(&names, &poses)?;
     state.shop.store.put_poses(id, &poses).await?;
     let etag = ETag::of_bytes(&poses.content).header()?;
     Ok(([etag], Json(PosesView::of(&poses.name, &fit))).into_response())

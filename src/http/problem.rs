@@ -1,5 +1,5 @@
 //! Every error that leaves the service: `application/problem+json` (RFC 9457) with a stable `code`, the `scan`
-//! concerned and a `hint`. This is the one place where the layers' errors become HTTP.
+//! concerned and a `hint`. Here and in `storage_problem` the layers' errors become HTTP.
 
 use std::time::Duration;
 
@@ -7,14 +7,12 @@ use axum::http::StatusCode;
 use axum::http::header::{self, HeaderName, HeaderValue};
 use axum::response::{IntoResponse, Response};
 
-use crate::blobs::BlobError;
 use crate::classes::ClassError;
 use crate::faces::DescribeError;
 use crate::formats::FormatError;
 use crate::jobs::admission::AdmissionError;
 use crate::jobs::options::OptionError;
 use crate::pipeline::PipelineError;
-use crate::store::StoreError;
 use crate::store::live_gallery::NotReady;
 
 macro_rules! codes {
@@ -78,6 +76,7 @@ codes! {
     WrongBase = "wrong_base", UNPROCESSABLE_ENTITY, "the scans can't be added to this model";
     NothingToAdd = "nothing_to_add", UNPROCESSABLE_ENTITY, "the model has all scans already";
     UnreadablePoses = "unreadable_poses", UNPROCESSABLE_ENTITY, "the pose file can't be read";
+    PosesFitNothing = "poses_fit_nothing", UNPROCESSABLE_ENTITY, "the pose file names none of the scans";
     KeyReused = "idempotency_key_reused", UNPROCESSABLE_ENTITY, "the idempotency key belongs to another request";
     UnknownStandard = "unknown_standard", UNPROCESSABLE_ENTITY, "there is no such standard";
     TooManyStandards = "too_many_standards", UNPROCESSABLE_ENTITY, "there are as many standards as are allowed";
@@ -90,8 +89,11 @@ codes! {
     TooFewLabels = "too_few_labels", UNPROCESSABLE_ENTITY, "too few models have labels";
     TooManyLabels = "too_many_labels", UNPROCESSABLE_ENTITY, "too many models have labels";
     Undescribable = "undescribable_model", UNPROCESSABLE_ENTITY, "the model can't be described";
+    TooLittleMemory = "too_little_memory", UNPROCESSABLE_ENTITY, "the job needs more memory than there is";
     QueueFull = "queue_full", TOO_MANY_REQUESTS, "too many jobs are waiting";
     Internal = "internal", INTERNAL_SERVER_ERROR, "the server failed";
+    Damaged = "damaged", INTERNAL_SERVER_ERROR, "what is stored is damaged";
+    DatabaseLocked = "database_locked", SERVICE_UNAVAILABLE, "another program holds the database";
     NotReady = "not_ready", SERVICE_UNAVAILABLE, "the server is not ready yet";
     Overloaded = "overloaded", SERVICE_UNAVAILABLE, "the server has no room for the request at the moment";
     ShuttingDown = "shutting_down", SERVICE_UNAVAILABLE, "the server is shutting down";
@@ -197,15 +199,19 @@ impl Problem {
     /// What a reader says about the file `name`.
     pub fn unreadable(name: &str, error: &FormatError) -> Self {
         let code = match error {
-            FormatError::UnknownExtension { .. } => Code::UnsupportedFormat,
+            FormatError::UnknownExtension { .. } | FormatError::Packed { .. } => Code::UnsupportedFormat,
             FormatError::TooLarge { .. } => Code::TooManyPoints,
+            FormatError::TooManyBytes { .. } => Code::TooLarge,
             _ => Code::UnreadableScan,
         };
         let hint = match error {
             FormatError::UnknownExtension { .. } => "export the scan as PLY, PCD or OBJ".to_owned(),
+            FormatError::Packed { .. } => "unpack the file and send what is in it: PLY, PCD or OBJ".to_owned(),
             FormatError::Malformed { remedy, .. } => remedy.clone(),
             FormatError::Truncated { .. } => "export or upload the file again".to_owned(),
-            FormatError::TooLarge { .. } => "thin the scan, or ask the operator to raise the limit".to_owned(),
+            FormatError::TooLarge { .. } | FormatError::TooManyBytes { .. } => {
+                "thin the scan, or ask the operator to raise the limit".to_owned()
+            }
         };
         Problem::new(code, format!("{name}: {error}"), hint).scan(name)
     }
@@ -244,60 +250,6 @@ impl IntoResponse for Problem {
     }
 }
 
-impl From<StoreError> for Problem {
-    fn from(error: StoreError) -> Self {
-        if error.is_shortage() {
-            return Problem::shortage(error);
-        }
-        let detail = error.to_string();
-        match error {
-            StoreError::NotFound { kind, .. } => {
-                Problem::new(Code::NotFound, detail, format!("it may have been deleted; list what there is of {kind}s"))
-            }
-            StoreError::InUse { .. } => {
-                Problem::new(Code::InUse, detail, "wait for the job's end, or cancel it first").retry_after(5)
-            }
-            StoreError::QueueFull { .. } => {
-                Problem::new(Code::QueueFull, detail, "try again when jobs have ended, or cancel some").retry_after(10)
-            }
-            StoreError::NameTaken { .. } => {
-                Problem::new(Code::DuplicateStandard, detail, "choose another name, or delete that one first")
-            }
-            StoreError::TooManyStandards { .. } => {
-                Problem::new(Code::TooManyStandards, detail, "delete one that is not needed any more")
-            }
-            StoreError::TooManyScans { .. } => {
-                Problem::new(Code::TooManyScans, detail, "send fewer scans, or ask the operator to raise the limit")
-            }
-            StoreError::WrongStatus { .. } => Problem::new(
-                Code::WrongStatus,
-                detail,
-                "only queued or running jobs can be canceled, only failed or canceled ones retried",
-            ),
-            StoreError::KeyReused { .. } => {
-                Problem::new(Code::KeyReused, detail, "use a new key for a new request; repeat a request unchanged")
-            }
-            StoreError::Database(_) | StoreError::Migration(_) | StoreError::Damaged { .. } => {
-                Problem::internal(detail)
-            }
-        }
-    }
-}
-
-impl From<BlobError> for Problem {
-    fn from(error: BlobError) -> Self {
-        if error.is_storage_full() {
-            tracing::error!("the disk is full: {error}");
-            return Problem::new(
-                Code::StorageFull,
-                "nothing more can be stored",
-                "delete what is not needed, or ask the operator",
-            );
-        }
-        if error.is_shortage() { Problem::shortage(error) } else { Problem::internal(error) }
-    }
-}
-
 impl From<AdmissionError> for Problem {
     fn from(error: AdmissionError) -> Self {
         let detail = error.to_string();
@@ -309,6 +261,11 @@ impl From<AdmissionError> for Problem {
                 Problem::new(Code::WrongScanCount, detail, "choose two scans, or a method for several such as joint")
             }
             AdmissionError::Unreadable(error) => Problem::unreadable_poses(&error),
+            AdmissionError::FitsNothing { .. } => Problem::new(
+                Code::PosesFitNothing,
+                detail,
+                "name the poses after the scans' files, or send the scans first",
+            ),
             AdmissionError::Unfit(error) => error.into(),
         }
     }
@@ -392,6 +349,7 @@ impl Problem {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::store::StoreError;
 
     #[test]
     fn codes_are_unique_and_are_errors() {

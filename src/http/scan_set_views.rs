@@ -5,6 +5,7 @@ use utoipa::ToSchema;
 
 use super::names;
 use super::problem::Problem;
+use super::reading_view::ReadingView;
 use super::schemas::{ScanName, ShortText};
 use crate::geometry::Unit;
 use crate::jobs::admission::{self, PoseFit};
@@ -107,12 +108,20 @@ pub struct ScanView {
     pub bytes: u64,
     /// BLAKE3 of the file, hexadecimal.
     pub checksum: String,
+    /// What of the file was not taken; null if all of it was.
+    pub reading: Option<ReadingView>,
 }
 
 impl ScanView {
     /// A stored scan.
     pub fn of(scan: &ScanRecord) -> Self {
-        ScanView { name: scan.name.clone(), points: scan.points, bytes: scan.bytes, checksum: scan.checksum.clone() }
+        ScanView {
+            name: scan.name.clone(),
+            points: scan.points,
+            bytes: scan.bytes,
+            checksum: scan.checksum.clone(),
+            reading: scan.reading.as_deref().and_then(ReadingView::of_stored),
+        }
     }
 }
 
@@ -125,8 +134,10 @@ pub struct PosesView {
     pub count: usize,
     /// Names in it for which there is no scan: ignored.
     pub unknown_scans: Vec<String>,
-    /// Scans that it does not name: they must get a pose, or go, before a job is accepted.
+    /// Scans that it does not name: they are placed by their surface.
     pub scans_without_pose: Vec<String>,
+    /// What was done to make the file fit: rounded rotations, names that are nearly those of scans.
+    pub notes: Vec<String>,
 }
 
 impl PosesView {
@@ -137,6 +148,7 @@ impl PosesView {
             count: fit.poses.len() + fit.unknown_scans.len(),
             unknown_scans: fit.unknown_scans.clone(),
             scans_without_pose: fit.scans_without_pose.clone(),
+            notes: fit.notes.clone(),
         }
     }
 }

@@ -15,10 +15,10 @@ use super::idempotency::{Attempt, Created};
 use super::problem::Problem;
 use super::scan_set_views::{NewScanSetBody, ScanSetForm, ScanSetList, ScanSetView};
 use super::state::{AppState, blocking, deleted, forget, uninterrupted};
-use super::upload::{self, Form, FormRules, UploadedFile};
-use super::{cursor, names, poses, responses, scans};
-use crate::jobs::admission;
-use crate::store::{FileId, NewScanSet, PoseFile, ScanRecord, ScanSetId, StoreError, sort_naturally};
+use super::upload::{self, CheckedScan, Form, FormRules, UploadedFile};
+use super::{cursor, names, poses, reading_view, responses, scans};
+use crate::jobs::admission::{self, PoseFit};
+use crate::store::{FileId, NewScanSet, PoseFile, ScanRecord, ScanSetId, StoreError, StoredFile, sort_naturally};
 
 pub(super) const TAG: &str = "scan sets";
 const PARTS: &[&str] = &["poses", "name", "unit"];
@@ -148,13 +148,14 @@ pub(super) async fn from_form(
         content: part.content.to_vec(),
     });
     if let Some(poses) = &poses {
-        admission::fit_poses(&[], poses).map_err(|error| Problem::unreadable_poses(&error))?;
+        let names: Vec<&str> = form.files.iter().map(|file| file.name.as_str()).collect();
+        fit_poses(&names, poses)?;
     }
     let mut scans = Vec::new();
     let mut files = Vec::new();
-    for (file, points) in upload::check_scans(state, std::mem::take(&mut form.files)).await? {
-        let record = record_of(&file, points);
-        files.push((record.file_id, file));
+    for checked in upload::check_scans(state, std::mem::take(&mut form.files)).await? {
+        let record = record_of(&checked);
+        files.push((record.file_id, checked.file));
         scans.push(record);
     }
     sort_naturally(&mut scans);
@@ -162,13 +163,21 @@ pub(super) async fn from_form(
     Ok((NewScanSet { id, name: name.unwrap_or_else(|| format!("scan set {id}")), unit, scans, poses }, files))
 }
 
-pub(super) fn record_of(file: &UploadedFile, points: u64) -> ScanRecord {
+/// Holds a pose file against scans; one that fits none of them is refused, unless there are no scans yet.
+pub(super) fn fit_poses(names: &[&str], poses: &PoseFile) -> Result<PoseFit, Problem> {
+    let fit = admission::fit_poses(names, poses).map_err(|error| Problem::unreadable_poses(&error))?;
+    admission::check_fit(names, poses, &fit)?;
+    Ok(fit)
+}
+
+pub(super) fn record_of(CheckedScan { file, points, dropped }: &CheckedScan) -> ScanRecord {
     ScanRecord {
         name: file.name.clone(),
         file_id: FileId::new(),
-        points,
+        points: *points,
         bytes: file.staged.bytes,
         checksum: file.staged.checksum.clone(),
+        reading: reading_view::stored(dropped),
     }
 }
 
@@ -178,6 +187,10 @@ pub(super) async fn keep_files(
     set: ScanSetId,
     files: Vec<(FileId, UploadedFile)>,
 ) -> Result<(), Problem> {
+    let expected: Vec<StoredFile> = files.iter().map(|(file, _)| StoredFile::Scan(set, *file)).collect();
+    if !expected.is_empty() {
+        state.shop.store.expect_files(&expected).await?;
+    }
     let blobs = state.shop.blobs.clone();
     blocking(move || -> Result<(), Problem> {
         for (id, file) in &files {
@@ -196,8 +209,8 @@ pub(super) async fn undo_unless_stored(
 ) -> Result<(), Problem> {
     match stored {
         Ok(()) => Ok(()),
-        // whether a failed commit took place is not known: the sweep at the next start will tell
-        Err(error @ StoreError::Database(_)) => Err(error.into()),
+        // whether a failed commit took place is not known: what has no row is removed later
+        Err(error) if error.leaves_in_doubt() => Err(error.into()),
         Err(refused) => {
             let blobs = state.shop.blobs.clone();
             blocking(move || blobs.remove_scan_set(set)).await??;
@@ -253,10 +266,10 @@ async fn delete(
         if conditions.any() {
             conditions.check_view(&ScanSetView::of(&state.shop.store.scan_set(id).await?))?;
         }
-        let models = state.shop.store.delete_scan_set(id).await?;
+        let deleted = state.shop.store.delete_scan_set(id).await?;
         state.shop.board.announce_change();
         // whichever fails, the other is done
-        let of_models = forget(&state, models).await;
+        let of_models = forget(&state, deleted).await;
         let blobs = state.shop.blobs.clone();
         blocking(move || blobs.remove_scan_set(id)).await??;
         of_models

@@ -63,17 +63,17 @@ pub(super) async fn put_scan(
     let (staged, digests) = upload::receive_body(&state, &name, request).await?;
     digest::check(&headers, &name, &digests)?;
     let mut checked = upload::check_scans(&state, vec![UploadedFile { name, staged }]).await?;
-    let (file, points) = checked.pop().ok_or_else(|| Problem::internal("a checked scan vanished"))?;
+    let checked = checked.pop().ok_or_else(|| Problem::internal("a checked scan vanished"))?;
     uninterrupted(async move {
         let _turn = conditions.turn(&state).await;
-        conditions.check(scan_tag(&state, id, &file.name).await?.as_ref())?;
-        let scan = record_of(&file, points);
-        keep_files(&state, id, vec![(scan.file_id, file)]).await?;
+        conditions.check(scan_tag(&state, id, &checked.file.name).await?.as_ref())?;
+        let scan = record_of(&checked);
+        keep_files(&state, id, vec![(scan.file_id, checked.file)]).await?;
         let put = state.shop.store.put_scan(id, &scan, state.limits().scans_per_set).await;
         let (unused, status) = match &put {
             Ok(PutScan::Created) => (None, StatusCode::CREATED),
             Ok(PutScan::Replaced(old)) => (Some(*old), StatusCode::OK),
-            Err(_) => (Some(scan.file_id), StatusCode::INTERNAL_SERVER_ERROR),
+            Err(error) => ((!error.leaves_in_doubt()).then_some(scan.file_id), StatusCode::INTERNAL_SERVER_ERROR),
         };
         if let Some(file) = unused {
             let blobs = state.shop.blobs.clone();

@@ -13,13 +13,14 @@ use super::connections::{self, Connections};
 use super::hosts::Hosts;
 use super::router::{self, RouterError};
 use super::state::AppState;
-use crate::blobs::{BlobError, Blobs};
+use crate::blobs::Blobs;
 use crate::config::ServerConfig;
 use crate::jobs::board::Board;
 use crate::jobs::engine::{Engine, PipelineEngine};
+use crate::jobs::opening::{self, DataFolder, OpenError};
 use crate::jobs::runner::{Runner, Workshop};
+use crate::store::Store;
 use crate::store::live_gallery::LiveGallery;
-use crate::store::{Store, StoreError};
 
 /// How often answers kept for repeated requests are cleaned up.
 const CLEAN_UP: Duration = Duration::from_secs(3600);
@@ -37,16 +38,10 @@ pub enum StartError {
     },
     /// The data folder can't be used.
     #[error(transparent)]
-    Blobs(#[from] BlobError),
-    /// The database can't be used.
-    #[error(transparent)]
-    Store(#[from] StoreError),
+    Data(#[from] OpenError),
     /// The routes can't be made.
     #[error(transparent)]
     Router(#[from] RouterError),
-    /// A start-up task ended badly.
-    #[error("starting: {0}")]
-    Task(#[from] tokio::task::JoinError),
 }
 
 /// Starts servers.
@@ -75,7 +70,7 @@ impl Server {
         let (count, connections) = watch::channel(Connections::default());
         let serving = tokio::spawn(connections::serve(listener, router, config.edge, stop.clone(), count));
         let runner = Runner::start(&shop, &stop, &crash);
-        let chores = tokio::spawn(chores(shop.store.clone(), shop.gallery.clone(), shop.board.clone(), stop.clone()));
+        let chores = tokio::spawn(chores(shop.clone(), stop.clone()));
         tracing::info!(%addr, data = %config.data_dir.display(), threads = config.threads, "serving");
         Ok(ServerHandle { addr, connections, shop, stop, crash, serving, runner, chores })
     }
@@ -83,20 +78,14 @@ impl Server {
 
 /// Opens the data folder and picks up what a crash left.
 async fn open(config: &Arc<ServerConfig>, engine: Arc<dyn Engine>) -> Result<Workshop, StartError> {
-    let (folder, patience) = (config.data_dir.clone(), config.lock_patience);
-    let blobs = Arc::new(tokio::task::spawn_blocking(move || Blobs::open(&folder, patience)).await??);
-    let store = Store::open(&blobs.database()).await?;
-    // the folder is ours alone: whatever runs in the table ran in a process that is dead
-    let reclaimed = store.reclaim_jobs(config.queue.max_attempts).await?;
-    let known = store.known_files().await?;
-    let files = blobs.clone();
-    let swept = tokio::task::spawn_blocking(move || files.sweep(&known)).await??;
-    if reclaimed + swept as u64 > 0 {
-        tracing::warn!(jobs = reclaimed, files = swept, "picked up what the last server left");
+    let data = DataFolder::open(&config.data_dir, config.lock_patience).await?;
+    let left = data.pick_up(config.queue.max_attempts).await?;
+    if left.jobs + left.files as u64 > 0 {
+        tracing::warn!(jobs = left.jobs, files = left.files, "picked up what the last server left");
     }
     Ok(Workshop {
-        store,
-        blobs,
+        store: data.store,
+        blobs: data.blobs,
         gallery: LiveGallery::default(),
         engine,
         board: Arc::new(Board::default()),
@@ -105,7 +94,8 @@ async fn open(config: &Arc<ServerConfig>, engine: Arc<dyn Engine>) -> Result<Wor
 }
 
 /// Loads the gallery, then cleans up now and then.
-async fn chores(store: Store, gallery: LiveGallery, board: Arc<Board>, stop: CancellationToken) {
+async fn chores(shop: Workshop, stop: CancellationToken) {
+    let Workshop { store, gallery, board, blobs, .. } = shop;
     let work = async {
         match gallery.load(&store).await {
             Ok(models) => tracing::info!(models, "the gallery is loaded"),
@@ -120,15 +110,22 @@ async fn chores(store: Store, gallery: LiveGallery, board: Arc<Board>, stop: Can
             Err(error) => tracing::warn!("looking for what is out of date: {error}"),
         }
         loop {
-            if let Err(error) = store.forget_old_replays().await {
-                tracing::warn!("cleaning up: {error}");
-            }
+            clean_up(&blobs, &store).await;
             tokio::time::sleep(CLEAN_UP).await;
         }
     };
     tokio::select! {
         () = work => {}
         () = stop.cancelled() => {}
+    }
+}
+
+async fn clean_up(blobs: &Arc<Blobs>, store: &Store) {
+    if let Err(error) = store.forget_old_replays().await {
+        tracing::warn!("cleaning up: {error}");
+    }
+    if let Err(error) = opening::tidy_up(blobs, store).await {
+        tracing::warn!("cleaning up: {error}");
     }
 }
 

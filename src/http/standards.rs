@@ -23,7 +23,9 @@ use super::{describe, names, responses};
 use crate::classes::limit::{self, Learned};
 use crate::faces::standard::by_name;
 use crate::retrieval;
-use crate::store::{AssetRecord, Examples, NewStandard, StandardId, StandardRecord, StoreError, StoredVerdict};
+use crate::store::{
+    AssetRecord, Examples, NewStandard, StandardId, StandardRecord, StoreError, StoredFile, StoredVerdict,
+};
 
 const TAG: &str = "standards";
 const RULES: FormRules = FormRules {
@@ -75,6 +77,7 @@ async fn create(
     let (_, pending) = state.shop.store.judged(standard.id).await?;
     uninterrupted(async move {
         let (id, asset) = (standard.id, standard.asset.name.clone());
+        state.shop.store.expect_files(&[StoredFile::Standard(id)]).await?;
         let blobs = state.shop.blobs.clone();
         blocking(move || blobs.keep_standard(&file.staged, id, &asset)).await??;
         let answer = |job| -> Result<Created, Problem> {
@@ -90,8 +93,10 @@ async fn create(
                 answer(job)
             }
             Err(error) => {
-                let blobs = state.shop.blobs.clone();
-                blocking(move || blobs.remove_standard(id)).await??;
+                if !error.leaves_in_doubt() {
+                    let blobs = state.shop.blobs.clone();
+                    blocking(move || blobs.remove_standard(id)).await??;
+                }
                 Err(error.into())
             }
         }

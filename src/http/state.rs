@@ -13,7 +13,7 @@ use super::hosts::Hosts;
 use super::problem::{Code, Problem};
 use crate::config::Limits;
 use crate::jobs::runner::Workshop;
-use crate::store::{ModelId, ReplayKey};
+use crate::store::{Deleted, ReplayKey};
 
 /// The state of the service. Cheap to clone.
 #[derive(Clone)]
@@ -113,10 +113,13 @@ pub async fn deleted(
 }
 
 /// Takes models that the store has forgotten out of the gallery, and removes their files.
-pub async fn forget(state: &AppState, models: Vec<ModelId>) -> Result<(), Problem> {
+pub async fn forget(state: &AppState, deleted: Deleted) -> Result<(), Problem> {
+    let Deleted { models, unseen } = deleted;
     for model in &models {
         state.shop.gallery.remove(*model);
     }
+    drop(unseen);
+    state.shop.store.fold_log().await;
     let blobs = state.shop.blobs.clone();
     blocking(move || models.into_iter().try_for_each(|model| blobs.remove_model(model))).await??;
     Ok(())

@@ -12,7 +12,7 @@ use super::problem::{Code, Problem};
 use super::state::{AppState, blocking};
 use crate::blobs::{StagedFile, StagedWriter};
 use crate::config::Limits;
-use crate::formats;
+use crate::formats::{self, Dropped, Reading};
 use crate::geometry::Surface;
 
 /// How much of a part's name an error shows.
@@ -196,25 +196,41 @@ async fn read_text(limits: &Limits, part: &str, mut field: Part, room: &mut Room
     Ok(TextPart { file_name, content: content.into() })
 }
 
-/// Reads a received file as a scan or model. Bounded: only a few files are in memory at a time.
+/// The same without what was not taken of the file.
 pub async fn read_surface(state: &AppState, file: UploadedFile) -> Result<(UploadedFile, Surface), Problem> {
+    read(state, file).await.map(|(file, reading)| (file, reading.surface))
+}
+
+/// Reads a received file as a scan or model. Bounded: only a few files are in memory at a time.
+pub async fn read(state: &AppState, file: UploadedFile) -> Result<(UploadedFile, Reading), Problem> {
     let permit = state.checks.clone().acquire_owned().await.map_err(Problem::internal)?;
     let limits = state.limits().read_limits();
     blocking(move || {
         let _permit = permit;
         let bytes = file.staged.read()?;
-        let surface = formats::read_surface(&file.name, &bytes, &limits)
-            .map_err(|error| Problem::unreadable(&file.name, &error))?;
-        Ok((file, surface))
+        let reading =
+            formats::read(&file.name, &bytes, &limits).map_err(|error| Problem::unreadable(&file.name, &error))?;
+        Ok((file, reading))
     })
     .await?
 }
 
-/// Checks received scans; answers with their numbers of points.
-pub async fn check_scans(state: &AppState, files: Vec<UploadedFile>) -> Result<Vec<(UploadedFile, u64)>, Problem> {
+/// A scan that was read and can be kept.
+#[derive(Debug)]
+pub struct CheckedScan {
+    /// Its file.
+    pub file: UploadedFile,
+    /// Its points.
+    pub points: u64,
+    /// What of the file was not taken.
+    pub dropped: Dropped,
+}
+
+/// Checks received scans.
+pub async fn check_scans(state: &AppState, files: Vec<UploadedFile>) -> Result<Vec<CheckedScan>, Problem> {
     let checks = files.into_iter().map(|file| async {
-        let (file, surface) = read_surface(state, file).await?;
-        Ok((file, surface.cloud.len() as u64))
+        let (file, Reading { surface, dropped }) = read(state, file).await?;
+        Ok(CheckedScan { file, points: surface.cloud.len() as u64, dropped })
     });
     futures_util::future::try_join_all(checks).await
 }

@@ -29,6 +29,16 @@ pub enum AdmissionError {
     /// The pose file can't be read.
     #[error(transparent)]
     Unreadable(#[from] FormatError),
+    /// The pose file names none of the scans, so all of it would be ignored.
+    #[error("the pose file {file:?} names none of the scans: it names {named:?}, the scans are {scan:?} and others")]
+    FitsNothing {
+        /// The pose file.
+        file: String,
+        /// A name in it.
+        named: String,
+        /// A scan.
+        scan: String,
+    },
     /// The options or the base model don't fit the scans.
     #[error(transparent)]
     Unfit(#[from] PipelineError),
@@ -45,6 +55,8 @@ pub struct PoseFit {
     pub scans_without_pose: Vec<String>,
     /// Scales that the poses hold.
     pub scales: BTreeMap<String, f64>,
+    /// What was done to make the file fit, in words.
+    pub notes: Vec<String>,
 }
 
 /// What of a scan set is registered, and from where.
@@ -54,11 +66,14 @@ pub struct Plan {
     pub names: Vec<String>,
     /// Where they start.
     pub start: Start,
+    /// What was done to make the pose file fit, in words.
+    pub notes: Vec<String>,
 }
 
-/// Reads a pose file and holds it against the scans.
+/// Reads a pose file and holds it against the scans; names need not be the same to the letter where there is no doubt.
 pub fn fit_poses(scans: &[&str], file: &PoseFile) -> Result<PoseFit, FormatError> {
-    let read = poses::read_scaled(&file.name, &file.content)?;
+    let read = poses::read_scaled(&file.name, &file.content)?.named_as(scans);
+    let notes = read.notes();
     let names: BTreeSet<&str> = scans.iter().copied().collect();
     let (poses, unknown): (Vec<_>, Vec<_>) =
         read.poses.into_iter().partition(|(name, _)| names.contains(name.as_str()));
@@ -68,8 +83,20 @@ pub fn fit_poses(scans: &[&str], file: &PoseFile) -> Result<PoseFit, FormatError
         unknown_scans: unknown.into_iter().map(|(name, _)| name).collect(),
         scans_without_pose: without,
         scales: read.scales,
+        notes,
         poses,
     })
+}
+
+/// Refuses a pose file that has poses, but for none of the scans. `scans` are all of the set: what is added to a model may
+/// come without poses.
+pub fn check_fit(scans: &[&str], file: &PoseFile, fit: &PoseFit) -> Result<(), AdmissionError> {
+    match (fit.unknown_scans.first(), scans.first()) {
+        (Some(named), Some(scan)) if fit.poses.is_empty() => {
+            Err(AdmissionError::FitsNothing { file: file.name.clone(), named: named.clone(), scan: (*scan).to_owned() })
+        }
+        _ => Ok(()),
+    }
 }
 
 /// Whether a method takes so many scans.
@@ -85,7 +112,11 @@ pub fn admit(scans: &[&str], file: Option<&PoseFile>) -> Result<PoseFit, Admissi
     if scans.len() < MIN_SCANS {
         return Err(AdmissionError::TooFewScans { count: scans.len() });
     }
-    Ok(fit_all(scans, file)?)
+    let fit = fit_all(scans, file)?;
+    if let Some(file) = file {
+        check_fit(scans, file, &fit)?;
+    }
+    Ok(fit)
 }
 
 /// Holds the scans against a pose file that may be missing; those without a pose in natural order.
@@ -97,6 +128,7 @@ fn fit_all(scans: &[&str], file: Option<&PoseFile>) -> Result<PoseFit, FormatErr
             unknown_scans: Vec::new(),
             scans_without_pose: scans.iter().map(|name| (*name).to_owned()).collect(),
             scales: BTreeMap::new(),
+            notes: Vec::new(),
         },
     };
     fit.scans_without_pose.sort_by(|a, b| natord::compare(a, b));
@@ -125,6 +157,7 @@ pub fn plan(
             let names = fit.view_order().map(str::to_owned).collect();
             Plan {
                 names,
+                notes: fit.notes,
                 start: Start { poses: fit.poses.into_iter().collect(), scales: fit.scales, ..Start::default() },
             }
         }
@@ -141,11 +174,18 @@ fn plan_addition(scans: &[&str], file: Option<&PoseFile>, base: &poses::PoseFile
     let mut names: Vec<String> = fixed.map(str::to_owned).collect();
     let added: Vec<&str> = scans.iter().copied().filter(|scan| !names.iter().any(|name| name == scan)).collect();
     let mut start = Start { base: base.matrices.clone(), ..Start::default() };
-    let fit = fit_all(&added, file)?;
+    // held against all scans, so that the pose of one that is there already is not taken for one of nearly its name
+    let mut fit = fit_all(scans, file)?;
+    if let Some(file) = file {
+        check_fit(scans, file, &fit)?;
+    }
+    let is_added = |name: &String| added.contains(&name.as_str());
+    fit.poses.retain(|(name, _)| is_added(name));
+    fit.scans_without_pose.retain(is_added);
     names.extend(fit.view_order().map(str::to_owned));
-    start.scales = fit.scales.into_iter().filter(|(name, _)| added.contains(&name.as_str())).collect();
+    start.scales = fit.scales.iter().filter(|(name, _)| is_added(name)).map(|(name, s)| (name.clone(), *s)).collect();
     start.poses = fit.poses.into_iter().collect();
-    Ok(Plan { names, start })
+    Ok(Plan { names, start, notes: fit.notes })
 }
 
 #[cfg(test)]
@@ -181,6 +221,18 @@ mod tests {
         assert_eq!(fit.unknown_scans, ["c.ply"]);
         let views: Vec<&str> = fit.poses.iter().map(|(name, _)| name.as_str()).collect();
         assert_eq!(views, ["b.ply", "a.ply"], "the order of the file is the order of the views");
+    }
+
+    #[test]
+    fn names_fit_in_a_plainer_form_and_a_file_that_fits_nothing_is_refused() {
+        let fit = admit(&["a.ply", "b.ply"], Some(&poses(&["C:/scans/b.ply", "A"]))).expect("both are meant");
+        assert_eq!(fit.view_order().collect::<Vec<_>>(), ["b.ply", "a.ply"]);
+        assert!(fit.unknown_scans.is_empty() && fit.notes[0].starts_with("2 pose(s) are taken"), "{:?}", fit.notes);
+        let refused = admit(&["a.ply", "b.ply"], Some(&poses(&["0.ply"]))).expect_err("fits nothing");
+        assert!(matches!(refused, AdmissionError::FitsNothing { ref named, .. } if named == "0.ply"), "{refused}");
+        let base = poses(&["a.ply"]).content;
+        let refused = plan(&["a.ply", "b.ply"], Some(&poses(&["0.ply"])), Some(&base), &Options::default());
+        assert!(matches!(refused, Err(AdmissionError::FitsNothing { .. })));
     }
 
     #[test]

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde_json::Value;
 
-use crate::formats;
+use crate::formats::{self, Dropped};
 use crate::geometry::se3;
 use crate::pipeline::{Outcome, PoseMatrix};
 
@@ -48,7 +48,7 @@ impl RunFacts {
             signature_version: crate::faces::Signature::VERSION,
             threads,
             seconds,
-            peak_memory_bytes: peak_memory_bytes(),
+            peak_memory_bytes: crate::machine::peak_memory_bytes(),
             host: Host {
                 os: std::env::consts::OS,
                 arch: std::env::consts::ARCH,
@@ -58,12 +58,18 @@ impl RunFacts {
     }
 }
 
-/// The most memory this process has ever held.
-fn peak_memory_bytes() -> Option<u64> {
-    let usage = nix::sys::resource::getrusage(nix::sys::resource::UsageWho::RUSAGE_SELF).ok()?;
-    // Linux counts in KiB, macOS in bytes
-    let unit = if cfg!(target_os = "macos") { 1 } else { 1024 };
-    u64::try_from(usage.max_rss()).ok().map(|size| size * unit)
+/// Says in a report's result what of the scans' files was not taken, view by view (`reading`), and what was done to make
+/// the pose file fit (`pose_notes`). What was taken whole is not mentioned.
+pub fn add_readings(report: &mut Value, dropped: &BTreeMap<String, Dropped>, pose_notes: &[String]) {
+    for view in report["views"].as_array_mut().into_iter().flatten() {
+        let of_view = view["name"].as_str().and_then(|name| dropped.get(name)).filter(|dropped| !dropped.is_empty());
+        if let Some(of_view) = of_view {
+            view["reading"] = serde_json::json!(of_view);
+        }
+    }
+    if !pose_notes.is_empty() {
+        report["pose_notes"] = pose_notes.into();
+    }
 }
 
 /// `report.json`: the deterministic result and, apart from it, the run.
@@ -109,6 +115,17 @@ mod tests {
         assert_eq!(conf("my scan.ply", 1.0), None);
         assert_eq!(conf("scan.ply", 1.1), None);
         assert!(conf("scan.ply", 1.0).is_some_and(|text| text.starts_with("bmesh scan.ply ")));
+    }
+
+    #[test]
+    fn what_was_dropped_is_said_of_its_view_alone() {
+        let mut report = json!({"views": [{"name": "a.ply"}, {"name": "b.ply"}]});
+        let some = Dropped { no_return: 2, ..Dropped::default() };
+        let dropped = [("a.ply".to_owned(), Dropped::default()), ("b.ply".to_owned(), some)].into();
+        add_readings(&mut report, &dropped, &["rounded".to_owned()]);
+        assert_eq!(report["views"][0], json!({"name": "a.ply"}));
+        assert_eq!(report["views"][1]["reading"]["no_return"], 2);
+        assert_eq!(report["pose_notes"], json!(["rounded"]));
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! What runs now: live progress, stop flags, and a bell for everybody who waits for a change.
 
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
@@ -50,19 +50,29 @@ impl StopFlag {
 struct Running {
     tracker: Arc<Tracker>,
     stop: Arc<StopFlag>,
+    points: u64,
 }
 
 /// The jobs that run in this process, and the bells.
 #[derive(Debug)]
 pub struct Board {
     running: Mutex<HashMap<JobId, Running>>,
+    workers: Mutex<BTreeSet<String>>,
     changes: watch::Sender<u64>,
     work: Notify,
+    /// One worker claims at a time: what the next may claim depends on what the one before has.
+    pub(super) claiming: tokio::sync::Mutex<()>,
 }
 
 impl Default for Board {
     fn default() -> Self {
-        Board { running: Mutex::default(), changes: watch::Sender::new(0), work: Notify::new() }
+        Board {
+            running: Mutex::default(),
+            workers: Mutex::default(),
+            changes: watch::Sender::new(0),
+            work: Notify::new(),
+            claiming: tokio::sync::Mutex::default(),
+        }
     }
 }
 
@@ -88,8 +98,24 @@ impl Board {
         self.work.notified().await;
     }
 
+    /// Says that a worker lives for as long as the answer does.
+    pub(super) fn hire(self: &Arc<Self>, name: &str) -> Hired {
+        self.workers().insert(name.to_owned());
+        Hired { board: self.clone(), name: name.to_owned() }
+    }
+
+    /// The workers that live.
+    pub(super) fn living(&self) -> Vec<String> {
+        self.workers().iter().cloned().collect()
+    }
+
+    /// Points of the scans of all jobs that run.
+    pub(super) fn running_points(&self) -> u64 {
+        self.lock().values().map(|running| running.points).sum()
+    }
+
     /// Puts a job on the board for as long as the answer lives.
-    pub(super) fn enter(self: &Arc<Self>, id: JobId, kind: JobKind) -> Entry {
+    pub(super) fn enter(self: &Arc<Self>, id: JobId, kind: JobKind, points: u64) -> Entry {
         let bell = Arc::downgrade(self);
         let ring = move || {
             if let Some(board) = bell.upgrade() {
@@ -100,7 +126,7 @@ impl Board {
             JobKind::Register => Tracker::new(ring),
             JobKind::Evaluate => Tracker::of_one_stage(ring),
         });
-        let running = Running { tracker, stop: Arc::new(StopFlag::default()) };
+        let running = Running { tracker, stop: Arc::new(StopFlag::default()), points };
         self.lock().insert(id, running.clone());
         Entry { board: self.clone(), id, tracker: running.tracker, stop: running.stop }
     }
@@ -127,8 +153,27 @@ impl Board {
         }
     }
 
+    fn workers(&self) -> std::sync::MutexGuard<'_, BTreeSet<String>> {
+        self.workers.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
     fn lock(&self) -> std::sync::MutexGuard<'_, HashMap<JobId, Running>> {
         self.running.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// A worker that lives.
+#[derive(Debug)]
+pub(super) struct Hired {
+    board: Arc<Board>,
+    name: String,
+}
+
+impl Drop for Hired {
+    fn drop(&mut self) {
+        self.board.workers().remove(&self.name);
+        // what it left running is for the others
+        self.board.announce_work();
     }
 }
 
@@ -146,7 +191,8 @@ impl Drop for Entry {
         // whoever still works on it works for nobody
         self.stop.raise(StopReason::LeaseLost);
         self.board.lock().remove(&self.id);
-        self.board.announce_change();
+        // there may be room now for one that waits
+        self.board.announce_work();
     }
 }
 
@@ -168,12 +214,24 @@ mod tests {
     async fn a_cancel_reaches_the_job_and_rings_the_bell() {
         let board = Arc::new(Board::default());
         let id = JobId::new();
-        let entry = board.enter(id, JobKind::Register);
+        let entry = board.enter(id, JobKind::Register, 30);
+        assert_eq!(board.running_points(), 30);
         let mut changes = board.changes();
         board.cancel(id);
         assert_eq!(entry.stop.reason(), Some(StopReason::Canceled));
         changes.changed().await.expect("the board lives");
         drop(entry);
         assert!(board.lock().is_empty());
+    }
+
+    #[tokio::test]
+    async fn workers_are_known_as_long_as_they_live() {
+        let board = Arc::new(Board::default());
+        let [a, b] = ["a", "b"].map(|name| board.hire(name));
+        assert_eq!(board.living(), ["a", "b"]);
+        drop(a);
+        assert_eq!(board.living(), ["b"]);
+        board.work_announced().await;
+        drop(b);
     }
 }

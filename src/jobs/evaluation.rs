@@ -9,8 +9,8 @@ use std::sync::Arc;
 use tokio::runtime::Handle;
 
 use super::engine::Engine;
-use super::work::WorkError;
-use crate::blobs::Blobs;
+use super::work::{WorkError, stored};
+use crate::blobs::{BlobError, Blobs};
 use crate::classes::{Class, ClassError, limit};
 use crate::config::Limits;
 use crate::faces::{DescribeError, Signature};
@@ -18,7 +18,9 @@ use crate::formats;
 use crate::geometry::Surface;
 use crate::progress::{Progress, Stage};
 use crate::store::live_gallery::LiveGallery;
-use crate::store::{ModelId, ModelRecord, Outdated, StandardId, StandardRecord, Store, StoreError, StoredVerdict};
+use crate::store::{
+    ModelId, ModelRecord, Outdated, StandardId, StandardRecord, Store, StoreError, StoredSignature, StoredVerdict,
+};
 
 /// Models that are asked for at a time.
 const BATCH: usize = 32;
@@ -37,26 +39,29 @@ pub(super) struct Evaluation {
     pub runtime: Handle,
 }
 
-impl From<StoreError> for WorkError {
-    fn from(error: StoreError) -> Self {
-        if error.is_shortage() {
-            return WorkError::Shortage(error.to_string());
-        }
-        super::work::failed("storage_failed", error.to_string(), None, "look into the server's log, then retry the job")
-    }
-}
-
 impl Evaluation {
-    /// Does all that is to be done, and what comes up meanwhile. Runs inside a rayon pool.
+    /// Does all that is to be done, and what comes up meanwhile. Runs inside a rayon pool. On a full disk it waits in
+    /// the queue until there is space: nobody else would ask for it again.
     pub(super) fn run(&self) -> Result<(), WorkError> {
+        match self.make() {
+            Err(WorkError::Failed(error)) if error.code == "storage_full" => Err(WorkError::Later(error.message)),
+            done => done,
+        }
+    }
+
+    fn stored<T, F: Future<Output = Result<T, StoreError>>>(&self, ask: impl Fn() -> F) -> Result<T, WorkError> {
+        stored(&self.runtime, &self.progress, ask)
+    }
+
+    fn make(&self) -> Result<(), WorkError> {
         self.progress.report(Stage::Describing, 0.0);
-        let backlog = self.runtime.block_on(self.store.backlog())?;
+        let backlog = self.stored(|| self.store.backlog())?;
         let all = (backlog.stale_signatures + backlog.missing_verdicts).max(1) as f64;
         let (mut done, mut failed) = (0usize, BTreeSet::new());
         let mut after = None;
         loop {
             let standards = self.standards()?;
-            let batch = self.runtime.block_on(self.store.outdated(after, BATCH))?;
+            let batch = self.stored(|| self.store.outdated(after, BATCH))?;
             let due: Vec<Outdated> = batch.iter().filter(|model| !failed.contains(&model.model_id)).cloned().collect();
             // the end of a pass: another one begins, and ends the job if it finds nothing
             after = batch.last().filter(|_| batch.len() == BATCH).map(|model| model.model_id);
@@ -66,7 +71,7 @@ impl Evaluation {
             for model in &due {
                 self.progress.check()?;
                 // it may be long, and what is done is kept: people wait for registrations
-                if self.runtime.block_on(self.store.registration_waits())? {
+                if self.stored(|| self.store.registration_waits())? {
                     return Err(WorkError::GivesWay);
                 }
                 if !self.renew(model, &standards)? {
@@ -81,12 +86,12 @@ impl Evaluation {
     /// The classes of all standards; those of another version are made anew.
     fn standards(&self) -> Result<BTreeMap<StandardId, Class>, WorkError> {
         let mut classes = BTreeMap::new();
-        for standard in self.runtime.block_on(self.store.standards())? {
+        for standard in self.stored(|| self.store.standards())? {
             let id = standard.id;
             if standard.class.version == Class::VERSION {
                 classes.insert(id, standard.class);
             } else if let Some(class) = self.remade(&standard)? {
-                self.runtime.block_on(self.store.renew_standard(id, &class))?;
+                self.stored(|| self.store.renew_standard(id, &class))?;
                 classes.insert(id, class);
             }
         }
@@ -94,7 +99,13 @@ impl Evaluation {
     }
 
     fn remade(&self, standard: &StandardRecord) -> Result<Option<Class>, WorkError> {
-        let bytes = self.blobs.read_standard(standard.id, &standard.asset.name)?;
+        let bytes = match self.blobs.read_standard(standard.id, &standard.asset) {
+            Err(error @ BlobError::Damaged { .. }) => {
+                tracing::error!(standard = standard.name, "a standard can't be made anew: {error}");
+                return Ok(None);
+            }
+            read => read?,
+        };
         let surface = match formats::read_surface(&standard.asset.name, &bytes, &self.limits.read_limits()) {
             Ok(surface) => surface,
             Err(error) => {
@@ -126,17 +137,27 @@ impl Evaluation {
         let known: Vec<(StandardId, &Class)> =
             outdated.standards.iter().filter_map(|id| Some((*id, standards.get(id)?))).collect();
         let verdicts = self.judge(&model, &surface, &known)?;
-        self.runtime.block_on(self.store.keep_verdicts(&verdicts))?;
+        self.stored(|| self.store.keep_verdicts(&verdicts))?;
         // a standard that came since this pass was begun has a job of its own waiting
         Ok(is_signed && known.len() == outdated.standards.len())
     }
 
     /// The surface of a model, or why there is none.
     fn surface(&self, model: &ModelRecord) -> Result<Result<Surface, String>, WorkError> {
-        for asset in SURFACES {
-            if let Some(bytes) = self.blobs.read_asset(model.id, asset)? {
-                let surface = formats::read_surface(asset, &bytes, &self.limits.read_limits());
-                return Ok(surface.map_err(|error| error.to_string()));
+        let assets = self.stored(|| self.store.assets(model.id))?;
+        for name in SURFACES {
+            let Some(asset) = assets.iter().find(|asset| asset.name == name) else { continue };
+            match self.blobs.read_asset(model.id, asset) {
+                Ok(Some(bytes)) => {
+                    let surface = formats::read_surface(name, &bytes, &self.limits.read_limits());
+                    return Ok(surface.map_err(|error| error.to_string()));
+                }
+                Ok(None) => {}
+                Err(error @ BlobError::Damaged { .. }) => {
+                    tracing::error!("{error}; `visage doctor` tells what else is");
+                    return Ok(Err(error.to_string()));
+                }
+                Err(error) => return Err(error.into()),
             }
         }
         Ok(Err("the model has neither mesh nor cloud".to_owned()))
@@ -156,8 +177,10 @@ impl Evaluation {
     }
 
     fn publish(&self, id: ModelId, signature: Signature) -> Result<bool, WorkError> {
-        if self.runtime.block_on(self.store.renew_signature(id, &(&signature).into()))? {
-            self.runtime.block_on(self.gallery.publish(&self.store, id, signature))?;
+        let stored: StoredSignature = (&signature).into();
+        if let Some(unseen) = self.stored(|| self.store.renew_signature(id, &stored))? {
+            self.stored(|| self.gallery.publish(&self.store, id, signature.clone()))?;
+            drop(unseen);
         }
         Ok(true)
     }

@@ -4,6 +4,7 @@
 //! A worker claims nothing after a stop was asked for, and gives its job back instead of failing it.
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use tokio::sync::oneshot;
@@ -14,12 +15,13 @@ use tracing::Instrument;
 use super::board::{Board, Entry, StopReason};
 use super::engine::Engine;
 use super::evaluation::Evaluation;
+use super::memory::{Budget, TooLarge};
 use super::work::{Made, Work, WorkError, pooled};
 use crate::blobs::Blobs;
 use crate::config::{QueueTiming, ServerConfig};
 use crate::progress::Progress;
 use crate::store::live_gallery::LiveGallery;
-use crate::store::{Finish, JobClaim, JobError, Store, StoreError};
+use crate::store::{Claimant, Finish, JobClaim, JobError, Store, StoreError, StoredFile};
 
 /// How long a worker waits after the database has failed it, or when the machine is out of something.
 const PAUSE_AFTER_ERROR: Duration = Duration::from_secs(1);
@@ -59,7 +61,8 @@ impl Runner {
     pub fn start(workshop: &Workshop, stop: &CancellationToken, crash: &CancellationToken) -> Runner {
         let worker = |index: usize| {
             let name = format!("{}-{index}", uuid::Uuid::now_v7());
-            let work = Worker { shop: workshop.clone(), name, stop: stop.clone() };
+            let work =
+                Worker { shop: workshop.clone(), name, stop: stop.clone(), has_complained: AtomicBool::new(false) };
             let crash = crash.clone();
             tokio::spawn(async move {
                 tokio::select! {
@@ -85,22 +88,32 @@ struct Worker {
     shop: Workshop,
     name: String,
     stop: CancellationToken,
+    /// Whether it has said that the database fails it: a full disk is said once and not with every heartbeat.
+    has_complained: AtomicBool,
 }
 
 impl Worker {
     async fn run(self) {
+        let _hired = self.shop.board.hire(&self.name);
         while !self.stop.is_cancelled() {
             match self.claim().await {
-                Ok(Some(claim)) => {
+                Ok(Some((claim, entry))) => {
+                    self.relieved();
                     // an announcement wakes one worker: pass it on, there may be more than one job
                     self.shop.board.announce_work();
                     let span = tracing::info_span!("job", job.id = %claim.job.id, attempt = claim.job.attempts);
-                    self.run_job(claim).instrument(span).await;
+                    self.run_job(claim, entry).instrument(span).await;
                 }
-                Ok(None) => self.wait(self.timing().poll).await,
+                Ok(None) => {
+                    self.relieved();
+                    self.wait(self.timing().poll).await;
+                }
                 Err(error) => {
-                    tracing::error!("claiming a job: {error}");
-                    self.wait(PAUSE_AFTER_ERROR).await;
+                    self.complain("claiming a job", &error);
+                    tokio::select! {
+                        () = tokio::time::sleep(PAUSE_AFTER_ERROR) => {}
+                        () = self.stop.cancelled() => {}
+                    }
                 }
             }
         }
@@ -110,8 +123,39 @@ impl Worker {
         &self.shop.config.queue
     }
 
-    async fn claim(&self) -> Result<Option<JobClaim>, StoreError> {
-        self.shop.store.claim_job(&self.name, self.timing().lease, self.timing().max_attempts).await
+    /// Takes a job and puts it on the board, one worker after the other.
+    async fn claim(&self) -> Result<Option<(JobClaim, Entry)>, StoreError> {
+        let board = &self.shop.board;
+        let _turn = board.claiming.lock().await;
+        let claimant = Claimant {
+            worker: self.name.clone(),
+            living: board.living(),
+            lease: self.timing().lease,
+            max_attempts: self.timing().max_attempts,
+            room: self.budget().room(board.running_points()),
+        };
+        let claim = self.shop.store.claim_job(&claimant).await?;
+        Ok(claim.map(|claim| {
+            let entry = board.enter(claim.job.id, claim.job.kind, claim.points);
+            (claim, entry)
+        }))
+    }
+
+    fn budget(&self) -> Budget {
+        Budget(self.shop.config.job_memory_bytes)
+    }
+
+    /// Says that the database fails, once.
+    fn complain(&self, doing: &str, error: &StoreError) {
+        if !self.has_complained.swap(true, Ordering::Relaxed) {
+            tracing::error!("{doing}: {error}; it is tried again");
+        }
+    }
+
+    fn relieved(&self) {
+        if self.has_complained.swap(false, Ordering::Relaxed) {
+            tracing::info!("the database takes writes again");
+        }
     }
 
     async fn wait(&self, at_most: Duration) {
@@ -122,8 +166,7 @@ impl Worker {
         }
     }
 
-    async fn run_job(&self, claim: JobClaim) {
-        let entry = self.shop.board.enter(claim.job.id, claim.job.kind);
+    async fn run_job(&self, claim: JobClaim, entry: Entry) {
         tracing::info!("the job begins");
         let made = match self.start_work(&claim, &entry).await {
             Ok(result) => self.watch(&claim, &entry, result).await,
@@ -131,9 +174,25 @@ impl Worker {
         };
         // the last heartbeat: stage, progress and seconds as they are at the end
         self.beat(&claim, &entry).await;
-        if let Err(error) = self.end_job(&claim, &entry, made).await {
-            // the lease runs out and the job is run again
-            tracing::error!("the end of the job could not be written: {error}");
+        self.end_surely(&claim, &entry, &made).await;
+    }
+
+    /// Writes how the job ended, as soon as that is possible: a full disk or a lock of another program costs no work.
+    async fn end_surely(&self, claim: &JobClaim, entry: &Entry, made: &Result<Option<Made>, WorkError>) {
+        loop {
+            match self.end_job(claim, entry, made).await {
+                Ok(()) => return self.relieved(),
+                Err(error) if self.stop.is_cancelled() => {
+                    // the next start runs it again
+                    tracing::error!("the end of the job could not be written: {error}");
+                    return;
+                }
+                Err(error) => self.complain("writing the end of the job", &error),
+            }
+            tokio::select! {
+                () = tokio::time::sleep(PAUSE_AFTER_ERROR) => {}
+                () = self.stop.cancelled() => {}
+            }
         }
     }
 
@@ -146,9 +205,13 @@ impl Worker {
             let evaluation = self.evaluation(progress);
             return spawned(move || pooled(threads, || evaluation.run()).map(|()| None));
         };
+        self.budget().admit(claim.points)?;
+        let set = self.shop.store.scan_set(set).await?;
         let work = Work {
             job: claim.job.clone(),
-            set: self.shop.store.scan_set(set).await?,
+            set,
+            store: self.shop.store.clone(),
+            runtime: tokio::runtime::Handle::current(),
             blobs: self.shop.blobs.clone(),
             engine: self.shop.engine.clone(),
             limits: self.shop.config.limits,
@@ -199,10 +262,10 @@ impl Worker {
         let beat = self.shop.store.heartbeat(claim, self.timing().lease, stage, now.progress, &now.stage_seconds);
         match beat.await {
             Ok(Some(true)) => entry.stop.raise(StopReason::Canceled),
-            Ok(Some(false)) => {}
+            Ok(Some(false)) => self.relieved(),
             Ok(None) => entry.stop.raise(StopReason::LeaseLost),
             // the lease outlives many missed heartbeats
-            Err(error) => tracing::warn!("heartbeat: {error}"),
+            Err(error) => self.complain("writing the progress", &error),
         }
     }
 
@@ -211,32 +274,32 @@ impl Worker {
         &self,
         claim: &JobClaim,
         entry: &Entry,
-        made: Result<Option<Made>, WorkError>,
+        made: &Result<Option<Made>, WorkError>,
     ) -> Result<(), StoreError> {
         match made {
             Ok(Some(made)) => self.succeed(claim, made).await,
             Ok(None) => {
-                if !self.shop.store.finish_job(claim, &Finish::Succeeded(None)).await? {
-                    self.shop.store.finish_job(claim, &Finish::Canceled).await?;
+                if self.shop.store.finish_job(claim, &Finish::Succeeded(None)).await?.is_none() {
+                    drop(self.shop.store.finish_job(claim, &Finish::Canceled).await?);
                 }
                 Ok(())
             }
             Err(WorkError::Failed(error)) => {
+                self.shop.store.finish_job(claim, &Finish::Failed(error.clone())).await.map(drop)?;
                 tracing::warn!(code = error.code, scan = error.scan, "the job failed: {}", error.message);
-                self.shop.store.finish_job(claim, &Finish::Failed(error)).await.map(drop)
+                Ok(())
             }
-            Err(WorkError::Shortage(what)) => {
-                tracing::warn!("the job waits, the machine is out of something: {what}");
-                self.shop.store.give_back_job(claim).await?;
+            Err(WorkError::GivesWay) => {
+                tracing::info!("the job gives way to registrations");
+                self.shop.store.give_back_job(claim).await.map(drop)
+            }
+            Err(WorkError::Later(reason)) => {
+                tracing::warn!("the job waits: {reason}");
                 // others need what is left, and this job gets no further before they have ended
                 tokio::select! {
                     () = tokio::time::sleep(PAUSE_AFTER_ERROR) => {}
                     () = self.stop.cancelled() => {}
                 }
-                Ok(())
-            }
-            Err(WorkError::GivesWay) => {
-                tracing::info!("the job gives way to registrations");
                 self.shop.store.give_back_job(claim).await.map(drop)
             }
             Err(WorkError::Stopped) => match entry.stop.reason() {
@@ -260,20 +323,25 @@ impl Worker {
         }
     }
 
-    async fn succeed(&self, claim: &JobClaim, made: Made) -> Result<(), StoreError> {
+    async fn succeed(&self, claim: &JobClaim, made: &Made) -> Result<(), StoreError> {
         let id = made.model.id;
-        if self.shop.store.finish_job(claim, &Finish::Succeeded(Some(Box::new(made.model)))).await? {
-            tracing::info!(model.id = %id, "the job succeeded");
-            if let Some(signature) = made.signature {
-                self.shop.gallery.publish(&self.shop.store, id, signature).await?;
+        let finish = Finish::Succeeded(Some(Box::new(made.model.clone())));
+        let unseen = self.shop.store.finish_job(claim, &finish).await?;
+        // an earlier try may have been written though its answer was lost
+        if unseen.is_some() || self.shop.store.model(id).await.is_ok() {
+            if let Some(signature) = &made.signature {
+                self.shop.gallery.publish(&self.shop.store, id, signature.clone()).await?;
             }
+            drop(unseen);
+            tracing::info!(model.id = %id, "the job succeeded");
             return Ok(());
         }
         // canceled or taken over at the last moment: nobody knows these files
         let blobs = self.shop.blobs.clone();
-        let removed = tokio::task::spawn_blocking(move || blobs.remove_model(id)).await;
-        if let Ok(Err(error)) = removed {
-            tracing::warn!("files of a model that nobody wants: {error}");
+        match tokio::task::spawn_blocking(move || blobs.remove_model(id)).await {
+            Ok(Ok(())) => self.shop.store.forget_loose(&[StoredFile::Model(id)]).await?,
+            Ok(Err(error)) => tracing::warn!("files of a model that nobody wants: {error}"),
+            Err(error) => tracing::warn!("files of a model that nobody wants: {error}"),
         }
         self.shop.store.finish_job(claim, &Finish::Canceled).await.map(drop)
     }
@@ -301,6 +369,12 @@ fn spawned(work: impl FnOnce() -> Result<Option<Made>, WorkError> + Send + 'stat
             // nobody listens any more when the worker has gone
             let _ = send.send(work());
         })
-        .map_err(|error| WorkError::Shortage(format!("starting the job's thread: {error}")))?;
+        .map_err(|error| WorkError::Later(format!("starting the job's thread: {error}")))?;
     Ok(receive)
+}
+
+impl From<TooLarge> for WorkError {
+    fn from(error: TooLarge) -> Self {
+        super::work::failed("too_little_memory", error.to_string(), None, TooLarge::HINT)
+    }
 }

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use rayon::prelude::*;
+use tokio::runtime::Handle;
 
 use super::admission::Plan;
 use super::engine::Engine;
@@ -14,16 +15,21 @@ use super::{admission, artifacts};
 use crate::blobs::{BlobError, Blobs, StagedModel};
 use crate::config::Limits;
 use crate::faces::Signature;
-use crate::formats;
+use crate::formats::{self, Dropped};
 use crate::pipeline::{NamedScan, Outcome, PipelineError};
 use crate::progress::{Canceled, Progress, Stage};
-use crate::store::{AssetRecord, JobError, JobRecord, ModelId, NewModel, ScanRecord, ScanSetRecord};
+use crate::store::{
+    AssetRecord, JobError, JobRecord, ModelId, NewModel, ScanRecord, ScanSetRecord, Store, StoreError, StoredFile,
+};
 use crate::telemetry::panic_message;
 
 /// Everything one job needs.
 pub(super) struct Work {
     pub job: JobRecord,
     pub set: ScanSetRecord,
+    pub store: Store,
+    /// The runtime that the store runs on; this work runs on a thread of its own.
+    pub runtime: Handle,
     pub blobs: Arc<Blobs>,
     pub engine: Arc<dyn Engine>,
     pub limits: Limits,
@@ -46,8 +52,9 @@ pub(super) enum WorkError {
     Stopped,
     /// An evaluation gives way to registrations that wait.
     GivesWay,
-    /// The machine is out of something that comes free again: descriptors, threads or memory.
-    Shortage(String),
+    /// It can't be done at the moment and is tried again in a while: the machine is out of descriptors, threads, memory
+    /// or disk, or another program holds the database.
+    Later(String),
     /// The job failed.
     Failed(JobError),
 }
@@ -61,7 +68,7 @@ impl From<Canceled> for WorkError {
 impl From<BlobError> for WorkError {
     fn from(error: BlobError) -> Self {
         if error.is_shortage() {
-            return WorkError::Shortage(error.to_string());
+            return WorkError::Later(error.to_string());
         }
         let (code, hint) = if error.is_storage_full() {
             ("storage_full", "free space on the server's disk, then retry the job")
@@ -69,6 +76,36 @@ impl From<BlobError> for WorkError {
             ("storage_failed", "look into the server's log and at its disk, then retry the job")
         };
         failed(code, error.to_string(), None, hint)
+    }
+}
+
+impl From<StoreError> for WorkError {
+    fn from(error: StoreError) -> Self {
+        match error {
+            StoreError::Full => {
+                failed("storage_full", error.to_string(), None, "free space on the server's disk, then retry the job")
+            }
+            StoreError::Locked => WorkError::Later(error.to_string()),
+            error if error.is_shortage() => WorkError::Later(error.to_string()),
+            error => {
+                failed("storage_failed", error.to_string(), None, "look into the server's log, then retry the job")
+            }
+        }
+    }
+}
+
+/// Waits for the store from a job's thread. While another program holds the database's lock, it is tried again: what
+/// was computed is worth more than a few seconds.
+pub(super) fn stored<T, F: Future<Output = Result<T, StoreError>>>(
+    runtime: &Handle,
+    progress: &Progress,
+    ask: impl Fn() -> F,
+) -> Result<T, WorkError> {
+    loop {
+        match runtime.block_on(ask()) {
+            Err(StoreError::Locked) => progress.check()?,
+            done => return Ok(done?),
+        }
     }
 }
 
@@ -108,7 +145,7 @@ pub(super) fn pooled<T: Send>(
         .num_threads(threads)
         .thread_name(|index| format!("job-worker-{index}"))
         .build()
-        .map_err(|error| WorkError::Shortage(format!("starting {threads} threads: {error}")))?;
+        .map_err(|error| WorkError::Later(format!("starting {threads} threads: {error}")))?;
     // nothing that the work holds is looked at after a panic
     std::panic::catch_unwind(AssertUnwindSafe(|| pool.install(work)))
         .unwrap_or_else(|payload| Err(defect(format!("a stage ended in a panic: {}", panic_message(&*payload)))))
@@ -122,8 +159,10 @@ impl Work {
 
     fn make(&self) -> Result<Made, WorkError> {
         let plan = self.plan()?;
-        let scans = self.load(&plan.names)?;
-        let outcome = self.engine.register(scans, &plan.start, self.set.unit, &self.job.options, &self.progress)?;
+        let (scans, dropped): (Vec<_>, Vec<_>) = self.load(&plan.names)?.into_iter().unzip();
+        let dropped: BTreeMap<String, Dropped> = plan.names.iter().cloned().zip(dropped).collect();
+        let mut outcome = self.engine.register(scans, &plan.start, self.set.unit, &self.job.options, &self.progress)?;
+        artifacts::add_readings(&mut outcome.report, &dropped, &plan.notes);
         self.progress.check()?;
         self.progress.report(Stage::Storing, 0.0);
         self.keep(outcome)
@@ -139,8 +178,8 @@ impl Work {
         })
     }
 
-    /// Reads the scans of these names, in their order.
-    fn load(&self, names: &[String]) -> Result<Vec<NamedScan>, WorkError> {
+    /// Reads the scans of these names, in their order; with what of their files was not taken.
+    fn load(&self, names: &[String]) -> Result<Vec<(NamedScan, Dropped)>, WorkError> {
         self.progress.report(Stage::Loading, 0.0);
         let stored: BTreeMap<&str, &ScanRecord> =
             self.set.scans.iter().map(|scan| (scan.name.as_str(), scan)).collect();
@@ -158,16 +197,16 @@ impl Work {
             .collect()
     }
 
-    fn load_one(&self, scan: &ScanRecord) -> Result<NamedScan, WorkError> {
+    fn load_one(&self, scan: &ScanRecord) -> Result<(NamedScan, Dropped), WorkError> {
         let bytes = self.blobs.read_scan(self.set.id, scan.file_id)?;
         if blake3::hash(&bytes).to_hex().as_str() != scan.checksum {
             let message = format!("the stored file of scan {} is not what was uploaded", scan.name);
             return Err(failed("damaged_scan", message, Some(scan.name.clone()), "upload the scan again"));
         }
-        let surface = formats::read_surface(&scan.name, &bytes, &self.limits.read_limits()).map_err(|error| {
+        let reading = formats::read(&scan.name, &bytes, &self.limits.read_limits()).map_err(|error| {
             failed("unreadable_scan", error.to_string(), Some(scan.name.clone()), "upload a sound file of the scan")
         })?;
-        Ok(NamedScan { name: scan.name.clone(), surface })
+        Ok((NamedScan { name: scan.name.clone(), surface: reading.surface }, reading.dropped))
     }
 
     /// Writes the model's files and moves them to where they belong.
@@ -192,6 +231,8 @@ impl Work {
         let report = artifacts::report_json(&outcome.report, &run).map_err(|error| defect(error.to_string()))?;
         write("report.json", &report)?;
         let id = ModelId::new();
+        let coming = [StoredFile::Model(id)];
+        stored(&self.runtime, &self.progress, || self.store.expect_files(&coming))?;
         self.blobs.keep_model(&staged, id)?;
         Ok(Made { model: self.model(id, &outcome, assets), signature: outcome.signature })
     }
@@ -207,6 +248,7 @@ impl Work {
             points: outcome.cloud.as_ref().map_or(scanned, |merged| merged.cloud.len() as u64),
             quality: outcome.report.pointer("/verdict/quality").and_then(|quality| quality.as_str()).map(str::to_owned),
             assets,
+            reading: None,
             signature: outcome.signature.as_ref().map(Into::into),
         }
     }
@@ -215,4 +257,22 @@ impl Work {
 fn write_asset(staged: &StagedModel, name: &str, content: &[u8]) -> Result<AssetRecord, BlobError> {
     let checksum = staged.write(name, content)?;
     Ok(AssetRecord { name: name.to_owned(), bytes: content.len() as u64, checksum })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_job_does_not_fail_for_good_because_too_many_files_are_open() {
+        let io = |code: i32| BlobError::Io { doing: "reading a scan", source: std::io::Error::from_raw_os_error(code) };
+        let of = |error: BlobError| WorkError::from(error);
+        assert!(matches!(of(io(nix::errno::Errno::EMFILE as i32)), WorkError::Later(_)));
+        assert!(
+            matches!(of(io(nix::errno::Errno::EIO as i32)), WorkError::Failed(error) if error.code == "storage_failed")
+        );
+        assert!(
+            matches!(of(io(nix::errno::Errno::ENOSPC as i32)), WorkError::Failed(error) if error.code == "storage_full")
+        );
+    }
 }

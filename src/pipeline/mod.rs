@@ -9,7 +9,7 @@ mod supports;
 use std::collections::BTreeMap;
 
 use crate::faces::{self, DescribeError, Signature};
-use crate::geometry::{Motion, Surface, Unit, Vector3};
+use crate::geometry::{MAX_COORDINATE, Motion, Surface, Unit, Vector3};
 use crate::progress::{Canceled, Progress, Stage};
 pub use crate::reconstruction::merge::ModelCloud;
 use crate::reconstruction::merge::{PosedView, merge};
@@ -259,6 +259,9 @@ fn check_input(scans: &[NamedScan], options: &Options) -> Result<(), PipelineErr
     }
     if options.range_accuracy.is_some_and(|r| !(r.is_finite() && r >= 0.0)) {
         return Err(bad_option("range_accuracy", "a length of 0 or more in the unit of the scans"));
+    }
+    if options.sensor.is_some_and(|place| !place.iter().all(|x| x.abs() <= MAX_COORDINATE)) {
+        return Err(bad_option("sensor", "a place that coordinates reach: 1e12 at most"));
     }
     if !(1..=1000).contains(&options.max_rounds) {
         return Err(bad_option("max_rounds", "a number from 1 to 1000"));

@@ -10,7 +10,7 @@ use crate::registration::view::View;
 /// The merged cloud of a model, in the world frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ModelCloud {
-    /// Positions, outward unit normals, and colour and intensity where every placed scan carries them.
+    /// Positions, outward unit normals, and colour and intensity if a placed scan carries them.
     pub cloud: Cloud,
     /// For each point the index of the view it came from.
     pub views: Vec<u16>,
@@ -98,13 +98,21 @@ fn facets(view: &View, planes: &[LocalPlane]) -> Vec<Facet> {
     view.points().iter().zip(planes).step_by(step).map(facet).collect()
 }
 
-/// An attribute of all placed scans one after the other, or `None` if one of them lacks it.
-fn gather<T: Copy>(posed: &[PosedView], attribute: impl Fn(&Cloud) -> Option<&[T]>) -> Option<Vec<T>> {
-    let mut all = Vec::new();
-    for view in posed.iter().filter(|view| view.placed) {
-        all.extend_from_slice(attribute(view.scan)?);
+/// An attribute of all placed scans one after the other, `None` if all of them lack it; points of a scan that lacks it have
+/// nothing (black, 0).
+fn gather<T: Copy + Default>(posed: &[PosedView], attribute: impl Fn(&Cloud) -> Option<&[T]>) -> Option<Vec<T>> {
+    let placed = || posed.iter().filter(|view| view.placed);
+    if placed().all(|view| attribute(view.scan).is_none_or(<[T]>::is_empty)) {
+        return None;
     }
-    (!all.is_empty()).then_some(all)
+    let mut all = Vec::with_capacity(placed().map(|view| view.scan.len()).sum());
+    for view in placed() {
+        match attribute(view.scan) {
+            Some(values) => all.extend_from_slice(values),
+            None => all.resize(all.len() + view.scan.len(), T::default()),
+        }
+    }
+    Some(all)
 }
 
 #[cfg(test)]
@@ -127,7 +135,8 @@ mod tests {
     #[test]
     fn normals_of_both_halves_point_outward_and_views_are_told_apart() {
         let shift = Motion::new(Vector3::new(100.0, 0.0, 0.0), Vector3::x());
-        let scans = [half(1.0), half(-1.0).moved(&shift.inverse())];
+        let mut scans = [half(1.0), half(-1.0).moved(&shift.inverse())];
+        scans[1].colors = Some(vec![[7, 8, 9]; 4000]);
         let views: Vec<View> = scans.iter().map(|scan| View::new(scan).expect("half a sphere can be used")).collect();
         let poses = [Motion::identity(), shift];
         let posed: Vec<PosedView> = (0..2)
@@ -142,6 +151,9 @@ mod tests {
         let (merged, outward) = merge(&posed, &Progress::silent()).expect("not canceled");
         assert_eq!(outward, [true, true]);
         assert_eq!((merged.cloud.len(), merged.views[0], merged.views[7999]), (8000, 0, 1));
+        let colors = merged.cloud.colors.as_ref().expect("one scan has colours");
+        assert_eq!((colors.len(), colors[0], colors[7999]), (8000, [0; 3], [7, 8, 9]));
+        assert_eq!(merged.cloud.intensities, None);
         let normals = merged.cloud.normals.expect("normals are made");
         let wrong = merged
             .cloud

@@ -6,8 +6,7 @@
 use sqlx::{FromRow, SqliteConnection};
 
 use super::{
-    JobId, JobRecord, ModelId, Replay, StandardId, Store, StoreError, StoredSignature, damaged, jobs, replays,
-    stored_id, to_i64, to_u64,
+    JobId, JobRecord, ModelId, Replay, StandardId, Store, StoreError, damaged, jobs, replays, stored_id, to_i64, to_u64,
 };
 use crate::classes::{Class, Found};
 use crate::faces::Signature;
@@ -129,19 +128,6 @@ impl Store {
         }
         tx.commit().await?;
         Ok(())
-    }
-
-    /// Puts a signature in the place of one of another version; false if the model is gone.
-    pub async fn renew_signature(&self, id: ModelId, signature: &StoredSignature) -> Result<bool, StoreError> {
-        let summary = serde_json::to_string(&signature.summary).map_err(|error| damaged("a summary", error))?;
-        let done = sqlx::query("UPDATE signature SET version = ?, summary = ?, content = ? WHERE model_id = ?")
-            .bind(signature.version)
-            .bind(summary)
-            .bind(&signature.content)
-            .bind(id.to_string())
-            .execute(&self.writer)
-            .await?;
-        Ok(done.rows_affected() == 1)
     }
 
     /// The verdicts against a standard, least residual first, ties by id; at most `limit`.
@@ -291,12 +277,8 @@ async fn forget_old(db: &mut SqliteConnection) -> Result<(), StoreError> {
 
 #[cfg(test)]
 mod tests {
-    use std::time::Duration;
-
-    use super::super::{Finish, NewModel, testing};
+    use super::super::{Finish, NewModel, StoredSignature, testing};
     use super::*;
-
-    const LEASE: Duration = Duration::from_secs(30);
 
     #[tokio::test]
     async fn at_most_one_evaluation_waits_and_registrations_go_first() {
@@ -315,13 +297,13 @@ mod tests {
         };
         store.create_job(&job, None, 10, None).await.expect("queued");
         assert!(store.registration_waits().await.expect("asked"));
-        let first = store.claim_job("w", LEASE, 3).await.expect("claimed").expect("one waits");
+        let first = store.claim_job(&testing::claimant("w")).await.expect("claimed").expect("one waits");
         assert_eq!(first.job.id, job.id);
         assert!(!store.registration_waits().await.expect("asked"));
-        let second = store.claim_job("w", LEASE, 3).await.expect("claimed").expect("one waits");
+        let second = store.claim_job(&testing::claimant("w")).await.expect("claimed").expect("one waits");
         assert_eq!((second.job.id, second.job.scan_set_id), (waiting, None));
         assert!(demand().await != waiting, "the running one may have looked already");
-        assert!(store.finish_job(&second, &Finish::Succeeded(None)).await.expect("ended"));
+        assert!(store.finish_job(&second, &Finish::Succeeded(None)).await.expect("ended").is_some());
     }
 
     #[tokio::test]
@@ -331,14 +313,14 @@ mod tests {
             crate::faces::SignatureSummary { version: 1, regions: 2, triangles: 3, left_out: Default::default() };
         let old = StoredSignature { version: 1, summary: summary.clone(), content: vec![1] };
         let model = NewModel { signature: Some(old), ..NewModel::test(None) };
-        store.create_model(&model, None).await.expect("stored");
+        drop(store.create_model(&model, None).await.expect("stored"));
         assert_eq!(store.backlog().await.expect("read").stale_signatures, 1);
         let outdated = Outdated { model_id: model.id, signature: true, standards: Vec::new() };
         assert_eq!(store.outdated(None, 10).await.expect("read"), [outdated]);
         assert!(store.outdated(Some(model.id), 10).await.expect("read").is_empty());
         let new = StoredSignature { version: Signature::VERSION, summary, content: vec![2] };
-        assert!(store.renew_signature(model.id, &new).await.expect("renewed"));
+        assert!(store.renew_signature(model.id, &new).await.expect("renewed").is_some());
         assert_eq!(store.backlog().await.expect("read"), Backlog::default());
-        assert!(!store.renew_signature(ModelId::new(), &new).await.expect("asked"), "it is gone");
+        assert!(store.renew_signature(ModelId::new(), &new).await.expect("asked").is_none(), "it is gone");
     }
 }

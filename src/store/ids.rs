@@ -72,6 +72,10 @@ id_type!(
     StandardId
 );
 id_type!(
+    /// Names a data folder: the folder and its database hold the same.
+    FolderId
+);
+id_type!(
     /// Names a stored scan file: users' file names never reach the disk.
     FileId
 );

@@ -5,58 +5,10 @@ use std::collections::BTreeMap;
 use sqlx::{FromRow, SqliteConnection};
 
 use super::{
-    JobId, JobKind, ModelId, NewScanSet, Page, PageRequest, Replay, ScanSetId, Store, StoreError, damaged, models,
-    now_ms, replays, scan_sets, stored_id, timestamp, to_u64,
+    Deleted, JobId, JobKind, JobStatus, ModelId, NewScanSet, Page, PageRequest, Replay, ScanSetId, Store, StoreError,
+    StoredFile, damaged, models, now_ms, replays, scan_sets, stored_id, sweep, timestamp, to_u64,
 };
 use crate::pipeline::Options;
-
-/// Where a job stands.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize, utoipa::ToSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum JobStatus {
-    /// Waits for a worker.
-    Queued,
-    /// Is being worked on.
-    Running,
-    /// Has left a model.
-    Succeeded,
-    /// Has ended with an error.
-    Failed,
-    /// Was stopped on request.
-    Canceled,
-}
-
-impl JobStatus {
-    const ALL: [JobStatus; 5] =
-        [JobStatus::Queued, JobStatus::Running, JobStatus::Succeeded, JobStatus::Failed, JobStatus::Canceled];
-
-    /// The name used in tables, in the API and in logs.
-    pub fn name(self) -> &'static str {
-        match self {
-            JobStatus::Queued => "queued",
-            JobStatus::Running => "running",
-            JobStatus::Succeeded => "succeeded",
-            JobStatus::Failed => "failed",
-            JobStatus::Canceled => "canceled",
-        }
-    }
-
-    /// Whether nothing more will happen by itself.
-    pub fn is_finished(self) -> bool {
-        matches!(self, JobStatus::Succeeded | JobStatus::Failed | JobStatus::Canceled)
-    }
-}
-
-impl std::str::FromStr for JobStatus {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, Self::Err> {
-        JobStatus::ALL
-            .into_iter()
-            .find(|status| status.name() == text)
-            .ok_or_else(|| format!("{text:?} is no status of a job"))
-    }
-}
 
 /// Why a job failed: for programs (`code`) and for people (the rest).
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize, serde::Deserialize, utoipa::ToSchema)]
@@ -280,7 +232,11 @@ impl Store {
 
     /// Stops a job that waits, or asks the worker of a running one to stop.
     pub async fn cancel_job(&self, id: JobId) -> Result<CancelAnswer, StoreError> {
-        let mut tx = self.begin().await?;
+        self.with_reserve(|| self.cancel_once(id)).await
+    }
+
+    async fn cancel_once(&self, id: JobId) -> Result<CancelAnswer, StoreError> {
+        let mut tx = self.begin_any().await?;
         let answer = match status_of(&mut tx, id).await? {
             JobStatus::Queued => {
                 sqlx::query("UPDATE job SET status = 'canceled', cancel_asked = 1, finished_at = ? WHERE id = ?")
@@ -323,9 +279,13 @@ impl Store {
         Ok(())
     }
 
-    /// Deletes a finished job with the model it made; answers with that model.
-    pub async fn delete_job(&self, id: JobId) -> Result<Option<ModelId>, StoreError> {
-        let mut tx = self.begin().await?;
+    /// Deletes a finished job with the model it made.
+    pub async fn delete_job(&self, id: JobId) -> Result<Deleted, StoreError> {
+        self.with_reserve(|| self.delete_job_once(id)).await
+    }
+
+    async fn delete_job_once(&self, id: JobId) -> Result<Deleted, StoreError> {
+        let mut tx = self.begin_any().await?;
         if !status_of(&mut tx, id).await?.is_finished() {
             return Err(StoreError::InUse { kind: "job", id: id.to_string() });
         }
@@ -334,9 +294,10 @@ impl Store {
         replays::delete_of(&mut tx, &text).await?;
         // model, assets and signature go by foreign keys
         sqlx::query("DELETE FROM job WHERE id = ?").bind(&text).execute(&mut *tx).await?;
-        tx.commit().await?;
-        self.fold_log().await;
-        Ok(model)
+        if let Some(model) = model {
+            sweep::leave(&mut tx, StoredFile::Model(model)).await?;
+        }
+        Ok(Deleted { models: model.into_iter().collect(), unseen: tx.commit_unseen(self).await? })
     }
 }
 
@@ -414,7 +375,7 @@ mod tests {
         assert!(matches!(store.delete_scan_set(set).await, Err(StoreError::InUse { kind: "scan set", .. })));
         assert!(matches!(store.delete_job(id).await, Err(StoreError::InUse { kind: "job", .. })));
         store.cancel_job(id).await.expect("canceled");
-        store.delete_scan_set(set).await.expect("free now");
+        drop(store.delete_scan_set(set).await.expect("free now"));
         assert!(matches!(store.job(id).await, Err(StoreError::NotFound { .. })));
     }
 
@@ -436,7 +397,7 @@ mod tests {
         let other = store.replay(&replays_key("k", "other")).await.expect_err("another body");
         assert!(matches!(other, StoreError::KeyReused { .. }));
         store.cancel_job(job.id).await.expect("canceled");
-        store.delete_job(job.id).await.expect("deleted");
+        drop(store.delete_job(job.id).await.expect("deleted"));
         assert_eq!(store.replay(&key).await.expect("read"), None);
     }
 

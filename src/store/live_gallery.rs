@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard, Rw
 
 use rayon::prelude::*;
 
-use super::{ModelId, Store, StoreError};
+use super::{ModelId, Store, StoreError, StoredContent};
 use crate::faces::Signature;
 use crate::retrieval::gallery::FULL_SEGMENT;
 use crate::retrieval::{Catalogue, Entry, Facets, Gallery};
@@ -78,8 +78,9 @@ impl Default for LiveGallery {
 pub struct NotReady;
 
 impl LiveGallery {
-    /// Reads all signatures, page by page, and builds the index. Models added or deleted meanwhile are seen afterwards.
-    /// Signatures of another version are left out: their models are kept, but not found until described anew.
+    /// Reads all signatures, page by page, and builds the index. Models added or deleted meanwhile are seen
+    /// afterwards. Signatures of another version and damaged ones are left out: their models are kept, but not found
+    /// until described anew.
     pub async fn load(&self, store: &Store) -> Result<usize, StoreError> {
         let mut loading = Loading::default();
         let mut page = store.signatures_after(None, PAGE).await?;
@@ -89,6 +90,7 @@ impl LiveGallery {
             (page, loading) = (next?, taken?);
             tracing::debug!(models = loading.models(), "the gallery is being loaded");
         }
+        store.give_up_signatures(&loading.damaged).await?;
         let facets = store.facets().await?;
         let live = self.clone();
         off_thread(move || live.open(loading.finished(), facets)).await
@@ -262,6 +264,7 @@ async fn off_thread<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static
 struct Loading {
     gallery: Gallery,
     waiting: Vec<Entry>,
+    damaged: Vec<ModelId>,
 }
 
 impl Loading {
@@ -269,7 +272,9 @@ impl Loading {
         self.gallery.len() + self.waiting.len()
     }
 
-    fn taking(mut self, page: Vec<(ModelId, Vec<u8>)>) -> Loading {
+    fn taking(mut self, page: Vec<(ModelId, StoredContent)>) -> Loading {
+        let damaged = page.iter().filter(|(_, content)| *content == StoredContent::Damaged).map(|(id, _)| *id);
+        self.damaged.extend(damaged);
         let entries: Vec<Option<Entry>> = page.into_par_iter().map(|(id, content)| entry(id, &content)).collect();
         self.waiting.extend(entries.into_iter().flatten());
         if self.waiting.len() >= FULL_SEGMENT {
@@ -290,7 +295,11 @@ impl Loading {
     }
 }
 
-fn entry(id: ModelId, content: &[u8]) -> Option<Entry> {
+fn entry(id: ModelId, content: &StoredContent) -> Option<Entry> {
+    let StoredContent::Whole(content) = content else {
+        tracing::error!(model.id = %id, "the stored signature is damaged: it is to be made anew");
+        return None;
+    };
     match Signature::from_bytes(content) {
         Ok(signature) => Some(Entry::new(id.number(), signature)),
         Err(error) => {
@@ -302,8 +311,7 @@ fn entry(id: ModelId, content: &[u8]) -> Option<Entry> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::models::{NewModel, StoredSignature};
-    use super::super::testing;
+    use super::super::{NewModel, StoredSignature, testing};
     use super::*;
     use crate::faces::signature::tests::example;
     use crate::retrieval::Wanted;

@@ -2,7 +2,7 @@
 
 use sqlx::FromRow;
 
-use super::{ModelId, Store, StoreError, damaged, stored_id};
+use super::{ModelId, Store, StoreError, StoredContent, damaged, stored_id};
 use crate::geometry::Unit;
 use crate::retrieval::{Facets, Source};
 
@@ -15,7 +15,7 @@ pub struct MatchedModel {
     pub name: String,
     /// What filters ask of it.
     pub facets: Facets,
-    /// Its signature's bytes, if it has one.
+    /// Its signature's bytes, if it has one that is whole.
     pub signature: Option<Vec<u8>>,
 }
 
@@ -27,17 +27,27 @@ struct Row {
     unit: String,
     uploaded: bool,
     content: Option<Vec<u8>>,
+    checksum: Option<String>,
 }
 
 impl Row {
     fn model(self) -> Result<MatchedModel, StoreError> {
         let unit: Unit = self.unit.parse().map_err(|reason: String| damaged("a unit", reason))?;
         let source = if self.uploaded { Source::Uploaded } else { Source::Registered };
+        let id = stored_id!(ModelId, &self.id)?;
+        let signature = match self.content.map(|content| StoredContent::checked(content, self.checksum.as_deref())) {
+            Some(StoredContent::Damaged) => {
+                tracing::error!(model.id = %id, "the stored signature is damaged; the next start has it made anew");
+                None
+            }
+            Some(StoredContent::Whole(content)) => Some(content),
+            None => None,
+        };
         Ok(MatchedModel {
-            id: stored_id!(ModelId, &self.id)?,
+            id,
             name: self.name,
             facets: Facets { label: self.label.map(String::into_boxed_str), unit, source },
-            signature: self.content,
+            signature,
         })
     }
 }
@@ -48,7 +58,7 @@ impl Store {
         let list: Vec<String> = ids.iter().map(ModelId::to_string).collect();
         let list = serde_json::to_string(&list).map_err(|error| damaged("ids", error))?;
         let rows: Vec<Row> = sqlx::query_as(
-            "SELECT model.id, name, label, unit, job_id IS NULL AS uploaded, content FROM model
+            "SELECT model.id, name, label, unit, job_id IS NULL AS uploaded, content, checksum FROM model
              LEFT JOIN signature ON signature.model_id = model.id
              WHERE model.id IN (SELECT value FROM json_each(?)) ORDER BY model.id",
         )
@@ -61,7 +71,8 @@ impl Store {
     /// The facets of all models that have a signature.
     pub async fn facets(&self) -> Result<Vec<(ModelId, Facets)>, StoreError> {
         let rows: Vec<Row> = sqlx::query_as(
-            "SELECT model.id, '' AS name, label, unit, job_id IS NULL AS uploaded, NULL AS content FROM model
+            "SELECT model.id, '' AS name, label, unit, job_id IS NULL AS uploaded, NULL AS content,
+                    NULL AS checksum FROM model
              JOIN signature ON signature.model_id = model.id",
         )
         .fetch_all(&self.readers)
@@ -84,7 +95,7 @@ mod tests {
         let described = NewModel { signature: Some(signature), ..NewModel::test(None) };
         let bare = NewModel::test(None);
         for model in [&described, &bare] {
-            store.create_model(model, None).await.expect("stored");
+            drop(store.create_model(model, None).await.expect("stored"));
         }
         let facets = Facets { label: Some("face".into()), unit: Unit::Mm, source: Source::Uploaded };
         let found = store.matched_models(&[bare.id, ModelId::new(), described.id]).await.expect("read");

@@ -3,11 +3,14 @@
 //! - `scan_sets`: the ordered scans of one object and their pose file
 //! - `jobs`: what the API does with jobs; `queue`: what the workers do with them
 //! - `models`: models, their files and signatures
+//! - `signatures`: what is stored for retrieval
 //! - `matches`: what queries need of them besides the index
 //! - `standards`: classes that users have made, with their examples
 //! - `evaluations`: what is missing or out of date, and the verdicts
 //! - `replays`: answers kept for repeated POSTs
-//! - `live_gallery`: the stored signatures, searchable in memory
+//! - `live_gallery`: the stored signatures, searchable in memory; `unseen`: what it has yet to follow
+//! - `writing`: transactions, full disks, locks; `folder`, `sweep`: which folder this is the database of, which files
+//!   belong to it
 //!
 //! There is one writing connection and a few read-only ones, on a write-ahead log. Writes of several
 //! statements take the write lock at their start (`BEGIN IMMEDIATE`): a transaction that begins by reading
@@ -15,9 +18,12 @@
 
 #![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used))]
 
+mod error;
 mod evaluations;
+mod folder;
 mod ids;
 mod job_kind;
+mod job_status;
 mod jobs;
 pub mod live_gallery;
 mod matches;
@@ -25,129 +31,58 @@ mod models;
 mod queue;
 mod replays;
 mod scan_sets;
+mod signatures;
 mod standards;
 mod sweep;
+mod unseen;
+mod writing;
 
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Duration;
 
 use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePool, SqlitePoolOptions, SqliteSynchronous};
 
+pub use error::StoreError;
 pub use evaluations::{Backlog, Outdated, StoredVerdict};
-pub use ids::{FileId, JobId, ModelId, ScanSetId, StandardId};
+pub use ids::{FileId, FolderId, JobId, ModelId, ScanSetId, StandardId};
 pub use job_kind::JobKind;
-pub use jobs::{CancelAnswer, JobBase, JobError, JobFilter, JobRecord, JobStatus, NewJob};
+pub use job_status::JobStatus;
+pub use jobs::{CancelAnswer, JobBase, JobError, JobFilter, JobRecord, NewJob};
 pub use matches::MatchedModel;
-pub use models::{AssetRecord, ModelFilter, ModelRecord, NewModel, StoredSignature};
-pub use queue::{Finish, JobClaim};
+pub use models::{AssetRecord, ModelFilter, ModelRecord, NewModel};
+pub use queue::{Claimant, Finish, JobClaim, Room};
 pub use replays::{Replay, ReplayKey};
 pub use scan_sets::{NewScanSet, PoseFile, PutScan, ScanRecord, ScanSetRecord, sort_naturally};
+pub use signatures::{StoredContent, StoredSignature};
 pub use standards::{Examples, NewStandard, StandardRecord};
-pub use sweep::KnownFiles;
+pub use sweep::{KnownFiles, LooseFile, StoredFile};
+pub use unseen::Unseen;
+pub use writing::{NoReserve, Reserve};
 
 /// Connections that read at the same time.
 const READERS: u32 = 4;
 /// How long a statement waits for a lock before it fails.
 const BUSY_TIMEOUT: Duration = Duration::from_secs(5);
 
-/// Why the store did not do what it was asked.
-#[derive(Debug, thiserror::Error)]
-pub enum StoreError {
-    /// The database failed.
-    #[error("database: {0}")]
-    Database(#[from] sqlx::Error),
-    /// The database could not be brought to this program's version.
-    #[error("migration of the database: {0}")]
-    Migration(#[from] sqlx::migrate::MigrateError),
-    /// A stored value is not what this program writes.
-    #[error("the database holds {what} that can't be read: {reason}")]
-    Damaged {
-        /// The kind of value.
-        what: &'static str,
-        /// Why it can't be read.
-        reason: String,
-    },
-    /// There is no such thing.
-    #[error("there is no {kind} {id}")]
-    NotFound {
-        /// "scan set", "job", "model", "scan".
-        kind: &'static str,
-        /// What was asked for.
-        id: String,
-    },
-    /// A job that is not finished needs it.
-    #[error("{kind} {id} is used by an unfinished job")]
-    InUse {
-        /// "scan set" or "job".
-        kind: &'static str,
-        /// Which one.
-        id: String,
-    },
-    /// The queue is full.
-    #[error("{limit} jobs are waiting already")]
-    QueueFull {
-        /// How many may wait.
-        limit: usize,
-    },
-    /// There is one of this name.
-    #[error("there is a {kind} named {name:?} already")]
-    NameTaken {
-        /// "standard".
-        kind: &'static str,
-        /// The name.
-        name: String,
-    },
-    /// There is no room for another standard.
-    #[error("there are {limit} standards already, the most that are kept")]
-    TooManyStandards {
-        /// How many there may be.
-        limit: usize,
-    },
-    /// The scan set is full.
-    #[error("a scan set holds at most {limit} scans")]
-    TooManyScans {
-        /// How many it may hold.
-        limit: usize,
-    },
-    /// The job has ended in a way that does not allow this.
-    #[error("job {id} is {}", status.name())]
-    WrongStatus {
-        /// Which job.
-        id: JobId,
-        /// What it is.
-        status: JobStatus,
-    },
-    /// The key was used before, with another body.
-    #[error("the idempotency key {key:?} was used before with another body")]
-    KeyReused {
-        /// The key.
-        key: String,
-    },
-}
-
-impl StoreError {
-    /// Whether the database could not open a file of its own: the process is out of descriptors, and they come free
-    /// again.
-    pub fn is_shortage(&self) -> bool {
-        // SQLITE_CANTOPEN; the higher bytes say more
-        let cant_open = |code: &str| code.parse::<u32>().is_ok_and(|code| code & 0xff == 14);
-        match self {
-            StoreError::Database(sqlx::Error::Database(error)) => error.code().is_some_and(|code| cant_open(&code)),
-            _ => false,
-        }
-    }
-}
-
 /// The embedded database. Cheap to clone.
 #[derive(Debug, Clone)]
 pub struct Store {
     writer: SqlitePool,
     readers: SqlitePool,
+    reserve: Arc<dyn Reserve>,
+    changes: unseen::Changes,
 }
 
 impl Store {
-    /// Opens the database file, creates it when absent, and brings it to this program's version.
+    /// Opens a database that stands alone; see [`Self::open_with`].
     pub async fn open(file: &Path) -> Result<Store, StoreError> {
+        Self::open_with(file, Arc::new(NoReserve)).await
+    }
+
+    /// Opens the database file, creates it when absent, checks it, and brings it to this program's version. `reserve`
+    /// is what is given away when the disk is full.
+    pub async fn open_with(file: &Path, reserve: Arc<dyn Reserve>) -> Result<Store, StoreError> {
         let options = SqliteConnectOptions::new()
             .filename(file)
             .create_if_missing(true)
@@ -159,17 +94,14 @@ impl Store {
             // what was deleted must not stay readable in the file
             .pragma("secure_delete", "ON");
         migrate(&options).await?;
-        let writer = SqlitePoolOptions::new()
-            .max_connections(1)
-            .idle_timeout(None)
-            .max_lifetime(None)
-            .connect_with(options.clone())
-            .await?;
+        let writer = writing::writer(&options).await?;
         let readers = SqlitePoolOptions::new()
             .max_connections(READERS)
             .connect_with(options.read_only(true).create_if_missing(false))
             .await?;
-        Ok(Store { writer, readers })
+        let store = Store { writer, readers, reserve, changes: unseen::Changes::default() };
+        store.fill_in_checksums().await?;
+        Ok(store)
     }
 
     /// Whether the database answers.
@@ -186,25 +118,43 @@ impl Store {
 
     /// Empties the write-ahead log into the file, after a deletion: what was deleted must not stay readable in the log
     /// either. A reader that is in the way for long leaves it to the next deletion, or to the server's end.
-    async fn fold_log(&self) {
+    pub async fn fold_log(&self) {
         if let Err(error) = sqlx::query("PRAGMA wal_checkpoint(TRUNCATE)").execute(&self.writer).await {
             tracing::warn!("the write-ahead log is not emptied yet: {error}");
         }
     }
-
-    /// A transaction that holds the write lock from its start.
-    async fn begin(&self) -> Result<sqlx::Transaction<'static, sqlx::Sqlite>, StoreError> {
-        Ok(self.writer.begin_with("BEGIN IMMEDIATE").await?)
-    }
 }
 
-/// Brings the file to this program's version, on a connection that lets tables be built anew without taking along what
-/// refers to them.
+/// What a deletion took along.
+#[derive(Debug)]
+#[must_use = "queries wait until the index has forgotten them"]
+pub struct Deleted {
+    /// Models that are to be taken out of the index, and whose files are to be removed.
+    pub models: Vec<ModelId>,
+    /// To be dropped when the index has forgotten them.
+    pub unseen: Unseen,
+}
+
+/// Checks the file and brings it to this program's version, on a connection that lets tables be built anew without
+/// taking along what refers to them.
 async fn migrate(options: &SqliteConnectOptions) -> Result<(), StoreError> {
     let pool = SqlitePoolOptions::new().max_connections(1).connect_with(options.clone().foreign_keys(false)).await?;
-    let migrated = sqlx::migrate!("./migrations").run(&pool).await;
+    let migrated = migrate_checked(&pool).await;
     pool.close().await;
-    Ok(migrated?)
+    migrated
+}
+
+async fn migrate_checked(pool: &SqlitePool) -> Result<(), StoreError> {
+    let tables: Vec<String> =
+        sqlx::query_scalar("SELECT name FROM sqlite_schema WHERE type = 'table'").fetch_all(pool).await?;
+    if !tables.is_empty() && !tables.iter().any(|table| table == "_sqlx_migrations") {
+        return Err(StoreError::Foreign);
+    }
+    let found: Vec<String> = sqlx::query_scalar("PRAGMA quick_check(1)").fetch_all(pool).await?;
+    if let Some(damage) = found.into_iter().find(|line| line != "ok") {
+        return Err(StoreError::Corrupt { found: damage });
+    }
+    Ok(sqlx::migrate!("./migrations").run(pool).await?)
 }
 
 /// Milliseconds since 1970, as the tables keep times.
@@ -285,9 +235,47 @@ pub(crate) mod testing {
 
     /// A store in a folder that goes with the test.
     pub async fn store() -> (Store, tempfile::TempDir) {
+        store_with(Arc::new(NoReserve)).await
+    }
+
+    /// The same with a reserve.
+    pub async fn store_with(reserve: Arc<dyn Reserve>) -> (Store, tempfile::TempDir) {
         let folder = tempfile::tempdir().expect("a temporary folder");
-        let store = Store::open(&folder.path().join("test.sqlite")).await.expect("a new database");
+        let store = Store::open_with(&folder.path().join("test.sqlite"), reserve).await.expect("a new database");
+        store.put_folder_id(FolderId::new()).await.expect("stored");
         (store, folder)
+    }
+
+    /// A connection of some other program to the same database.
+    pub async fn other_program(folder: &tempfile::TempDir) -> sqlx::SqliteConnection {
+        use sqlx::ConnectOptions;
+        let options = SqliteConnectOptions::new().filename(folder.path().join("test.sqlite"));
+        options.connect().await.expect("a connection")
+    }
+
+    /// A worker that is the only one, with a lease of 30 s, as much memory as it likes, and three attempts.
+    pub fn claimant(worker: &str) -> Claimant {
+        Claimant {
+            worker: worker.to_owned(),
+            living: vec![worker.to_owned()],
+            lease: Duration::from_secs(30),
+            max_attempts: 3,
+            room: None,
+        }
+    }
+
+    impl Store {
+        /// Makes the database full at this many pages (at the pages it has, if that is more); `None` ends that.
+        pub async fn set_most_pages(&self, pages: Option<u32>) {
+            let pragma = format!("PRAGMA max_page_count = {}", pages.unwrap_or(u32::MAX - 1));
+            sqlx::query(sqlx::AssertSqlSafe(pragma)).execute(&self.writer).await.expect("set");
+        }
+
+        /// How long the writer waits for locks.
+        pub async fn set_patience(&self, patience: Duration) {
+            let pragma = format!("PRAGMA busy_timeout = {}", patience.as_millis());
+            sqlx::query(sqlx::AssertSqlSafe(pragma)).execute(&self.writer).await.expect("set");
+        }
     }
 
     /// A scan set with the given scan names, each of 10 points.
@@ -304,6 +292,7 @@ pub(crate) mod testing {
                     points: 10,
                     bytes: 100,
                     checksum: "00".to_owned(),
+                    reading: None,
                 })
                 .collect(),
             poses: None,
@@ -355,7 +344,7 @@ mod tests {
         let store = Store::open(&file).await.expect("brought up to date");
         let kept = store.job(job).await.expect("kept");
         assert_eq!((kept.kind, kept.scan_set_id, kept.model_id), (JobKind::Register, Some(set), Some(model)));
-        store.delete_job(job).await.expect("deleted");
+        drop(store.delete_job(job).await.expect("deleted"));
         let gone = store.model(model).await;
         assert!(matches!(gone, Err(StoreError::NotFound { .. })), "foreign keys hold again: {gone:?}");
     }

@@ -3,10 +3,10 @@
 use sqlx::{FromRow, SqliteConnection};
 
 use super::{
-    JobId, ModelId, Page, PageRequest, Replay, ScanSetId, Store, StoreError, damaged, evaluations, replays, stored_id,
-    to_i64, to_u64,
+    Deleted, JobId, ModelId, Page, PageRequest, Replay, ScanSetId, Store, StoreError, StoredFile, StoredSignature,
+    Unseen, damaged, evaluations, replays, signatures, stored_id, sweep, to_i64, to_u64,
 };
-use crate::faces::{Signature, SignatureSummary};
+use crate::faces::SignatureSummary;
 use crate::geometry::Unit;
 
 /// One file of a model.
@@ -18,23 +18,6 @@ pub struct AssetRecord {
     pub bytes: u64,
     /// BLAKE3 of its content, hexadecimal.
     pub checksum: String,
-}
-
-/// A signature as it is stored.
-#[derive(Debug, Clone, PartialEq)]
-pub struct StoredSignature {
-    /// The version of the operator that made it.
-    pub version: u32,
-    /// What the API shows of it.
-    pub summary: SignatureSummary,
-    /// `Signature::to_bytes`.
-    pub content: Vec<u8>,
-}
-
-impl From<&Signature> for StoredSignature {
-    fn from(signature: &Signature) -> Self {
-        StoredSignature { version: Signature::VERSION, summary: signature.summary(), content: signature.to_bytes() }
-    }
 }
 
 /// A model that is to be stored.
@@ -56,6 +39,8 @@ pub struct NewModel {
     pub quality: Option<String>,
     /// Its files.
     pub assets: Vec<AssetRecord>,
+    /// What of an uploaded file was not taken (JSON); `None` if all of it was.
+    pub reading: Option<String>,
     /// Its signature.
     pub signature: Option<StoredSignature>,
 }
@@ -79,6 +64,8 @@ pub struct ModelRecord {
     pub points: u64,
     /// The verdict on its registration.
     pub quality: Option<String>,
+    /// What of an uploaded file was not taken (JSON); `None` if all of it was.
+    pub reading: Option<String>,
     /// What the API shows of its signature.
     pub signature: Option<SignatureSummary>,
 }
@@ -102,6 +89,7 @@ struct ModelRow {
     unit: String,
     points: i64,
     quality: Option<String>,
+    reading: Option<String>,
     summary: Option<String>,
 }
 
@@ -117,21 +105,22 @@ impl ModelRow {
             unit: self.unit.parse().map_err(|reason: String| damaged("a unit", reason))?,
             points: to_u64(self.points),
             quality: self.quality,
+            reading: self.reading,
             signature: summary.map_err(|error| damaged("a signature's summary", error))?,
         })
     }
 }
 
 impl Store {
-    /// Stores an uploaded model and the answer that the client gets.
-    pub async fn create_model(&self, model: &NewModel, replay: Option<&Replay>) -> Result<(), StoreError> {
+    /// Stores an uploaded model and the answer that the client gets. The index has to follow before the answer is
+    /// dropped.
+    pub async fn create_model(&self, model: &NewModel, replay: Option<&Replay>) -> Result<Unseen, StoreError> {
         let mut tx = self.begin().await?;
         insert(&mut tx, model).await?;
         if let Some(replay) = replay {
             replays::insert(&mut tx, replay).await?;
         }
-        tx.commit().await?;
-        Ok(())
+        tx.commit_unseen(self).await
     }
 
     /// Stores many uploaded models at once.
@@ -140,8 +129,7 @@ impl Store {
         for model in models {
             insert(&mut tx, model).await?;
         }
-        tx.commit().await?;
-        Ok(())
+        tx.commit().await
     }
 
     /// One model.
@@ -189,41 +177,19 @@ impl Store {
             .collect())
     }
 
-    /// The signature of a model, if it has one.
-    pub async fn signature(&self, id: ModelId) -> Result<Option<Vec<u8>>, StoreError> {
-        let content = sqlx::query_scalar("SELECT content FROM signature WHERE model_id = ?")
-            .bind(id.to_string())
-            .fetch_optional(&self.readers)
-            .await?;
-        Ok(content)
-    }
-
-    /// The signatures of up to `limit` models, in the order of their ids, those after the given one.
-    pub async fn signatures_after(
-        &self,
-        after: Option<ModelId>,
-        limit: usize,
-    ) -> Result<Vec<(ModelId, Vec<u8>)>, StoreError> {
-        let rows: Vec<(String, Vec<u8>)> =
-            sqlx::query_as("SELECT model_id, content FROM signature WHERE model_id > ? ORDER BY model_id LIMIT ?")
-                .bind(after.map_or(String::new(), |id| id.to_string()))
-                .bind(to_i64(limit as u64))
-                .fetch_all(&self.readers)
-                .await?;
-        rows.into_iter().map(|(id, content)| Ok((stored_id!(ModelId, &id)?, content))).collect()
-    }
-
     /// Deletes a model with its files' records and its signature.
-    pub async fn delete_model(&self, id: ModelId) -> Result<(), StoreError> {
-        let mut tx = self.begin().await?;
-        replays::delete_of(&mut tx, &id.to_string()).await?;
-        let done = sqlx::query("DELETE FROM model WHERE id = ?").bind(id.to_string()).execute(&mut *tx).await?;
-        if done.rows_affected() == 0 {
-            return Err(not_found(id));
-        }
-        tx.commit().await?;
-        self.fold_log().await;
-        Ok(())
+    pub async fn delete_model(&self, id: ModelId) -> Result<Deleted, StoreError> {
+        let delete = || async {
+            let mut tx = self.begin_any().await?;
+            replays::delete_of(&mut tx, &id.to_string()).await?;
+            let done = sqlx::query("DELETE FROM model WHERE id = ?").bind(id.to_string()).execute(&mut *tx).await?;
+            if done.rows_affected() == 0 {
+                return Err(not_found(id));
+            }
+            sweep::leave(&mut tx, StoredFile::Model(id)).await?;
+            Ok(Deleted { models: vec![id], unseen: tx.commit_unseen(self).await? })
+        };
+        self.with_reserve(delete).await
     }
 }
 
@@ -235,8 +201,8 @@ fn not_found(id: ModelId) -> StoreError {
 pub(super) async fn insert(db: &mut SqliteConnection, model: &NewModel) -> Result<(), StoreError> {
     let id = model.id.to_string();
     sqlx::query(
-        "INSERT INTO model (id, job_id, scan_set_id, name, label, unit, points, quality)
-         VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
+        "INSERT INTO model (id, job_id, scan_set_id, name, label, unit, points, quality, reading)
+         VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
     )
     .bind(&id)
     .bind(model.origin.map(|(job, _)| job.to_string()))
@@ -246,6 +212,7 @@ pub(super) async fn insert(db: &mut SqliteConnection, model: &NewModel) -> Resul
     .bind(model.unit.name())
     .bind(to_i64(model.points))
     .bind(&model.quality)
+    .bind(&model.reading)
     .execute(&mut *db)
     .await?;
     for asset in &model.assets {
@@ -258,15 +225,9 @@ pub(super) async fn insert(db: &mut SqliteConnection, model: &NewModel) -> Resul
             .await?;
     }
     if let Some(signature) = &model.signature {
-        let summary = serde_json::to_string(&signature.summary).map_err(|error| damaged("a summary", error))?;
-        sqlx::query("INSERT INTO signature (model_id, version, summary, content) VALUES (?, ?, ?, ?)")
-            .bind(&id)
-            .bind(signature.version)
-            .bind(summary)
-            .bind(&signature.content)
-            .execute(&mut *db)
-            .await?;
+        signatures::insert(db, &id, signature).await?;
     }
+    sweep::settle(db, StoredFile::Model(model.id)).await?;
     let is_to_be_judged: bool =
         sqlx::query_scalar("SELECT EXISTS (SELECT 1 FROM standard)").fetch_one(&mut *db).await?;
     if is_to_be_judged {
@@ -302,6 +263,7 @@ impl NewModel {
             points: 7,
             quality: None,
             assets: vec![AssetRecord { name: "report.json".to_owned(), bytes: 2, checksum: "00".to_owned() }],
+            reading: None,
             signature: None,
         }
     }
@@ -309,7 +271,7 @@ impl NewModel {
 
 #[cfg(test)]
 mod tests {
-    use super::super::testing;
+    use super::super::{StoredContent, testing};
     use super::*;
 
     #[tokio::test]
@@ -318,12 +280,13 @@ mod tests {
         let summary = SignatureSummary { version: 1, regions: 2, triangles: 3, left_out: Default::default() };
         let signature = StoredSignature { version: 1, summary: summary.clone(), content: vec![1, 2, 3] };
         let model = NewModel { signature: Some(signature), ..NewModel::test(None) };
-        store.create_model(&model, None).await.expect("stored");
+        drop(store.create_model(&model, None).await.expect("stored"));
         assert_eq!(store.model(model.id).await.expect("there").signature, Some(summary));
         assert_eq!(store.assets(model.id).await.expect("read"), model.assets);
-        assert_eq!(store.signatures_after(None, 5).await.expect("read"), [(model.id, vec![1, 2, 3])]);
+        let whole = StoredContent::Whole(vec![1, 2, 3]);
+        assert_eq!(store.signatures_after(None, 5).await.expect("read"), [(model.id, whole)]);
         assert!(store.signatures_after(Some(model.id), 5).await.expect("read").is_empty());
-        store.delete_model(model.id).await.expect("deleted");
+        drop(store.delete_model(model.id).await.expect("deleted"));
         assert!(store.assets(model.id).await.expect("read").is_empty());
         assert!(store.signatures_after(None, 5).await.expect("read").is_empty());
         assert!(matches!(store.delete_model(model.id).await, Err(StoreError::NotFound { kind: "model", .. })));

@@ -9,7 +9,32 @@ use std::time::Duration;
 use sqlx::SqliteConnection;
 
 use super::jobs::JobRow;
-use super::{JobError, JobRecord, NewModel, Store, StoreError, damaged, models, now_ms};
+use super::{JobError, JobRecord, NewModel, Store, StoreError, Unseen, damaged, models, now_ms, to_i64, to_u64};
+
+/// A worker that looks for a job.
+#[derive(Debug, Clone)]
+pub struct Claimant {
+    /// Its name.
+    pub worker: String,
+    /// The workers that live in this process, itself among them. Their jobs are theirs however long they have been
+    /// silent: a pause of the machine ends leases, not workers.
+    pub living: Vec<String>,
+    /// How long the job is its own without a heartbeat.
+    pub lease: Duration,
+    /// How often a job is started.
+    pub max_attempts: u32,
+    /// How much memory there is for jobs, if that is limited.
+    pub room: Option<Room>,
+}
+
+/// Memory for jobs, in points of scans.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Room {
+    /// What is left beside the jobs that run.
+    pub free_points: u64,
+    /// What there is in all: a job that needs more is claimed all the same, to be refused.
+    pub all_points: u64,
+}
 
 /// A job in the hands of a worker.
 #[derive(Debug, Clone)]
@@ -18,6 +43,8 @@ pub struct JobClaim {
     pub job: JobRecord,
     /// Whose it is.
     pub worker: String,
+    /// Points of its scans.
+    pub points: u64,
 }
 
 /// How a worker ends its job.
@@ -32,31 +59,46 @@ pub enum Finish {
 }
 
 impl Store {
-    /// Takes the oldest job that waits or whose worker has fallen silent, registrations before evaluations. A job that was started
+    /// Takes the oldest job that waits or whose worker is gone, registrations before evaluations. One that does not fit
+    /// beside those that run is waited for: smaller ones must not overtake it for ever. A job that was started
     /// `max_attempts` times without an end takes its worker down with it: it is failed instead.
-    pub async fn claim_job(
-        &self,
-        worker: &str,
-        lease: Duration,
-        max_attempts: u32,
-    ) -> Result<Option<JobClaim>, StoreError> {
+    pub async fn claim_job(&self, claimant: &Claimant) -> Result<Option<JobClaim>, StoreError> {
+        let Claimant { worker, living, lease, max_attempts, room } = claimant;
+        let living = serde_json::to_string(living).map_err(|error| damaged("names of workers", error))?;
+        let unlimited = Room { free_points: u64::MAX, all_points: u64::MAX };
+        let room = room.unwrap_or(unlimited);
         let mut tx = self.begin().await?;
-        fail_exhausted(&mut tx, max_attempts).await?;
+        fail_exhausted(&mut tx, *max_attempts, &living).await?;
         let row: Option<JobRow> = sqlx::query_as(
             "UPDATE job SET status = 'running', worker = ?1, leased_until = ?2, attempts = attempts + 1,
                             started_at = ?3, stage = NULL, progress = 0, stage_seconds = '{}'
              WHERE id = (SELECT id FROM job
-                         WHERE status = 'queued' OR (status = 'running' AND leased_until < ?3)
+                         WHERE status = 'queued'
+                            OR (status = 'running' AND leased_until < ?3
+                                AND worker NOT IN (SELECT value FROM json_each(?4)))
                          ORDER BY kind = 'evaluate', id LIMIT 1)
+               AND (SELECT coalesce(sum(points), 0) <= ?5 OR sum(points) > ?6
+                    FROM scan WHERE scan.scan_set_id = job.scan_set_id)
              RETURNING *, NULL AS model_id",
         )
         .bind(worker)
-        .bind(lease_end(lease))
+        .bind(lease_end(*lease))
         .bind(now_ms())
+        .bind(&living)
+        .bind(to_i64(room.free_points))
+        .bind(to_i64(room.all_points))
         .fetch_optional(&mut *tx)
         .await?;
+        let Some(job) = row.map(JobRow::record).transpose()? else {
+            tx.commit().await?;
+            return Ok(None);
+        };
+        let points: i64 = sqlx::query_scalar("SELECT coalesce(sum(points), 0) FROM scan WHERE scan_set_id = ?")
+            .bind(job.scan_set_id.map(|id| id.to_string()))
+            .fetch_one(&mut *tx)
+            .await?;
         tx.commit().await?;
-        row.map(|row| Ok(JobClaim { job: row.record()?, worker: worker.to_owned() })).transpose()
+        Ok(Some(JobClaim { job, worker: worker.clone(), points: to_u64(points) }))
     }
 
     /// Extends the lease and writes the progress; answers whether a stop was asked for, or `None` if the job is
@@ -85,16 +127,21 @@ impl Store {
         Ok(cancel_asked)
     }
 
-    /// Ends a job, and stores its model in the same transaction. False if the job is no longer this worker's,
-    /// or if it would succeed after a stop was asked for: then nothing is written.
-    pub async fn finish_job(&self, claim: &JobClaim, finish: &Finish) -> Result<bool, StoreError> {
+    /// Ends a job, and stores its model in the same transaction; the index has to follow before the answer is dropped.
+    /// `None` if the job is no longer this worker's, or if it would succeed after a stop was asked for: then nothing is
+    /// written.
+    pub async fn finish_job(&self, claim: &JobClaim, finish: &Finish) -> Result<Option<Unseen>, StoreError> {
+        self.with_reserve(|| self.finish_once(claim, finish)).await
+    }
+
+    async fn finish_once(&self, claim: &JobClaim, finish: &Finish) -> Result<Option<Unseen>, StoreError> {
         let (status, error) = match finish {
             Finish::Succeeded(_) => ("succeeded", None),
             Finish::Failed(error) => ("failed", Some(error)),
             Finish::Canceled => ("canceled", None),
         };
         let error = error.map(serde_json::to_string).transpose().map_err(|error| damaged("a job's error", error))?;
-        let mut tx = self.begin().await?;
+        let mut tx = self.begin_any().await?;
         let done = sqlx::query(
             "UPDATE job SET status = ?1, error = ?2, worker = NULL, leased_until = NULL, finished_at = ?3,
                             progress = CASE WHEN ?1 = 'succeeded' THEN 1 ELSE progress END
@@ -108,17 +155,20 @@ impl Store {
         .execute(&mut *tx)
         .await?;
         if done.rows_affected() == 0 {
-            return Ok(false);
+            return Ok(None);
         }
         if let Finish::Succeeded(Some(model)) = finish {
             models::insert(&mut tx, model).await?;
         }
-        tx.commit().await?;
-        Ok(true)
+        tx.commit_unseen(self).await.map(Some)
     }
 
     /// Puts a job back into the queue at a shutdown: it costs no attempt.
     pub async fn give_back_job(&self, claim: &JobClaim) -> Result<bool, StoreError> {
+        self.with_reserve(|| self.give_back_once(claim)).await
+    }
+
+    async fn give_back_once(&self, claim: &JobClaim) -> Result<bool, StoreError> {
         let done = sqlx::query(
             "UPDATE job SET status = CASE WHEN cancel_asked THEN 'canceled' ELSE 'queued' END,
                             finished_at = CASE WHEN cancel_asked THEN ?1 END,
@@ -138,7 +188,11 @@ impl Store {
     /// that is dead. Its jobs wait again (or are canceled, or are failed when they took down the process too
     /// often); answers with the number of them.
     pub async fn reclaim_jobs(&self, max_attempts: u32) -> Result<u64, StoreError> {
-        let mut tx = self.begin().await?;
+        self.with_reserve(|| self.reclaim_once(max_attempts)).await
+    }
+
+    async fn reclaim_once(&self, max_attempts: u32) -> Result<u64, StoreError> {
+        let mut tx = self.begin_any().await?;
         let running = sqlx::query("UPDATE job SET leased_until = 0 WHERE status = 'running'").execute(&mut *tx).await?;
         sqlx::query(
             "UPDATE job SET status = 'canceled', worker = NULL, leased_until = NULL, finished_at = ?
@@ -147,7 +201,7 @@ impl Store {
         .bind(now_ms())
         .execute(&mut *tx)
         .await?;
-        fail_exhausted(&mut tx, max_attempts).await?;
+        fail_exhausted(&mut tx, max_attempts, "[]").await?;
         sqlx::query(
             "UPDATE job SET status = 'queued', worker = NULL, leased_until = NULL, stage = NULL, progress = 0,
                             stage_seconds = '{}'
@@ -164,8 +218,9 @@ fn lease_end(lease: Duration) -> i64 {
     now_ms().saturating_add(i64::try_from(lease.as_millis()).unwrap_or(i64::MAX))
 }
 
-/// Fails the jobs whose worker vanished for the last time that is allowed.
-async fn fail_exhausted(db: &mut SqliteConnection, max_attempts: u32) -> Result<(), StoreError> {
+/// Fails the jobs whose worker vanished for the last time that is allowed; `living` is a JSON list of those that have
+/// not.
+async fn fail_exhausted(db: &mut SqliteConnection, max_attempts: u32, living: &str) -> Result<(), StoreError> {
     let error = JobError {
         code: "attempts_exhausted".to_owned(),
         message: format!("the job was started {max_attempts} times and the server ended each time before the job did"),
@@ -177,11 +232,13 @@ async fn fail_exhausted(db: &mut SqliteConnection, max_attempts: u32) -> Result<
     let error = serde_json::to_string(&error).map_err(|error| damaged("a job's error", error))?;
     sqlx::query(
         "UPDATE job SET status = 'failed', error = ?1, worker = NULL, leased_until = NULL, finished_at = ?2
-         WHERE status = 'running' AND leased_until < ?2 AND attempts >= ?3",
+         WHERE status = 'running' AND leased_until < ?2 AND attempts >= ?3
+           AND worker NOT IN (SELECT value FROM json_each(?4))",
     )
     .bind(error)
     .bind(now_ms())
     .bind(max_attempts)
+    .bind(living)
     .execute(db)
     .await?;
     Ok(())
@@ -195,6 +252,7 @@ mod tests {
 
     const LEASE: Duration = Duration::from_secs(30);
     const EXPIRED: Duration = Duration::ZERO;
+    const NONE: BTreeMap<String, f64> = BTreeMap::new();
 
     async fn queued(store: &Store) -> JobId {
         let set: ScanSetId = testing::scan_set(store, &["a.ply", "b.ply"]).await;
@@ -204,7 +262,7 @@ mod tests {
     }
 
     async fn claim(store: &Store, worker: &str, lease: Duration) -> Option<JobClaim> {
-        store.claim_job(worker, lease, 3).await.expect("claimed")
+        store.claim_job(&Claimant { lease, ..testing::claimant(worker) }).await.expect("claimed")
     }
 
     #[tokio::test]
@@ -226,11 +284,10 @@ mod tests {
         tokio::time::sleep(Duration::from_millis(5)).await;
         let taken = claim(&store, "quick", LEASE).await.expect("taken over");
         assert_eq!(taken.job.attempts, 2);
-        let none = BTreeMap::new();
-        assert_eq!(store.heartbeat(&lost, LEASE, None, 0.5, &none).await.expect("asked"), None);
-        assert!(!store.finish_job(&lost, &Finish::Canceled).await.expect("asked"));
+        assert_eq!(store.heartbeat(&lost, LEASE, None, 0.5, &NONE).await.expect("asked"), None);
+        assert!(store.finish_job(&lost, &Finish::Canceled).await.expect("asked").is_none());
         assert!(!store.give_back_job(&lost).await.expect("asked"));
-        assert_eq!(store.heartbeat(&taken, LEASE, Some("loading"), 0.5, &none).await.expect("asked"), Some(false));
+        assert_eq!(store.heartbeat(&taken, LEASE, Some("loading"), 0.5, &NONE).await.expect("asked"), Some(false));
         let job = store.job(id).await.expect("there");
         assert_eq!((job.status, job.stage.as_deref(), job.progress), (JobStatus::Running, Some("loading"), 0.5));
     }
@@ -267,11 +324,11 @@ mod tests {
         let id = queued(&store).await;
         let taken = claim(&store, "w", LEASE).await.expect("waits");
         assert_eq!(store.cancel_job(id).await.expect("asked"), CancelAnswer::Asked);
-        let none = BTreeMap::new();
-        assert_eq!(store.heartbeat(&taken, LEASE, None, 0.1, &none).await.expect("asked"), Some(true));
+        assert_eq!(store.heartbeat(&taken, LEASE, None, 0.1, &NONE).await.expect("asked"), Some(true));
         let model = NewModel::test(Some((id, taken.job.scan_set_id.expect("a registration"))));
-        assert!(!store.finish_job(&taken, &Finish::Succeeded(Some(Box::new(model)))).await.expect("asked"));
-        assert!(store.finish_job(&taken, &Finish::Canceled).await.expect("asked"));
+        let succeeded = Finish::Succeeded(Some(Box::new(model)));
+        assert!(store.finish_job(&taken, &succeeded).await.expect("asked").is_none());
+        assert!(store.finish_job(&taken, &Finish::Canceled).await.expect("asked").is_some());
         assert_eq!(store.job(id).await.expect("there").status, JobStatus::Canceled);
     }
 
@@ -291,10 +348,45 @@ mod tests {
         let id = queued(&store).await;
         let taken = claim(&store, "w", LEASE).await.expect("waits");
         let model = NewModel::test(Some((id, taken.job.scan_set_id.expect("a registration"))));
-        assert!(store.finish_job(&taken, &Finish::Succeeded(Some(Box::new(model.clone())))).await.expect("stored"));
+        let succeeded = Finish::Succeeded(Some(Box::new(model.clone())));
+        assert!(store.finish_job(&taken, &succeeded).await.expect("stored").is_some());
         let job = store.job(id).await.expect("there");
         assert_eq!((job.status, job.progress, job.model_id), (JobStatus::Succeeded, 1.0, Some(model.id)));
-        assert_eq!(store.delete_job(id).await.expect("deleted"), Some(model.id));
+        assert_eq!(store.delete_job(id).await.expect("deleted").models, [model.id]);
         assert!(matches!(store.model(model.id).await, Err(StoreError::NotFound { kind: "model", .. })));
+    }
+
+    #[tokio::test]
+    async fn a_pause_longer_than_the_lease_costs_no_attempt() {
+        let (store, _folder) = testing::store().await;
+        let id = queued(&store).await;
+        let paused = claim(&store, "a", EXPIRED).await.expect("one waits");
+        tokio::time::sleep(Duration::from_millis(5)).await;
+        let both = vec!["a".to_owned(), "b".to_owned()];
+        let other = Claimant { living: both, max_attempts: 1, ..testing::claimant("b") };
+        assert!(store.claim_job(&other).await.expect("asked").is_none(), "its worker lives");
+        let job = store.job(id).await.expect("there");
+        assert_eq!((job.status, job.attempts), (JobStatus::Running, 1));
+        assert_eq!(store.heartbeat(&paused, LEASE, None, 0.5, &NONE).await.expect("asked"), Some(false));
+        assert!(store.finish_job(&paused, &Finish::Canceled).await.expect("asked").is_some());
+    }
+
+    #[tokio::test]
+    async fn a_job_waits_until_there_is_room_for_it_and_is_not_overtaken() {
+        let (store, _folder) = testing::store().await;
+        let large = queued(&store).await;
+        let small_set = testing::scan_set(&store, &["a.ply"]).await;
+        let small =
+            NewJob { id: JobId::new(), scan_set_id: small_set, label: None, options: Options::default(), base: None };
+        store.create_job(&small, None, 10, None).await.expect("queued");
+        let claim = async |free_points: u64, all_points: u64| {
+            let claimant = Claimant { room: Some(Room { free_points, all_points }), ..testing::claimant("w") };
+            store.claim_job(&claimant).await.expect("asked").map(|claim| claim.job.id)
+        };
+        assert_eq!(claim(19, 20).await, None, "20 points are needed");
+        assert_eq!(claim(20, 20).await, Some(large));
+        assert_eq!(claim(0, 5).await, Some(small.id), "it can never fit: it is to be refused");
+        store.demand_evaluation(|_| None).await.expect("queued");
+        assert!(claim(0, 20).await.is_some(), "an evaluation has no scans");
     }
 }

@@ -3,8 +3,8 @@
 use sqlx::{FromRow, SqliteConnection};
 
 use super::{
-    FileId, ModelId, Page, PageRequest, Replay, ScanSetId, Store, StoreError, damaged, models, replays, stored_id,
-    to_i64, to_u64,
+    Deleted, FileId, Page, PageRequest, Replay, ScanSetId, Store, StoreError, StoredFile, damaged, models, replays,
+    stored_id, sweep, to_i64, to_u64,
 };
 use crate::geometry::Unit;
 
@@ -21,6 +21,8 @@ pub struct ScanRecord {
     pub bytes: u64,
     /// BLAKE3 of the file, hexadecimal.
     pub checksum: String,
+    /// What of the file was not taken (JSON); `None` if all of it was.
+    pub reading: Option<String>,
 }
 
 /// A pose file as it was sent.
@@ -87,6 +89,7 @@ struct ScanRow {
     points: i64,
     bytes: i64,
     checksum: String,
+    reading: Option<String>,
 }
 
 impl SetRow {
@@ -111,6 +114,7 @@ impl ScanRow {
             points: to_u64(self.points),
             bytes: to_u64(self.bytes),
             checksum: self.checksum,
+            reading: self.reading,
         })
     }
 }
@@ -171,18 +175,26 @@ impl Store {
         }
         delete_scan_row(&mut tx, set, &scan.name).await?;
         insert_scan(&mut tx, set, scan).await?;
+        if let Some(old) = old {
+            sweep::leave(&mut tx, StoredFile::Scan(set, old)).await?;
+        }
         tx.commit().await?;
         Ok(old.map_or(PutScan::Created, PutScan::Replaced))
     }
 
     /// Takes a scan out of a set; answers with the file that is no longer used.
     pub async fn delete_scan(&self, set: ScanSetId, name: &str) -> Result<FileId, StoreError> {
-        let mut tx = self.begin().await?;
+        self.with_reserve(|| self.delete_scan_once(set, name)).await
+    }
+
+    async fn delete_scan_once(&self, set: ScanSetId, name: &str) -> Result<FileId, StoreError> {
+        let mut tx = self.begin_any().await?;
         check_free(&mut tx, set).await?;
         let file = file_of(&mut tx, set, name)
             .await?
             .ok_or_else(|| StoreError::NotFound { kind: "scan", id: name.to_owned() })?;
         delete_scan_row(&mut tx, set, name).await?;
+        sweep::leave(&mut tx, StoredFile::Scan(set, file)).await?;
         tx.commit().await?;
         Ok(file)
     }
@@ -202,8 +214,12 @@ impl Store {
     }
 
     /// Deletes a scan set with everything derived from it; answers with the models that went with it.
-    pub async fn delete_scan_set(&self, id: ScanSetId) -> Result<Vec<ModelId>, StoreError> {
-        let mut tx = self.begin().await?;
+    pub async fn delete_scan_set(&self, id: ScanSetId) -> Result<Deleted, StoreError> {
+        self.with_reserve(|| self.delete_set_once(id)).await
+    }
+
+    async fn delete_set_once(&self, id: ScanSetId) -> Result<Deleted, StoreError> {
+        let mut tx = self.begin_any().await?;
         check_free(&mut tx, id).await?;
         let text = id.to_string();
         let models = models::ids_of_scan_set(&mut tx, &text).await?;
@@ -214,9 +230,11 @@ impl Store {
         }
         // jobs, models, assets and signatures go by foreign keys
         sqlx::query("DELETE FROM scan_set WHERE id = ?").bind(&text).execute(&mut *tx).await?;
-        tx.commit().await?;
-        self.fold_log().await;
-        Ok(models)
+        sweep::leave(&mut tx, StoredFile::ScanSet(id)).await?;
+        for model in &models {
+            sweep::leave(&mut tx, StoredFile::Model(*model)).await?;
+        }
+        Ok(Deleted { models, unseen: tx.commit_unseen(self).await? })
     }
 }
 
@@ -246,16 +264,19 @@ pub(super) async fn insert_set(db: &mut SqliteConnection, set: &NewScanSet) -> R
 }
 
 async fn insert_scan(db: &mut SqliteConnection, set: ScanSetId, scan: &ScanRecord) -> Result<(), StoreError> {
-    sqlx::query("INSERT INTO scan (scan_set_id, name, file_id, points, bytes, checksum) VALUES (?, ?, ?, ?, ?, ?)")
+    let columns = "INSERT INTO scan (scan_set_id, name, file_id, points, bytes, checksum, reading)
+                   VALUES (?, ?, ?, ?, ?, ?, ?)";
+    sqlx::query(columns)
         .bind(set.to_string())
         .bind(&scan.name)
         .bind(scan.file_id.to_string())
         .bind(to_i64(scan.points))
         .bind(to_i64(scan.bytes))
         .bind(&scan.checksum)
-        .execute(db)
+        .bind(&scan.reading)
+        .execute(&mut *db)
         .await?;
-    Ok(())
+    sweep::settle(db, StoredFile::Scan(set, scan.file_id)).await
 }
 
 async fn delete_scan_row(db: &mut SqliteConnection, set: ScanSetId, name: &str) -> Result<(), StoreError> {
@@ -268,7 +289,7 @@ async fn delete_scan_row(db: &mut SqliteConnection, set: ScanSetId, name: &str) 
 }
 
 async fn scan_rows(db: &mut SqliteConnection, set: &str) -> Result<Vec<ScanRow>, StoreError> {
-    let rows = sqlx::query_as("SELECT name, file_id, points, bytes, checksum FROM scan WHERE scan_set_id = ?")
+    let rows = sqlx::query_as("SELECT name, file_id, points, bytes, checksum, reading FROM scan WHERE scan_set_id = ?")
         .bind(set)
         .fetch_all(db)
         .await?;
@@ -306,7 +327,8 @@ mod tests {
     use super::*;
 
     fn scan(name: &str) -> ScanRecord {
-        ScanRecord { name: name.to_owned(), file_id: FileId::new(), points: 3, bytes: 9, checksum: "ab".to_owned() }
+        let (file_id, checksum) = (FileId::new(), "ab".to_owned());
+        ScanRecord { name: name.to_owned(), file_id, points: 3, bytes: 9, checksum, reading: Some("{}".to_owned()) }
     }
 
     #[tokio::test]
@@ -324,6 +346,7 @@ mod tests {
         let id = testing::scan_set(&store, &["a.ply"]).await;
         let first = scan("b.ply");
         assert_eq!(store.put_scan(id, &first, 2).await.expect("put"), PutScan::Created);
+        assert_eq!(store.scan_set(id).await.expect("stored").scans[1].reading.as_deref(), Some("{}"));
         let again = scan("b.ply");
         assert_eq!(store.put_scan(id, &again, 2).await.expect("put"), PutScan::Replaced(first.file_id));
         let refused = store.put_scan(id, &scan("c.ply"), 2).await.expect_err("full");

@@ -3,8 +3,8 @@
 use sqlx::{FromRow, SqliteConnection};
 
 use super::{
-    AssetRecord, JobId, ModelId, Replay, StandardId, Store, StoreError, damaged, evaluations, replays, stored_id,
-    to_i64, to_u64,
+    AssetRecord, JobId, ModelId, Replay, StandardId, Store, StoreError, StoredFile, damaged, evaluations, replays,
+    stored_id, sweep, to_i64, to_u64,
 };
 use crate::classes::{Annotation, Class};
 use crate::geometry::Unit;
@@ -101,6 +101,7 @@ impl Store {
         }
         insert(&mut tx, standard).await?;
         mark(&mut tx, standard.id, &standard.examples).await?;
+        sweep::settle(&mut tx, StoredFile::Standard(standard.id)).await?;
         let job = evaluations::queue_if_due(&mut tx).await?;
         if let Some(replay) = replay(job) {
             replays::insert(&mut tx, &replay).await?;
@@ -170,14 +171,20 @@ impl Store {
 
     /// Deletes a standard with its examples and the verdicts against it.
     pub async fn delete_standard(&self, id: StandardId) -> Result<(), StoreError> {
-        let mut tx = self.begin().await?;
+        self.with_reserve(|| self.delete_standard_once(id)).await?;
+        self.fold_log().await;
+        Ok(())
+    }
+
+    async fn delete_standard_once(&self, id: StandardId) -> Result<(), StoreError> {
+        let mut tx = self.begin_any().await?;
         replays::delete_of(&mut tx, &id.to_string()).await?;
         let done = sqlx::query("DELETE FROM standard WHERE id = ?").bind(id.to_string()).execute(&mut *tx).await?;
         if done.rows_affected() == 0 {
             return Err(not_found(&id.to_string()));
         }
-        tx.commit().await?;
-        Ok(())
+        sweep::leave(&mut tx, StoredFile::Standard(id)).await?;
+        tx.commit().await
     }
 }
 

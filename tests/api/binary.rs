@@ -18,7 +18,7 @@ pub struct Process {
 }
 
 impl Process {
-    fn start(folder: &Path) -> Process {
+    pub fn start(folder: &Path) -> Process {
         Process::start_with(folder, &[], Stdio::null())
     }
 
@@ -38,12 +38,12 @@ impl Process {
         Process { child, url }
     }
 
-    fn signal(&self, signal: &str) {
+    pub fn signal(&self, signal: &str) {
         let status = Command::new("kill").args([signal, &self.child.id().to_string()]).status().expect("kill runs");
         assert!(status.success());
     }
 
-    async fn get(&self, path: &str) -> Value {
+    pub async fn get(&self, path: &str) -> Value {
         let response = client().get(format!("{}{path}", self.url)).send().await.expect("an answer");
         expect_json(response, StatusCode::OK).await
     }
@@ -57,7 +57,7 @@ impl Drop for Process {
     }
 }
 
-fn client() -> Client {
+pub fn client() -> Client {
     Client::builder().no_proxy().timeout(Duration::from_secs(120)).build().expect("a client")
 }
 
@@ -108,14 +108,13 @@ fn it_prints_its_contract() {
     assert_eq!(String::from_utf8(output.stdout).expect("text"), visage::http::openapi_yaml().expect("YAML"));
 }
 
-/// A part of a bumpy sphere as a scan, so dense that registering a few takes a while.
-fn scan(index: usize) -> Vec<u8> {
-    const ROWS: usize = 220;
+/// A part of a bumpy sphere as a scan; with 220 rows so dense that registering a few takes a while.
+pub fn coarse_scan(index: usize, rows: usize) -> Vec<u8> {
     let mut points = Vec::new();
-    for row in 0..ROWS {
-        for column in 0..ROWS {
-            let polar = 0.6 + 1.8 * row as f64 / ROWS as f64;
-            let azimuth = index as f64 * 0.5 + 2.4 * column as f64 / ROWS as f64;
+    for row in 0..rows {
+        for column in 0..rows {
+            let polar = 0.6 + 1.8 * row as f64 / rows as f64;
+            let azimuth = index as f64 * 0.5 + 2.4 * column as f64 / rows as f64;
             let radius = 80.0 + 5.0 * (5.0 * polar).sin() * (3.0 * azimuth).cos() + 2.0 * (7.0 * azimuth + polar).sin();
             let (x, y) = (radius * polar.sin() * azimuth.cos(), radius * polar.sin() * azimuth.sin());
             points.push(format!("{x:.5} {y:.5} {:.5}\n", radius * polar.cos()));
@@ -124,7 +123,7 @@ fn scan(index: usize) -> Vec<u8> {
     format!("{}{}", files::header(points.len()), points.concat()).into_bytes()
 }
 
-fn disturbed_poses(names: &[String]) -> String {
+pub fn disturbed_poses(names: &[String]) -> String {
     let pose = |index: usize| {
         let angle = 0.01 * index as f64;
         json!([[angle.cos(), -angle.sin(), 0, 0.5], [angle.sin(), angle.cos(), 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
@@ -135,17 +134,21 @@ fn disturbed_poses(names: &[String]) -> String {
 }
 
 async fn start_job(process: &Process) -> String {
+    start_job_of(process, 220).await
+}
+
+/// A job on six scans of so many rows.
+pub async fn start_job_of(process: &Process, rows: usize) -> String {
     let names: Vec<String> = (0..6).map(|index| format!("part{index}.ply")).collect();
-    let form = names
-        .iter()
-        .enumerate()
-        .fold(Form::new(), |form, (index, name)| form.part("scans", Part::bytes(scan(index)).file_name(name.clone())));
+    let form = names.iter().enumerate().fold(Form::new(), |form, (index, name)| {
+        form.part("scans", Part::bytes(coarse_scan(index, rows)).file_name(name.clone()))
+    });
     let form = form.part("poses", Part::text(disturbed_poses(&names)));
     let response = client().post(format!("{}/v1/jobs", process.url)).multipart(form).send().await.expect("an answer");
     text(&expect_json(response, StatusCode::ACCEPTED).await, "/id")
 }
 
-async fn finished(process: &Process, job: &str) -> Value {
+pub async fn finished(process: &Process, job: &str) -> Value {
     loop {
         let view = process.get(&format!("/v1/jobs/{job}?wait=60")).await;
         if !["queued", "running"].contains(&view["status"].as_str().unwrap_or_default()) {

@@ -54,6 +54,18 @@ async fn a_registered_model_has_its_files() {
 }
 
 #[tokio::test]
+async fn what_is_dropped_of_an_uploaded_model_is_counted() {
+    let server = TestServer::start().await;
+    let ball = [files::bumpy_sphere(0.3), b"f 1 2 99999\nv nan 0 0\n".to_vec()].concat();
+    let form = Form::new().part("model", Part::bytes(ball).file_name("ball.obj"));
+    let created = expect_json(server.post_form("/v1/models", form).await, StatusCode::CREATED).await;
+    assert_eq!((&created["reading"]["faces"], &created["reading"]["no_return"]), (&json!(1), &json!(1)), "{created}");
+    let view = expect_json(server.get(&format!("/v1/models/{}", text(&created, "/id"))).await, StatusCode::OK).await;
+    assert_eq!(view["reading"], created["reading"]);
+    assert_eq!(upload(&server, 0.1, "ball").await["reading"], json!(null));
+}
+
+#[tokio::test]
 async fn files_are_fetched_in_part_and_only_when_new() {
     let server = TestServer::start().await;
     let (model, _) = server.model().await;

@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 use crate::common::{Mode, TestServer, config, expect_json, text};
 use reqwest::StatusCode;
 use visage::http::{Server, StartError};
+use visage::jobs::opening::OpenError;
 
 const LONG: Mode = Mode::Slow(Duration::from_secs(60));
 
@@ -100,7 +101,7 @@ async fn a_shutdown_waits_no_longer_than_its_deadline() {
 async fn a_folder_belongs_to_one_server() {
     let server = TestServer::start().await;
     let refused = Server::start(config(server.folder.path())).await.expect_err("in use");
-    assert!(matches!(refused, StartError::Blobs(_)));
+    assert!(matches!(refused, StartError::Data(OpenError::Blobs(_))));
     assert!(refused.to_string().contains("in use by another visage server"), "{refused}");
 }
 
@@ -110,12 +111,18 @@ async fn what_a_crash_left_on_disk_is_swept() {
     server.model().await;
     let folder = server.folder;
     server.handle.abort().await;
-    let lost = folder.path().join("models/0192f0c0-0000-7000-8000-000000000000");
-    std::fs::create_dir(&lost).expect("created");
-    std::fs::write(lost.join("cloud.ply"), "half").expect("written");
-    std::fs::write(folder.path().join("staging/half"), "half").expect("written");
+    let lost = visage::store::ModelId::new();
+    let half = folder.path().join("models").join(lost.to_string());
+    std::fs::create_dir(&half).expect("created");
+    std::fs::write(half.join("cloud.ply"), "half").expect("written");
+    let store = visage::store::Store::open(&folder.path().join("visage.sqlite")).await.expect("opened");
+    store.expect_files(&[visage::store::StoredFile::Model(lost)]).await.expect("it was said to come");
+    store.close().await;
+    let upload = visage::store::FileId::new().to_string();
+    std::fs::write(folder.path().join("staging").join(upload), "half").expect("written");
     let server = TestServer::start_on(folder, |_| {}).await;
     assert_eq!((server.files("models"), server.files("staging"), server.files("scan-sets")), (4, 0, 3));
+    assert_eq!(server.files("trash"), 1, "it is set aside");
     let models = expect_json(server.get("/v1/models").await, StatusCode::OK).await;
     assert_eq!(models["items"].as_array().map(Vec::len), Some(1));
 }

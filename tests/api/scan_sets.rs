@@ -23,7 +23,7 @@ async fn a_scan_set_is_stored_whole_and_goes_whole() {
         created["scans"][1],
         json!({
             "name": "scan1.ply", "points": 51, "bytes": files::ply(51).len(),
-            "checksum": blake3::hash(&files::ply(51)).to_hex().to_string(),
+            "checksum": blake3::hash(&files::ply(51)).to_hex().to_string(), "reading": null,
         })
     );
     assert_eq!(created["poses"]["count"], 3);
@@ -91,12 +91,15 @@ async fn poses_are_held_against_the_scans() {
 async fn files_that_are_no_scans_are_named_with_a_remedy() {
     let server = TestServer::start().await;
     let cut = files::ply(50)[..400].to_vec();
-    let nan = [files::header(3).as_bytes(), b"1 2 3\n4 nan 6\n7 8 9\n"].concat();
+    let word = [files::header(3).as_bytes(), b"1 2 3\n4 five 6\n7 8 9\n"].concat();
+    let far = [files::header(2).as_bytes(), b"1 2 3\n4 1e20 6\n"].concat();
     let huge = format!("{}1 2 3\n", files::header(1_000_000_000_000)).into_bytes();
-    let cases: [(&str, Vec<u8>, &str); 7] = [
+    let cases: [(&str, Vec<u8>, &str); 9] = [
         ("text.ply", b"this is a text file, only named .ply\n".to_vec(), "unreadable_scan"),
         ("cut.ply", cut, "unreadable_scan"),
-        ("nan.ply", nan, "unreadable_scan"),
+        ("word.ply", word, "unreadable_scan"),
+        ("far.ply", far, "unreadable_scan"),
+        ("scan.ply.gz", files::ply(9), "unsupported_format"),
         ("huge.ply", huge, "unreadable_scan"),
         ("none.ply", files::ply(0), "unreadable_scan"),
         ("none.obj", b"# nothing\n".to_vec(), "unreadable_scan"),
@@ -112,6 +115,50 @@ async fn files_that_are_no_scans_are_named_with_a_remedy() {
     }
     assert_eq!((server.files("staging"), server.files("scan-sets")), (0, 0));
     assert_eq!(server.get("/healthz").await.status(), StatusCode::OK);
+}
+
+#[tokio::test]
+async fn what_is_dropped_of_a_file_is_counted_in_the_answer() {
+    let server = TestServer::start().await;
+    let nan = [files::header(3).as_bytes(), b"1 2 3\n4 nan 6\n7 8 9\n"].concat();
+    let created = server.post_form("/v1/scan-sets", one_scan("a.ply", nan.clone())).await;
+    let created = expect_json(created, StatusCode::CREATED).await;
+    let dropped = json!({"no_return": 1, "faces": 0, "normals": 0, "colors": 0, "intensities": 0, "notes": []});
+    assert_eq!((&created["scans"][0]["points"], &created["scans"][0]["reading"]), (&json!(2), &dropped));
+    let set = text(&created, "/links/self");
+    assert_eq!(expect_json(server.get(&set).await, StatusCode::OK).await, created);
+    let put = server.put(&format!("{set}/scans/b.ply"), nan).await;
+    assert_eq!(expect_json(put, StatusCode::CREATED).await["reading"], dropped);
+    let again = server.put(&format!("{set}/scans/b.ply"), files::ply(9)).await;
+    assert_eq!(expect_json(again, StatusCode::OK).await["reading"], json!(null));
+}
+
+#[tokio::test]
+async fn poses_fit_nearly_the_same_names_and_must_fit_some() {
+    let server = TestServer::start().await;
+    let set = server.post_form("/v1/scan-sets", one_scan("bu\u{308}ste.ply", files::ply(9))).await;
+    let set = text(&expect_json(set, StatusCode::CREATED).await, "/links/self");
+    let rows = "1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n";
+    for name in ["b\u{fc}ste.ply", "./b\u{fc}ste.ply", "C:\\scans\\B\u{dc}STE"] {
+        let put = server.put(&format!("{set}/poses"), format!("{name}\n{rows}")).await;
+        let poses = expect_json(put, StatusCode::OK).await;
+        assert_eq!((&poses["unknown_scans"], &poses["scans_without_pose"]), (&json!([]), &json!([])), "{name}");
+        let is_told = poses["notes"][0].as_str().is_some_and(|note| note.contains("nearly the same name"));
+        assert_eq!(is_told, !name.starts_with('b'), "{poses}");
+    }
+    let rounded = "a.ply\n0.866 -0.5 0 0\n0.5 0.866 0 0\n0 0 1 0\n0 0 0 1\n".replace("a.ply", "b\u{fc}ste");
+    let poses = expect_json(server.put(&format!("{set}/poses"), rounded).await, StatusCode::OK).await;
+    assert!(text(&poses, "/notes/0").starts_with("1 pose(s) are rounded"), "{poses}");
+    let nothing = server.put(&format!("{set}/poses"), format!("other.ply\n{rows}")).await;
+    expect_problem(nothing, 422, "poses_fit_nothing").await;
+    let log = server.put(&format!("{set}/poses"), format!("0 0 1\n{rows}1 1 2\n{rows}")).await;
+    expect_problem(log, 422, "unreadable_poses").await;
+    let form = one_scan("a.ply", files::ply(9)).part("poses", Part::text(files::poses(&["b.ply".to_owned()])));
+    expect_problem(server.post_form("/v1/scan-sets", form).await, 422, "poses_fit_nothing").await;
+    // without scans the poses come first
+    let empty = expect_json(server.post("/v1/scan-sets", &json!({})).await, StatusCode::CREATED).await;
+    let put = server.put(&format!("{}/poses", text(&empty, "/links/self")), files::poses(&["a.ply".to_owned()])).await;
+    assert_eq!(put.status(), StatusCode::OK);
 }
 
 #[tokio::test]

@@ -102,6 +102,8 @@ fn scales_can_be_taken_up_again_but_not_left_out_unseen() {
     assert!((scale(&first) / scale(&second) - 1.0).abs() < 2e-4);
     let method = Options { method: "ma-aticp".parse().expect("a method"), ..options };
     assert_eq!(code(run(named(&scans), &start(&set.poses), &method)), "bad_option");
+    let far = Options { sensor: Some([0.0, 1e20, 0.0]), ..quick() };
+    assert_eq!(code(run(named(&scans), &start(&set.poses), &far)), "bad_option");
 }
 
 #[test]

@@ -64,6 +64,7 @@ fn model(population: &Population, number: u64) -> NewModel {
         points: 0,
         quality: None,
         assets: Vec::new(),
+        reading: None,
         signature: Some(StoredSignature::from(&signature)),
     }
 }

@@ -1,6 +1,7 @@
 //! The header of a PCD file: which fields each point has and how they are stored.
 
-use crate::formats::{FormatError, quote};
+use crate::formats::header_lines::HeaderLines;
+use crate::formats::{FormatError, quote, text_start};
 
 /// A header longer than this is no header (bytes).
 const MAX_HEADER: usize = 1 << 16;
@@ -42,6 +43,8 @@ pub(super) struct Header {
     pub(super) height: u64,
     /// Position of the sensor in the frame of the points.
     pub(super) viewpoint: Option<[f64; 3]>,
+    /// Whether there is a viewpoint that can't be read.
+    pub(super) has_bad_viewpoint: bool,
     pub(super) encoding: Encoding,
     /// Where the data begins, bytes from the start of the file.
     pub(super) body_start: usize,
@@ -55,6 +58,12 @@ impl Header {
         self.width * self.height
     }
 
+    /// Bytes of binary data that is not compressed.
+    fn body_bytes(&self) -> Option<u64> {
+        let is_plain = self.encoding == Encoding::Binary;
+        self.points().checked_mul(self.stride() as u64).filter(|_| is_plain)
+    }
+
     /// Bytes of a point in binary data.
     pub(super) fn stride(&self) -> usize {
         self.fields.iter().map(|field| field.size * field.count).sum()
@@ -63,18 +72,19 @@ impl Header {
     /// Parses everything up to and including the `DATA` line.
     pub(super) fn parse(bytes: &[u8]) -> Result<Header, FormatError> {
         let mut draft = Draft::default();
-        let mut position = 0;
-        let mut number = 0;
-        while position < bytes.len().min(MAX_HEADER) {
-            let rest = &bytes[position..bytes.len().min(MAX_HEADER)];
-            let Some(length) = rest.iter().position(|byte| *byte == b'\n') else { break };
-            position += length + 1;
-            number += 1;
-            let line = std::str::from_utf8(&rest[..length]).unwrap_or("").trim();
-            let words: Vec<&str> = line.split_ascii_whitespace().collect();
+        let mut lines = HeaderLines::new(bytes, text_start(bytes)?, MAX_HEADER);
+        while let Some((number, line)) = lines.next_line() {
+            // a comment may stand behind the values too
+            let values = line.split('#').next().unwrap_or_default();
+            let words: Vec<&str> = values.split_ascii_whitespace().collect();
             match draft.take(&words) {
                 Ok(None) => {}
-                Ok(Some(encoding)) => return draft.finish(encoding, position, number),
+                Ok(Some(encoding)) => {
+                    let mut header = draft.finish(encoding)?;
+                    header.body_start = lines.body_start(header.body_bytes());
+                    header.lines = lines.count();
+                    return Ok(header);
+                }
                 Err(problem) => {
                     let problem = format!("{problem}: {}", quote(line.as_bytes()));
                     return Err(malformed(format!("header line {number}"), problem));
@@ -100,6 +110,7 @@ struct Draft {
     height: Option<u64>,
     points: Option<u64>,
     viewpoint: Option<[f64; 3]>,
+    has_bad_viewpoint: bool,
 }
 
 impl Draft {
@@ -118,7 +129,7 @@ impl Draft {
                 let numbers: Vec<f64> = values.iter().filter_map(|value| value.parse().ok()).collect();
                 match numbers[..] {
                     [x, y, z, _, _, _, _] if numbers.iter().all(|v| v.is_finite()) => self.viewpoint = Some([x, y, z]),
-                    _ => return Err("a viewpoint is seven numbers"),
+                    _ => self.has_bad_viewpoint = true,
                 }
             }
             "DATA" => {
@@ -135,7 +146,7 @@ impl Draft {
         Ok(None)
     }
 
-    fn finish(self, encoding: Encoding, body_start: usize, lines: usize) -> Result<Header, FormatError> {
+    fn finish(self, encoding: Encoding) -> Result<Header, FormatError> {
         let counts = self.counts.unwrap_or_else(|| vec![1; self.names.len()]);
         let same = [self.sizes.len(), self.types.len(), counts.len()].iter().all(|n| *n == self.names.len());
         if self.names.is_empty() || !same {
@@ -146,15 +157,28 @@ impl Draft {
         }
         let fields = self.names.into_iter().zip(self.types).zip(self.sizes.into_iter().zip(counts));
         let fields = fields.map(|((name, number), (size, count))| Field { name, number, size, count }).collect();
-        // files of version 0.5 may state the points alone
-        let width = self.width.or(self.points).ok_or_else(|| malformed("header", "there is no WIDTH line"))?;
-        let height = self.height.unwrap_or(1);
+        // files of version 0.5 may state the points alone; some programs leave 0 in the other two
+        let is_stated = |count: &u64| *count > 0 || self.points.is_none();
+        let size = self.width.filter(is_stated).zip(self.height.or(Some(1)).filter(is_stated));
+        let (width, height) = match size.or(self.points.map(|points| (points, 1))) {
+            Some(size) => size,
+            None => return Err(malformed("header", "there is no WIDTH line")),
+        };
         let points = width.checked_mul(height);
         if points.is_none() || self.points.is_some_and(|stated| Some(stated) != points) {
             let stated = self.points.unwrap_or(u64::MAX);
             return Err(malformed("header", format!("WIDTH {width} x HEIGHT {height} does not give {stated} POINTS")));
         }
-        Ok(Header { fields, width, height, viewpoint: self.viewpoint, encoding, body_start, lines })
+        Ok(Header {
+            fields,
+            width,
+            height,
+            viewpoint: self.viewpoint,
+            has_bad_viewpoint: self.has_bad_viewpoint,
+            encoding,
+            body_start: 0,
+            lines: 0,
+        })
     }
 }
 
@@ -196,6 +220,18 @@ mod tests {
     }
 
     #[test]
+    fn comments_behind_values_empty_sizes_and_bad_viewpoints_are_passed_over() {
+        let text = SOUND.replace("z rgb", "z rgb # XYZ data").replace("POINTS 8", "POINTS 8#");
+        assert_eq!(Header::parse(text.as_bytes()).expect("comments").fields.len(), 4);
+        for size in ["WIDTH 0\nHEIGHT 0", "WIDTH 8\nHEIGHT 0", "HEIGHT 1", ""] {
+            let header = Header::parse(SOUND.replace("WIDTH 4\nHEIGHT 2", size).as_bytes()).expect(size);
+            assert_eq!((header.width, header.height), (8, 1), "{size}");
+        }
+        let header = Header::parse(SOUND.replace("VIEWPOINT 0.5 0 -1 1", "VIEWPOINT 0").as_bytes()).expect("sound");
+        assert!(header.has_bad_viewpoint && header.viewpoint.is_none());
+    }
+
+    #[test]
     fn broken_headers_name_the_line() {
         let cases = [
             ("SIZE 4 4 4 4", "SIZE 4 4 4 3", "header line 4: a number that is not allowed here"),
@@ -205,7 +241,6 @@ mod tests {
             ("WIDTH 4", "WIDTH many", "header line 7: a count is needed"),
             ("HEIGHT 2", "HEIGHT 3", "header: WIDTH 4 x HEIGHT 3 does not give 8 POINTS"),
             ("WIDTH 4", "WIDTH 18446744073709551615", "header: WIDTH"),
-            ("VIEWPOINT 0.5 0 -1 1 0 0 0", "VIEWPOINT 0 0", "header line 9: a viewpoint is seven numbers"),
             ("DATA binary", "DATA zip", "header line 11: unknown kind of data"),
             ("DATA binary\n", "", "header: there is no DATA line"),
         ];

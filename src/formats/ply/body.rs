@@ -1,7 +1,8 @@
 //! The body of a PLY file as rows of numbers, whatever the encoding.
 
 use super::header::{Kind, Property, ScalarType};
-use crate::formats::{FormatError, quote};
+use crate::formats::points::{packed_color, packed_color_of};
+use crate::formats::{FormatError, number, quote};
 
 /// What is wrong at the current place of a body.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -10,6 +11,20 @@ pub(super) enum Fault {
     End,
     /// Something that should not be there.
     Wrong(String),
+    /// More than is allowed; it names no place.
+    Refused(FormatError),
+}
+
+impl From<String> for Fault {
+    fn from(problem: String) -> Self {
+        Fault::Wrong(problem)
+    }
+}
+
+impl From<FormatError> for Fault {
+    fn from(error: FormatError) -> Self {
+        Fault::Refused(error)
+    }
 }
 
 impl Fault {
@@ -22,12 +37,23 @@ impl Fault {
         match self {
             Fault::End => FormatError::Truncated { declared: format!("{declared} rows of {element}"), found: place },
             Fault::Wrong(problem) => FormatError::malformed(place, problem, "repair the file or export it again"),
+            Fault::Refused(error) => error,
         }
     }
 }
 
 /// Rows of numbers, read from front to back.
 pub(super) trait Body {
+    /// Comes to the rows of the next element.
+    fn begin_element(&mut self) {}
+    /// Checks how the rows of an element stand in the file, after the last one.
+    fn end_element(&mut self) -> Result<(), Fault> {
+        Ok(())
+    }
+    /// Checks what comes after the last element.
+    fn end(&mut self) -> Result<(), Fault> {
+        Ok(())
+    }
     /// Goes to the start of the next row.
     fn begin_row(&mut self) -> Result<(), Fault>;
     /// The next number of the row.
@@ -38,6 +64,9 @@ pub(super) trait Body {
     fn end_row(&mut self) -> Result<(), Fault>;
     /// Where the cursor is, for messages.
     fn place(&self) -> String;
+
+    /// The next number of the row, a colour packed into four bytes.
+    fn packed(&mut self, scalar: ScalarType) -> Result<f64, Fault>;
 
     /// The length of a list that comes next.
     #[inline]
@@ -69,18 +98,35 @@ pub(super) trait Body {
     }
 }
 
-/// A text body: each row is a line.
-pub(super) struct Ascii<'a> {
+/// A text body. Each row is a line, unless the lines are `FREE`: then a row may take several lines, or a line hold
+/// several rows, if all rows of an element are alike in that. What is neither may lack a number, and would be read
+/// shifted.
+pub(super) struct Ascii<'a, const FREE: bool> {
     bytes: &'a [u8],
     position: usize,
     /// Where the body begins in `bytes`.
     start: usize,
+    lines: Lines,
 }
 
-impl<'a> Ascii<'a> {
+/// How the rows of an element stand in lines.
+#[derive(Debug, Clone, Default)]
+struct Lines {
+    /// Numbers of this row so far, and after which of them (below 64) a line ended.
+    numbers: u32,
+    breaks: u64,
+    /// The same of the first row.
+    first: Option<(u32, u64)>,
+    /// Whether every row so far began with a line, was parted as the first one, was in one line.
+    all_begin_lines: bool,
+    all_alike: bool,
+    all_whole: bool,
+}
+
+impl<'a, const FREE: bool> Ascii<'a, FREE> {
     /// The body of `file` that begins at byte `start`.
     pub(super) fn new(file: &'a [u8], start: usize) -> Self {
-        Ascii { bytes: file, position: start, start }
+        Ascii { bytes: file, position: start, start, lines: Lines::default() }
     }
 
     #[inline]
@@ -90,10 +136,27 @@ impl<'a> Ascii<'a> {
         }
     }
 
+    /// Passes over blanks and the ends of lines; whether there was one of these.
+    fn skip_lines(&mut self) -> bool {
+        let mut line_ended = false;
+        while let Some(byte @ (b' ' | b'\t' | b'\n' | b'\r')) = self.bytes.get(self.position) {
+            line_ended |= matches!(byte, b'\n' | b'\r');
+            self.position += 1;
+        }
+        line_ended
+    }
+
     /// Goes to the next number of this line.
     #[inline]
     fn begin_number(&mut self) -> Result<&'a [u8], Fault> {
-        self.skip_blanks();
+        if FREE {
+            if self.skip_lines() && self.lines.numbers > 0 {
+                self.lines.breaks |= 1u64.checked_shl(self.lines.numbers).unwrap_or(1);
+            }
+            self.lines.numbers += 1;
+        } else {
+            self.skip_blanks();
+        }
         match self.bytes.get(self.position) {
             None => Err(Fault::End),
             Some(b'\n' | b'\r') => Err(Fault::Wrong("the line has fewer numbers than the header declares".into())),
@@ -113,19 +176,40 @@ impl<'a> Ascii<'a> {
         }
     }
 
+    /// The word at the cursor.
+    fn word(&self) -> &'a [u8] {
+        let rest = &self.bytes[self.position..];
+        &rest[..rest.iter().position(u8::is_ascii_whitespace).unwrap_or(rest.len())]
+    }
+
+    /// A number in another spelling.
+    #[cold]
+    fn spelled(&mut self) -> Result<f64, Fault> {
+        let word = self.word();
+        let value = number::spelled(word).ok_or_else(|| self.no_number("number"))?;
+        self.position += word.len();
+        Ok(value)
+    }
+
     #[cold]
     fn no_number(&self, wanted: &str) -> Fault {
-        let rest = &self.bytes[self.position..];
-        let length = rest.iter().position(u8::is_ascii_whitespace).unwrap_or(rest.len());
-        Fault::Wrong(format!("{} is no {wanted}", quote(&rest[..length])))
+        Fault::Wrong(format!("{} is no {wanted}", quote(self.word())))
     }
 }
 
-impl Body for Ascii<'_> {
+impl<const FREE: bool> Body for Ascii<'_, FREE> {
+    fn begin_element(&mut self) {
+        self.lines = Lines { all_begin_lines: true, all_alike: true, all_whole: true, ..Lines::default() };
+    }
+
     #[inline]
     fn begin_row(&mut self) -> Result<(), Fault> {
-        while let Some(b' ' | b'\t' | b'\n' | b'\r') = self.bytes.get(self.position) {
-            self.position += 1;
+        // the body begins a line
+        let line_began = self.position == self.start;
+        let line_ended = self.skip_lines();
+        if FREE {
+            self.lines.all_begin_lines &= line_began || line_ended;
+            (self.lines.numbers, self.lines.breaks) = (0, 0);
         }
         if self.position < self.bytes.len() { Ok(()) } else { Err(Fault::End) }
     }
@@ -133,9 +217,15 @@ impl Body for Ascii<'_> {
     #[inline]
     fn number(&mut self, _scalar: ScalarType) -> Result<f64, Fault> {
         let rest = self.begin_number()?;
-        let (value, length) = fast_float2::parse_partial::<f64, _>(rest).map_err(|_| self.no_number("number"))?;
-        self.end_number(length)?;
-        Ok(value)
+        let Ok((value, length)) = fast_float2::parse_partial::<f64, _>(rest) else { return self.spelled() };
+        match self.end_number(length) {
+            Ok(()) => Ok(value),
+            Err(_) => self.spelled(),
+        }
+    }
+
+    fn packed(&mut self, scalar: ScalarType) -> Result<f64, Fault> {
+        Ok(packed_color_of(self.number(scalar)?, scalar.is_float()))
     }
 
     #[inline]
@@ -145,11 +235,8 @@ impl Body for Ascii<'_> {
         let mut value = 0i64;
         let mut length = usize::from(negative);
         while let Some(digit) = rest.get(length).map(|byte| byte.wrapping_sub(b'0')).filter(|digit| *digit < 10) {
-            // more digits than any declared type has
-            if length > 11 {
-                return Err(self.no_number("index or count"));
-            }
-            value = value * 10 + i64::from(digit);
+            let next = value.checked_mul(10).and_then(|tens| tens.checked_add(i64::from(digit)));
+            value = next.ok_or_else(|| self.no_number("index or count"))?;
             length += 1;
         }
         if length == usize::from(negative) {
@@ -161,11 +248,36 @@ impl Body for Ascii<'_> {
 
     #[inline]
     fn end_row(&mut self) -> Result<(), Fault> {
+        if FREE {
+            let lines = &mut self.lines;
+            let row = (lines.numbers, lines.breaks);
+            lines.all_alike &= *lines.first.get_or_insert(row) == row;
+            lines.all_whole &= lines.breaks == 0;
+            return Ok(());
+        }
         self.skip_blanks();
         match self.bytes.get(self.position) {
             None | Some(b'\n' | b'\r') => Ok(()),
             Some(_) => Err(Fault::Wrong("the line has more numbers than the header declares".into())),
         }
+    }
+
+    fn end_element(&mut self) -> Result<(), Fault> {
+        let Lines { all_begin_lines, all_alike, all_whole, .. } = self.lines;
+        if !FREE || all_whole || (all_begin_lines && all_alike) {
+            return Ok(());
+        }
+        Err(Fault::Wrong("rows don't stand in lines alike".into()))
+    }
+
+    fn end(&mut self) -> Result<(), Fault> {
+        if FREE {
+            self.skip_lines();
+            if self.position < self.bytes.len() {
+                return Err(Fault::Wrong("there are more numbers than the header declares".into()));
+            }
+        }
+        Ok(())
     }
 
     fn place(&self) -> String {
@@ -212,6 +324,7 @@ impl<const BIG: bool> Body for Binary<'_, BIG> {
         match scalar {
             ScalarType::F32 => self.take().map(|bytes| f64::from(f32::from_le_bytes(bytes))),
             ScalarType::F64 => self.take().map(f64::from_le_bytes),
+            ScalarType::U64 => self.take().map(|bytes| u64::from_le_bytes(bytes) as f64),
             _ => self.integer(scalar).map(|value| value as f64),
         }
     }
@@ -225,10 +338,21 @@ impl<const BIG: bool> Body for Binary<'_, BIG> {
             ScalarType::U16 => i64::from(u16::from_le_bytes(self.take()?)),
             ScalarType::I32 => i64::from(i32::from_le_bytes(self.take()?)),
             ScalarType::U32 => i64::from(u32::from_le_bytes(self.take()?)),
+            ScalarType::I64 => i64::from_le_bytes(self.take()?),
+            // what is beyond i64 is no count and no index
+            ScalarType::U64 => i64::try_from(u64::from_le_bytes(self.take()?)).unwrap_or(i64::MAX),
             ScalarType::F32 | ScalarType::F64 => {
                 return Err(Fault::Wrong("a list of indices can't be of a floating type".into()));
             }
         })
+    }
+
+    fn packed(&mut self, scalar: ScalarType) -> Result<f64, Fault> {
+        match scalar.size() {
+            // as bits: a float's way through f64 may change those of a NaN
+            4 => self.take().map(|bytes| packed_color(u32::from_le_bytes(bytes), scalar.is_float())),
+            _ => self.number(scalar).map(|value| packed_color_of(value, scalar.is_float())),
+        }
     }
 
     #[inline]
@@ -247,7 +371,7 @@ mod tests {
 
     #[test]
     fn text_rows_must_have_as_many_numbers_as_declared() {
-        let mut body = Ascii::new(b"1 2\r\n  -3\n", 0);
+        let mut body = Ascii::<false>::new(b"1 2\r\n  -3\n", 0);
         body.begin_row().expect("a first row");
         assert_eq!(body.number(ScalarType::F32), Ok(1.0));
         assert_eq!(body.end_row(), Err(Fault::Wrong("the line has more numbers than the header declares".into())));
@@ -261,12 +385,12 @@ mod tests {
 
     #[test]
     fn text_that_is_no_number_is_quoted() {
-        let mut body = Ascii::new(b"12abc 7", 0);
+        let mut body = Ascii::<false>::new(b"12abc 7", 0);
         assert_eq!(body.number(ScalarType::F32), Err(Fault::Wrong("\"12abc\" is no number".into())));
         assert_eq!(body.integer(ScalarType::I32), Err(Fault::Wrong("\"12abc\" is no number".into())));
-        let mut body = Ascii::new(b"99999999999999999999 -", 0);
+        let mut body = Ascii::<false>::new(b"99999999999999999999 -", 0);
         assert!(matches!(body.integer(ScalarType::U32), Err(Fault::Wrong(_))));
-        let mut body = Ascii::new(b"-", 0);
+        let mut body = Ascii::<false>::new(b"-", 0);
         assert_eq!(body.integer(ScalarType::U32), Err(Fault::Wrong("\"-\" is no whole number".into())));
     }
 

@@ -1,5 +1,6 @@
 //! The header of a PLY file: how the body is encoded and which elements it holds.
 
+use crate::formats::header_lines::HeaderLines;
 use crate::formats::{FormatError, quote};
 
 /// A header longer than this is no header (bytes).
@@ -14,6 +15,8 @@ pub(super) enum ScalarType {
     U16,
     I32,
     U32,
+    I64,
+    U64,
     F32,
     F64,
 }
@@ -28,6 +31,8 @@ impl ScalarType {
             "ushort" | "uint16" => ScalarType::U16,
             "int" | "int32" => ScalarType::I32,
             "uint" | "uint32" => ScalarType::U32,
+            "int64" => ScalarType::I64,
+            "uint64" => ScalarType::U64,
             "float" | "float32" => ScalarType::F32,
             "double" | "float64" => ScalarType::F64,
             _ => return None,
@@ -40,7 +45,7 @@ impl ScalarType {
             ScalarType::I8 | ScalarType::U8 => 1,
             ScalarType::I16 | ScalarType::U16 => 2,
             ScalarType::I32 | ScalarType::U32 | ScalarType::F32 => 4,
-            ScalarType::F64 => 8,
+            ScalarType::I64 | ScalarType::U64 | ScalarType::F64 => 8,
         }
     }
 
@@ -119,9 +124,23 @@ impl Header {
         Ok(())
     }
 
-    /// Parses everything up to and including `end_header`.
-    pub(super) fn parse(bytes: &[u8]) -> Result<Header, FormatError> {
-        let mut lines = HeaderLines::new(bytes)?;
+    /// The bytes of a binary body, if they are known before it is read: without lists.
+    fn body_bytes(&self) -> Option<u64> {
+        let mut total = 0u64;
+        for element in &self.elements {
+            let is_scalar = |property: &Property| matches!(property.kind, Kind::Scalar(_));
+            if self.encoding == Encoding::Ascii || !element.properties.iter().all(is_scalar) {
+                return None;
+            }
+            total = total.checked_add(element.count.checked_mul(element.least_row_bytes(self.encoding))?)?;
+        }
+        Some(total)
+    }
+
+    /// Parses everything up to and including `end_header`; the file begins at byte `start`.
+    pub(super) fn parse(bytes: &[u8], start: usize) -> Result<Header, FormatError> {
+        check_magic(&bytes[start..])?;
+        let mut lines = HeaderLines::new(bytes, start, MAX_HEADER);
         let mut encoding = None;
         let mut header = Header {
             encoding: Encoding::Ascii,
@@ -131,7 +150,7 @@ impl Header {
             body_start: 0,
         };
         loop {
-            let (number, line) = lines.next_line()?;
+            let (number, line) = lines.next_line().ok_or_else(|| endless(bytes, lines.count()))?;
             let words: Vec<&str> = line.split_ascii_whitespace().collect();
             let broken = |problem: &str| {
                 let problem = format!("{problem}: {}", quote(line.as_bytes()));
@@ -161,7 +180,7 @@ impl Header {
         header.encoding = encoding.ok_or_else(|| {
             FormatError::malformed("header", "there is no format line", "export the file again as PLY 1.0")
         })?;
-        header.body_start = lines.position;
+        header.body_start = lines.body_start(header.body_bytes());
         Ok(header)
     }
 }
@@ -188,53 +207,26 @@ fn parse_property(words: &[&str]) -> Option<Property> {
     Some(Property { name: name.to_string(), kind })
 }
 
-/// Walks over the header's lines. The end of the first line (LF, CR LF or CR) tells how lines end.
-struct HeaderLines<'a> {
-    bytes: &'a [u8],
-    line_end: &'static [u8],
-    position: usize,
-    number: usize,
+/// A file begins with the line `ply`.
+fn check_magic(bytes: &[u8]) -> Result<(), FormatError> {
+    if let [b'p', b'l', b'y', b'\r' | b'\n' | b' ' | b'\t', ..] = bytes {
+        return Ok(());
+    }
+    let found = if bytes.is_empty() { "is empty".into() } else { format!("begins with {}", quote(bytes)) };
+    let problem = format!("a PLY file begins with the line `ply`, this one {found}");
+    Err(FormatError::malformed("byte 0", problem, "send a PLY file, ASCII or binary"))
 }
 
-impl<'a> HeaderLines<'a> {
-    fn new(bytes: &'a [u8]) -> Result<Self, FormatError> {
-        let line_end: &[u8] = match bytes {
-            [b'p', b'l', b'y', b'\r', b'\n', ..] => b"\r\n",
-            [b'p', b'l', b'y', b'\r', ..] => b"\r",
-            [b'p', b'l', b'y', b'\n' | b' ' | b'\t', ..] => b"\n",
-            _ => {
-                let found = if bytes.is_empty() { "is empty".into() } else { format!("begins with {}", quote(bytes)) };
-                let problem = format!("a PLY file begins with the line `ply`, this one {found}");
-                return Err(FormatError::malformed("byte 0", problem, "send a PLY file, ASCII or binary"));
-            }
-        };
-        let mut lines = HeaderLines { bytes, line_end, position: 0, number: 0 };
-        lines.next_line()?;
-        Ok(lines)
+/// What is wrong with a header of which so many lines were read.
+fn endless(bytes: &[u8], lines: usize) -> FormatError {
+    if bytes.len() > MAX_HEADER {
+        let problem = format!("there is no end_header in the first {MAX_HEADER} bytes");
+        return FormatError::malformed("header", problem, "export the file again as PLY 1.0");
     }
-
-    /// The next line and its number, counted from 1.
-    fn next_line(&mut self) -> Result<(usize, &'a str), FormatError> {
-        let rest = &self.bytes[self.position..self.bytes.len().min(MAX_HEADER).max(self.position)];
-        let Some(length) = rest.windows(self.line_end.len()).position(|window| window == self.line_end) else {
-            return Err(self.endless());
-        };
-        self.position += length + self.line_end.len();
-        self.number += 1;
-        // a line that is no UTF-8 can only be a comment or stray
-        Ok((self.number, std::str::from_utf8(&rest[..length]).unwrap_or("")))
-    }
-
-    fn endless(&self) -> FormatError {
-        if self.bytes.len() > MAX_HEADER {
-            let problem = format!("there is no end_header in the first {MAX_HEADER} bytes");
-            return FormatError::malformed("header", problem, "export the file again as PLY 1.0");
-        }
-        // `end_header` as the very last word of an empty file still lacks the body
-        FormatError::Truncated {
-            declared: "a PLY header".into(),
-            found: format!("it, before end_header (line {})", self.number + 1),
-        }
+    // `end_header` as the very last word of an empty file still lacks the body
+    FormatError::Truncated {
+        declared: "a PLY header".into(),
+        found: format!("it, before end_header (line {})", lines + 1),
     }
 }
 
@@ -243,7 +235,7 @@ mod tests {
     use super::*;
 
     fn parse(text: &str) -> Result<Header, FormatError> {
-        Header::parse(text.as_bytes())
+        Header::parse(text.as_bytes(), 0)
     }
 
     #[test]

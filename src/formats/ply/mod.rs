@@ -4,6 +4,8 @@
 //! (skipped by their declaration), polygons (cut into fans) and the `range_grid` of organised scans.
 
 mod body;
+mod faces;
+mod grid;
 mod header;
 mod reader;
 mod writer;

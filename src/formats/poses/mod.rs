@@ -1,13 +1,15 @@
 //! Pose files: which scan stands where. Stanford `.conf`, JSON and text blocks are told apart by their content.
 
 mod conf;
+mod fit;
 mod json;
 mod text;
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::{FormatError, checked_coordinate, quote};
-use crate::geometry::{Motion, se3};
+use crate::geometry::Motion;
+use crate::geometry::se3::{self, NearestMotion};
 
 pub use conf::write as write_conf;
 pub use json::{write as write_json, write_matrices};
@@ -23,6 +25,10 @@ pub struct PoseFile {
     pub scales: BTreeMap<String, f64>,
     /// The matrices as they stand in the file; `.conf` has none.
     pub matrices: BTreeMap<String, [[f64; 4]; 4]>,
+    /// Names of the file that are those of a scan in another form, and the scan: see [`PoseFile::named_as`].
+    pub fitted: Vec<(String, String)>,
+    /// The poses that are rotations but for rounding, and how far off they are (Frobenius): the nearest are taken.
+    pub rounded: Vec<(String, f64)>,
 }
 
 impl PoseFile {
@@ -31,9 +37,31 @@ impl PoseFile {
         self.poses.iter().cloned().collect()
     }
 
+    /// What was done to make the file usable, in words: for people.
+    pub fn notes(&self) -> Vec<String> {
+        let mut notes = Vec::new();
+        if let Some((scan, worst)) = self.rounded.iter().max_by(|a, b| a.1.total_cmp(&b.1)) {
+            let count = self.rounded.len();
+            notes.push(format!(
+                "{count} pose(s) are rounded and no exact rotations, by up to {worst:.1e} ({scan}): the nearest rotations \
+                 are taken"
+            ));
+        }
+        if let Some((from, to)) = self.fitted.first() {
+            let count = self.fitted.len();
+            notes.push(format!(
+                "{count} pose(s) are taken for scans of nearly the same name, such as {from:?} for {to:?}"
+            ));
+        }
+        notes
+    }
+
     /// Adds a pose given as a 4x4 row-major matrix.
     fn push_matrix(&mut self, scan: &str, rows: [[f64; 4]; 4]) -> Result<(), Fault> {
-        let (motion, scale) = pose_from_rows(scan, &rows)?;
+        let NearestMotion { motion, scale, distance } = pose_from_rows(scan, &rows)?;
+        if distance > EXACT {
+            self.rounded.push((scan.to_owned(), distance));
+        }
         if scale != 1.0 {
             self.scales.insert(scan.to_owned(), scale);
         }
@@ -119,14 +147,21 @@ fn parse(bytes: &[u8]) -> Result<PoseFile, Fault> {
     Ok(file)
 }
 
-/// A pose and its scale from a 4x4 row-major matrix.
-fn pose_from_rows(scan: &str, rows: &[[f64; 4]; 4]) -> Result<(Motion, f64), Fault> {
-    let (motion, scale) = se3::from_scaled_rows(rows).map_err(|error| Fault::scan(scan, error.to_string()))?;
+/// What is nearer to a rotation than this (Frobenius) is one: five printed digits.
+const EXACT: f64 = 1e-5;
+/// The rotations of a pose file may be rounded to two decimals, which moves them by up to this (Frobenius). They are only
+/// where a registration starts.
+const ROUNDED: f64 = 3.0 * 0.5e-2;
+
+/// The nearest pose to a 4x4 row-major matrix.
+fn pose_from_rows(scan: &str, rows: &[[f64; 4]; 4]) -> Result<NearestMotion, Fault> {
+    let nearest = se3::nearest_motion(rows, ROUNDED).map_err(|error| Fault::scan(scan, error.to_string()))?;
+    let NearestMotion { motion, scale, .. } = nearest;
     for coordinate in motion.translation.vector.iter() {
         checked_coordinate(*coordinate).map_err(|problem| Fault::scan(scan, format!("the translation {problem}")))?;
     }
     checked_coordinate(scale).map_err(|problem| Fault::scan(scan, format!("the scale {problem}")))?;
-    Ok((motion, scale))
+    Ok(nearest)
 }
 
 #[cfg(test)]
@@ -166,7 +201,7 @@ mod tests {
         let scaled = message("{\"a.ply\": null, \"b.ply\": [2,0,0,0, 0,2,0,0, 0,0,2,0, 0,0,0,1]}");
         assert!(scaled.starts_with("\"poses.txt\": the pose of \"b.ply\": the 3x3 block is no rotation"), "{scaled}");
         let far = message("a.ply\n1 0 0 1e300\n0 1 0 0\n0 0 1 0\n0 0 0 1\n");
-        assert!(far.contains("the pose of \"a.ply\": the translation is too large"), "{far}");
+        assert!(far.contains("the pose of \"a.ply\": the translation is 1e300"), "{far}");
         let not_finite = message("a.ply\n1 0 0 nan\n0 1 0 0\n0 0 1 0\n0 0 0 1\n");
         assert!(
             not_finite.contains("the pose of \"a.ply\": the matrix has a number that is not finite"),

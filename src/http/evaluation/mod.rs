@@ -95,6 +95,7 @@ async fn evaluated(state: &AppState, query: EvaluationQuery) -> Result<Evaluatio
 type Labels = BTreeMap<ModelId, Box<str>>;
 
 async fn evaluate(state: &AppState, query: EvaluationQuery) -> Result<Evaluation, Problem> {
+    state.shop.store.settled().await;
     let name = query.standard.unwrap_or_else(|| "face".to_owned());
     let judged = match standard::by_name(&name) {
         Some(_) => None,

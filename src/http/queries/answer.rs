@@ -16,6 +16,7 @@ use crate::store::{MatchedModel, ModelId};
 
 /// The answer of the gallery as it is at this moment.
 pub async fn answer(state: &AppState, question: Question) -> Result<QueryAnswer, Problem> {
+    state.shop.store.settled().await;
     if let About::Class { name } = &question.about {
         return class::answer(state, &question, name).await;
     }

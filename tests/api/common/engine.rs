@@ -1,8 +1,8 @@
 //! Algorithms that do what a test tells them.
 
 use std::collections::BTreeMap;
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, OnceLock};
 use std::time::{Duration, Instant};
 
 use visage::classes::{Class, Found};
@@ -26,6 +26,8 @@ pub enum Mode {
     Panic,
     /// Refuses the second scan.
     Refuse,
+    /// Hands the initial poses back, and a signature of a ball.
+    Described,
 }
 
 /// Deterministic, and no registration at all. Signatures are real.
@@ -40,11 +42,21 @@ pub struct FakeEngine {
     pub described: AtomicUsize,
     /// Descriptions that were stopped because nobody wants them any more.
     pub given_up: AtomicUsize,
+    ball: OnceLock<Signature>,
 }
 
 impl FakeEngine {
     pub fn set(&self, mode: Mode) {
         *self.mode.lock().expect("never poisoned") = mode;
+    }
+
+    fn signature_of_a_ball(&self) -> Signature {
+        let describe = || {
+            let limits = visage::config::Limits::default().read_limits();
+            let ball = visage::formats::read_surface("ball.obj", &super::files::bumpy_sphere(0.0), &limits);
+            PipelineEngine.describe(&ball.expect("a mesh"), Unit::Mm, &Progress::silent()).expect("a signature")
+        };
+        self.ball.get_or_init(describe).clone()
     }
 }
 
@@ -60,7 +72,7 @@ impl Engine for FakeEngine {
         self.runs.fetch_add(1, Ordering::Relaxed);
         let mode = *self.mode.lock().expect("never poisoned");
         match mode {
-            Mode::Quick => progress.report(Stage::Registering, 1.0),
+            Mode::Quick | Mode::Described => progress.report(Stage::Registering, 1.0),
             Mode::Slow(time) => wait(time, progress, true)?,
             Mode::Deaf(time) => wait(time, progress, false)?,
             Mode::Panic => panic!("told to"),
@@ -77,7 +89,8 @@ impl Engine for FakeEngine {
         for (name, matrix) in &start.base {
             poses.insert(name.clone(), se3::from_rows(matrix).expect("rigid"));
         }
-        Ok(outcome(&scans, &poses))
+        let signature = if mode == Mode::Described { Some(self.signature_of_a_ball()) } else { None };
+        Ok(Outcome { signature, ..outcome(&scans, &poses) })
     }
 
     fn describe(&self, surface: &Surface, unit: Unit, progress: &Progress) -> Result<Signature, DescribeError> {

@@ -96,7 +96,7 @@ pub(super) fn cpu_seconds() -> f64 {
 }
 
 fn peak_mib() -> f64 {
-    getrusage(UsageWho::RUSAGE_SELF).map_or(f64::NAN, |usage| usage.max_rss() as f64 / 1024.0)
+    crate::machine::peak_memory_bytes().map_or(f64::NAN, |bytes| bytes as f64 / f64::from(1 << 20))
 }
 
 /// Memory of this process now.

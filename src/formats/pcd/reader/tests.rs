@@ -1,4 +1,5 @@
 use super::*;
+use crate::geometry::Surface;
 
 /// A file of 2 x 2 pixels, one of which saw nothing, in one of the three encodings.
 fn organised(data: &str, body: &[u8]) -> Vec<u8> {
@@ -54,7 +55,7 @@ fn ascii() -> Vec<u8> {
 }
 
 fn read_all(bytes: &[u8]) -> Result<Surface, FormatError> {
-    read(bytes, &ReadLimits::default())
+    read(bytes, &ReadLimits::default()).map(|reading| reading.surface)
 }
 
 #[test]
@@ -117,10 +118,13 @@ fn what_is_declared_is_held_against_the_bytes_before_anything_is_made() {
 fn bad_values_are_named_by_point() {
     let message = |text: String| read_all(text.as_bytes()).expect_err("bad").to_string();
     let file = |body: &str| format!("FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH 2\nHEIGHT 1\nDATA ascii\n{body}");
-    assert!(message(file("1 2 3\n1 inf 2\n")).starts_with("point 1 of 2: y is not finite"));
+    assert!(message(file("1 2 3\n1 1e20 2\n")).starts_with("point 1 (line 8): y is 1e20, which is too large"));
     assert!(message(file("1 2 3\n1 2 x\n")).starts_with("point 1 (line 8): \"x\" is no number"));
     assert!(message(file("1 2 3\n1 22\n")).starts_with("point 1 (line 8): the line has fewer numbers"));
-    assert!(message(file("nan 2 3\nnan 1 2\n")).starts_with("data: there are no points"));
+    assert!(
+        message(file("nan 2 3\nnan 1 2\n"))
+            .starts_with("the whole file: there are no points: no coordinates are finite")
+    );
     assert!(message(file("").replace("x y z", "x y w")).contains("the points have no x, y and z"));
 }
 

@@ -1,0 +1,232 @@
+//! Which files of a folder are scans, and the folder for the results.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use anyhow::{Context, bail, ensure};
+
+use crate::formats::{self, FormatError, poses::PoseFile};
+
+/// Makes the folder for the results, and refuses one that can't be written or that holds the scans, before any work.
+pub fn make_out(out: &Path, scans: &Path) -> anyhow::Result<()> {
+    ensure!(
+        out.is_dir() || !out.exists(),
+        "--out {} is a file: give a folder, or the name of a new one",
+        out.display()
+    );
+    let is_same = |a: &Path, b: &Path| a.canonicalize().ok().zip(b.canonicalize().ok()).is_some_and(|(a, b)| a == b);
+    ensure!(
+        !is_same(out, scans),
+        "--out {} is the folder of the scans: the next run would take the results for scans; give another folder",
+        out.display()
+    );
+    std::fs::create_dir_all(out).with_context(|| format!("making {}", out.display()))?;
+    tempfile::tempfile_in(out).with_context(|| format!("writing to {}", out.display()))?;
+    Ok(())
+}
+
+/// The files of a folder by name.
+pub struct Folder<'a> {
+    path: &'a Path,
+    /// Each name, and whether it is UTF-8 as it stands.
+    files: Vec<(String, bool)>,
+}
+
+impl<'a> Folder<'a> {
+    /// Lists a folder.
+    pub fn list(path: &'a Path) -> anyhow::Result<Self> {
+        let entries = std::fs::read_dir(path).with_context(|| format!("reading the folder {}", path.display()))?;
+        let mut files = Vec::new();
+        for entry in entries {
+            let entry = entry.with_context(|| format!("reading the folder {}", path.display()))?;
+            if entry.path().is_file() {
+                let name = entry.file_name();
+                files.push((name.to_string_lossy().into_owned(), name.to_str().is_some()));
+            }
+        }
+        files.sort();
+        Ok(Folder { path, files })
+    }
+
+    fn names(&self) -> impl Iterator<Item = &str> {
+        self.files.iter().map(|(name, _)| name.as_str())
+    }
+
+    /// The files that may be scans: hidden ones are none, such as the `._scan.ply` that a Mac leaves beside a scan.
+    fn scans(&self) -> impl Iterator<Item = &str> {
+        self.names().filter(|name| formats::check_name(name).is_ok() && !name.starts_with('.'))
+    }
+
+    /// Names the poses of a file as the scans are named.
+    pub fn fit(&self, poses: PoseFile) -> PoseFile {
+        poses.named_as(&self.scans().collect::<Vec<_>>())
+    }
+
+    /// The scans to register, in the order of the views: that of the base model, then of the pose file, else natural
+    /// order of the names.
+    pub fn choose(
+        &self,
+        glob: Option<&str>,
+        poses: Option<&PoseFile>,
+        base: Option<&PoseFile>,
+    ) -> anyhow::Result<Vec<String>> {
+        let mut names: Vec<String> = match (glob, poses) {
+            (Some(glob), _) => self.matching(glob)?,
+            (None, Some(poses)) => self.posed(poses, base)?,
+            (None, None) => self.scans().map(str::to_owned).collect(),
+        };
+        let place_in = |file: Option<&PoseFile>, name: &String| {
+            file.and_then(|file| file.poses.iter().position(|(posed, _)| posed == name)).unwrap_or(usize::MAX)
+        };
+        let place = |name: &String| (place_in(base, name), place_in(poses, name));
+        names.sort_by(|a, b| place(a).cmp(&place(b)).then_with(|| natord::compare(a, b)));
+        if names.is_empty() {
+            bail!("{}", self.without_scans(glob));
+        }
+        if let Some((name, _)) = self.files.iter().find(|(name, is_utf8)| !is_utf8 && names.contains(name)) {
+            bail!("the name of {name} in {} is no UTF-8: rename the file", self.path.display());
+        }
+        if let Some(named) = poses.and_then(|poses| poses.poses.first()) {
+            let fits = |name: &String| place_in(poses, name) < usize::MAX;
+            let named = &named.0;
+            ensure!(
+                names.iter().any(fits),
+                "the pose file names none of the scans: it names {named}, not {}",
+                names[0]
+            );
+        }
+        Ok(names)
+    }
+
+    fn matching(&self, glob: &str) -> anyhow::Result<Vec<String>> {
+        let matcher = globset::Glob::new(glob).context("--scans")?.compile_matcher();
+        // a name fits itself, whatever its signs mean in a glob
+        let fits = |name: &&str| *name == glob || (matcher.is_match(name) && !name.starts_with('.'));
+        Ok(self.names().filter(fits).map(str::to_owned).collect())
+    }
+
+    fn posed(&self, poses: &PoseFile, base: Option<&PoseFile>) -> anyhow::Result<Vec<String>> {
+        let is_there = |name: &str| self.names().any(|file| file == name);
+        let missing: Vec<&str> = poses.poses.iter().map(|p| p.0.as_str()).filter(|name| !is_there(name)).collect();
+        ensure!(
+            missing.is_empty(),
+            "the pose file names scans that are not in {}: {}",
+            self.path.display(),
+            missing.join(", ")
+        );
+        let posed = || poses.poses.iter().chain(base.iter().flat_map(|base| &base.poses));
+        Ok(self.names().filter(|name| posed().any(|(posed, _)| posed == name)).map(str::to_owned).collect())
+    }
+
+    fn without_scans(&self, glob: Option<&str>) -> String {
+        let path = self.path.display();
+        match glob {
+            Some(glob) => format!("no file in {path} fits --scans '{glob}' (in it * ? [...] {{...}} stand for others)"),
+            None => {
+                let packed = |name: &&str| matches!(formats::check_name(name), Err(FormatError::Packed { .. }));
+                let packed = self.names().filter(packed).count();
+                let packed =
+                    if packed > 0 { format!("; {packed} files are packed: unpack them") } else { String::new() };
+                format!("no scans in {path} (read are: {}{packed})", formats::EXTENSIONS.join(", "))
+            }
+        }
+    }
+
+    /// What is not read of the folder when its scans are not chosen, in words: other formats, and poses.
+    pub fn not_read(&self) -> Vec<String> {
+        let is_pose_file = |name: &str| name.ends_with(".conf");
+        let mut endings: BTreeMap<String, usize> = BTreeMap::new();
+        let others = self.names().filter(|name| !name.starts_with('.') && name.contains('.') && !is_pose_file(name));
+        for name in others.filter(|name| formats::check_name(name).is_err()) {
+            *endings.entry(formats::extension(name)).or_default() += 1;
+        }
+        let mut notes = Vec::new();
+        if let Some(conf) = self.names().find(|name| is_pose_file(name)) {
+            notes.push(format!("{conf} is not used; give it with --poses if the scans are to start from it"));
+        }
+        let count: usize = endings.values().sum();
+        if count > 0 {
+            let endings: Vec<&str> = endings.keys().map(String::as_str).collect();
+            notes.push(format!("{count} files are not read ({})", endings.join(", ")));
+        }
+        notes
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn folder(names: &[&str]) -> tempfile::TempDir {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        names.iter().for_each(|name| std::fs::write(folder.path().join(name), "").expect("written"));
+        folder
+    }
+
+    fn pose_file(names: &[&str]) -> PoseFile {
+        let rows = "1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n";
+        let text: String = names.iter().map(|name| format!("{name}\n{rows}")).collect();
+        formats::poses::read("poses.txt", text.as_bytes()).expect("sound")
+    }
+
+    #[test]
+    fn droppings_are_passed_over_and_other_formats_are_mentioned() {
+        let folder = folder(&["a10.ply", "a9.PCD", "._a9.PCD", ".b.ply", "c.stl", "d.xyz", "e.las", "README"]);
+        let list = Folder::list(folder.path()).expect("listed");
+        assert_eq!(list.choose(None, None, None).expect("two scans"), ["a9.PCD", "a10.ply"]);
+        assert_eq!(list.choose(Some("*"), None, None).expect("a glob").len(), 6, "all but the hidden ones");
+        assert_eq!(list.not_read(), ["3 files are not read (las, stl, xyz)"]);
+    }
+
+    #[test]
+    fn an_exact_name_fits_itself_and_a_glob_that_fits_nothing_is_shown() {
+        let folder = folder(&["scan[00].ply", "scan_01.ply"]);
+        let list = Folder::list(folder.path()).expect("listed");
+        assert_eq!(list.choose(Some("scan[00].ply"), None, None).expect("itself"), ["scan[00].ply"]);
+        let error = list.choose(Some("scan[12].ply"), None, None).expect_err("none").to_string();
+        assert!(error.contains("fits --scans 'scan[12].ply'"), "{error}");
+    }
+
+    #[test]
+    fn packed_files_are_to_be_unpacked() {
+        let folder = folder(&["a.ply.gz", "b.ply.gz"]);
+        let error =
+            Folder::list(folder.path()).expect("listed").choose(None, None, None).expect_err("none").to_string();
+        assert!(error.ends_with("(read are: ply, pcd, obj; 2 files are packed: unpack them)"), "{error}");
+    }
+
+    #[test]
+    fn poses_must_fit_and_nearly_the_same_names_do() {
+        let folder = folder(&["a.ply", "b.ply"]);
+        let list = Folder::list(folder.path()).expect("listed");
+        let poses = list.fit(pose_file(&["./b.ply", "A"]));
+        assert_eq!(list.choose(None, Some(&poses), None).expect("both"), ["b.ply", "a.ply"]);
+        let poses = list.fit(pose_file(&["0.ply"]));
+        let error = list.choose(None, Some(&poses), None).expect_err("there is none").to_string();
+        assert!(error.starts_with("the pose file names scans that are not in"), "{error}");
+        let error = list.choose(Some("*.ply"), Some(&poses), None).expect_err("fits nothing").to_string();
+        assert_eq!(error, "the pose file names none of the scans: it names 0.ply, not a.ply");
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_name_that_is_no_utf8_is_said() {
+        use std::os::unix::ffi::OsStrExt;
+        let folder = folder(&["a.ply"]);
+        let name = std::ffi::OsStr::from_bytes(b"b\xfcste.ply");
+        std::fs::write(folder.path().join(name), "").expect("written");
+        let error = Folder::list(folder.path()).expect("listed").choose(None, None, None).expect_err("refused");
+        assert!(error.to_string().ends_with("is no UTF-8: rename the file"), "{error}");
+    }
+
+    #[test]
+    fn results_go_to_a_folder_of_their_own() {
+        let folder = folder(&["file"]);
+        let refused = |out: &Path| make_out(out, folder.path()).expect_err("refused").to_string();
+        assert!(refused(&folder.path().join("file")).ends_with("is a file: give a folder, or the name of a new one"));
+        assert!(refused(&folder.path().join(".")).contains("is the folder of the scans"));
+        assert!(refused(&folder.path().join("file/out")).starts_with("making "));
+        make_out(&folder.path().join("new/out"), folder.path()).expect("made");
+        assert!(folder.path().join("new/out").is_dir());
+    }
+}

@@ -1,0 +1,288 @@
+//! A mixed load whose server is killed again and again: what was answered is there, once, and nothing else is.
+#![cfg(unix)]
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+use std::process::Command;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+use crate::binary::{Process, client, coarse_scan, disturbed_poses};
+use crate::common::files;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use reqwest::multipart::{Form, Part};
+use reqwest::{Client, RequestBuilder, Response, StatusCode};
+use serde_json::{Value, json};
+
+/// Clients that work at the same time.
+const CLIENTS: usize = 4;
+/// So many scan sets or models are kept before old ones are deleted.
+const MANY: usize = 12;
+/// Everything is compared after so many kills.
+const COMPARED_EVERY: usize = 20;
+
+/// A request that is repeated until it is answered.
+#[derive(Debug, Clone)]
+enum Order {
+    ScanSet { number: u64 },
+    Job { number: u64, set: String },
+    Model { number: u64 },
+    DeleteModel(String),
+    DeleteSet(String),
+}
+
+/// What the service has said is there.
+#[derive(Debug, Default)]
+struct Ledger {
+    sets: BTreeSet<String>,
+    /// Uploaded models.
+    models: BTreeSet<String>,
+    /// Jobs with their scan sets.
+    jobs: BTreeMap<String, String>,
+    /// Things that a request under way may delete.
+    leaving: BTreeSet<String>,
+    /// Requests whose answers were lost.
+    in_doubt: Vec<Order>,
+    answers: BTreeMap<String, usize>,
+}
+
+impl Ledger {
+    /// `is_repeated`: an earlier try may have done it, though its answer was lost.
+    fn note(&mut self, order: &Order, is_repeated: bool, status: StatusCode, body: &Value) {
+        let id = || body["id"].as_str().unwrap_or_else(|| panic!("{order:?}: {body}")).to_owned();
+        let name = match order {
+            Order::ScanSet { .. } => "scan sets",
+            Order::Job { .. } => "jobs",
+            Order::Model { .. } => "models",
+            Order::DeleteModel(_) => "deleted models",
+            Order::DeleteSet(_) => "deleted scan sets",
+        };
+        *self.answers.entry(name.to_owned()).or_default() += usize::from(status.is_success());
+        match (order, status.as_u16()) {
+            (Order::ScanSet { .. }, 201) => {
+                self.sets.insert(id());
+            }
+            (Order::Model { .. }, 201) => {
+                self.models.insert(id());
+            }
+            // its scan set may have been deleted before the answer came
+            (Order::Job { set, .. }, 202) if self.sets.contains(set) => {
+                self.jobs.insert(id(), set.clone());
+            }
+            (Order::Job { .. }, 202) => {}
+            (Order::Job { set, .. }, 404) if !self.sets.contains(set) || self.leaving.contains(set) => {}
+            // there are jobs enough
+            (Order::Job { .. }, 429) => {}
+            (Order::DeleteModel(_) | Order::DeleteSet(_), 404) if !is_repeated => panic!("{order:?}: it is lost"),
+            (Order::DeleteModel(model), 204 | 404) => {
+                self.models.remove(model);
+                self.leaving.remove(model);
+            }
+            (Order::DeleteSet(set), 204 | 404) => {
+                self.sets.remove(set);
+                self.jobs.retain(|_, of| of != set);
+                self.leaving.remove(set);
+            }
+            // a job uses it
+            (Order::DeleteSet(set), 409) => {
+                self.leaving.remove(set);
+            }
+            _ => panic!("{order:?} was answered with {status}: {body}"),
+        }
+    }
+}
+
+fn scans(number: u64) -> Form {
+    let names: Vec<String> = (0..3).map(|index| format!("part{index}.ply")).collect();
+    let form = names.iter().enumerate().fold(Form::new(), |form, (index, name)| {
+        let scan = coarse_scan(index, 30 + number as usize % 7);
+        form.part("scans", Part::bytes(scan).file_name(name.clone()))
+    });
+    form.part("poses", Part::text(disturbed_poses(&names)))
+}
+
+fn request(client: &Client, url: &str, order: &Order) -> RequestBuilder {
+    match order {
+        Order::ScanSet { number } => client
+            .post(format!("{url}/v1/scan-sets"))
+            .header("idempotency-key", format!("set{number}"))
+            .multipart(scans(*number)),
+        Order::Job { number, set } => {
+            let body = json!({"scan_set_id": set, "options": {"signature": false}});
+            client.post(format!("{url}/v1/jobs")).header("idempotency-key", format!("job{number}")).json(&body)
+        }
+        Order::Model { number } => {
+            let ball = Part::bytes(files::bumpy_sphere(*number as f64 * 0.1)).file_name("ball.obj");
+            let form = Form::new().part("model", ball).text("unit", "mm");
+            client.post(format!("{url}/v1/models")).header("idempotency-key", format!("model{number}")).multipart(form)
+        }
+        Order::DeleteModel(model) => client.delete(format!("{url}/v1/models/{model}")),
+        Order::DeleteSet(set) => client.delete(format!("{url}/v1/scan-sets/{set}")),
+    }
+}
+
+/// The answer, or nothing if the server is gone.
+async fn answered(sent: RequestBuilder) -> Option<(StatusCode, Value)> {
+    let response: Response = sent.send().await.ok()?;
+    let status = response.status();
+    let body = response.text().await.ok()?;
+    Some((status, serde_json::from_str(&body).unwrap_or(Value::Null)))
+}
+
+/// Work until the server is gone.
+async fn work(client: Client, url: String, ledger: Arc<Mutex<Ledger>>, numbers: Arc<AtomicUsize>, seed: u64) {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    loop {
+        let number = numbers.fetch_add(1, Ordering::Relaxed) as u64;
+        let order = next_order(&mut ledger.lock().expect("no panic"), &mut random, number);
+        let Some(order) = order else {
+            let asked = client.post(format!("{url}/v1/queries")).json(&json!({"standard": "face"}));
+            match answered(asked).await {
+                Some((status, body)) => assert!([200, 503].contains(&status.as_u16()), "{status}: {body}"),
+                None => return,
+            }
+            continue;
+        };
+        let answer = answered(request(&client, &url, &order)).await;
+        let mut ledger = ledger.lock().expect("no panic");
+        match answer {
+            Some((status, body)) => ledger.note(&order, false, status, &body),
+            None => {
+                ledger.in_doubt.push(order);
+                return;
+            }
+        }
+    }
+}
+
+/// What is asked for next; nothing is a query.
+fn next_order(ledger: &mut Ledger, random: &mut ChaCha8Rng, number: u64) -> Option<Order> {
+    let of = |all: &BTreeSet<String>, leaving: &BTreeSet<String>, at: usize| {
+        all.iter().filter(|id| !leaving.contains(*id)).nth(at).cloned()
+    };
+    let order = match random.random_range(0..10) {
+        0..=2 if ledger.sets.len() < MANY => Some(Order::ScanSet { number }),
+        3..=5 => {
+            let set = of(&ledger.sets, &ledger.leaving, random.random_range(0..MANY));
+            set.map(|set| Order::Job { number, set })
+        }
+        6..=7 if ledger.models.len() < MANY => Some(Order::Model { number }),
+        6..=7 => of(&ledger.models, &ledger.leaving, 0).map(Order::DeleteModel),
+        0..=2 => of(&ledger.sets, &ledger.leaving, 0).map(Order::DeleteSet),
+        _ => None,
+    };
+    if let Some(Order::DeleteModel(id) | Order::DeleteSet(id)) = &order {
+        ledger.leaving.insert(id.clone());
+    }
+    order
+}
+
+async fn all(process: &Process, what: &str) -> Vec<Value> {
+    let (mut items, mut cursor) = (Vec::new(), String::new());
+    loop {
+        let page = process.get(&format!("/v1/{what}?limit=100{cursor}")).await;
+        items.extend(page["items"].as_array().expect("items").iter().cloned());
+        match page["next_cursor"].as_str() {
+            Some(next) => cursor = format!("&cursor={next}"),
+            None => return items,
+        }
+    }
+}
+
+fn ids(items: &[Value]) -> BTreeSet<String> {
+    let ids: BTreeSet<String> = items.iter().map(|item| item["id"].as_str().expect("an id").to_owned()).collect();
+    assert_eq!(ids.len(), items.len(), "an id is listed twice");
+    ids
+}
+
+/// Holds what is there against what was answered.
+async fn compare(process: &Process, ledger: &Mutex<Ledger>) {
+    let (sets, jobs, models) =
+        (all(process, "scan-sets").await, all(process, "jobs").await, all(process, "models").await);
+    let wanted = {
+        let ledger = ledger.lock().expect("no panic");
+        (ledger.sets.clone(), ledger.jobs.keys().cloned().collect::<BTreeSet<_>>(), ledger.models.clone())
+    };
+    assert_eq!(ids(&sets), wanted.0, "scan sets");
+    assert_eq!(ids(&jobs), wanted.1, "jobs");
+    let (made, uploaded): (Vec<Value>, Vec<Value>) = models.into_iter().partition(|model| model["job_id"].is_string());
+    assert_eq!(ids(&uploaded), wanted.2, "models");
+    // one model a job that has succeeded; jobs go on meanwhile
+    let of_jobs: Vec<&str> = made.iter().map(|model| model["job_id"].as_str().expect("an id")).collect();
+    assert_eq!(of_jobs.iter().collect::<BTreeSet<_>>().len(), of_jobs.len(), "a job made two models");
+    for job in jobs {
+        match job["status"].as_str() {
+            Some("succeeded") => assert!(of_jobs.contains(&job["id"].as_str().expect("an id")), "{job} has no model"),
+            Some("failed") => assert_eq!(job["error"]["code"], "attempts_exhausted", "{job}"),
+            _ => {}
+        }
+    }
+}
+
+/// Repeats the requests whose answers were lost.
+async fn settle(process: &Process, client: &Client, ledger: &Mutex<Ledger>) {
+    let in_doubt = std::mem::take(&mut ledger.lock().expect("no panic").in_doubt);
+    for order in in_doubt {
+        let (status, body) = answered(request(client, &process.url, &order)).await.expect("nobody kills it now");
+        ledger.lock().expect("no panic").note(&order, true, status, &body);
+    }
+}
+
+fn doctor(folder: &Path) {
+    let output = Command::new(env!("CARGO_BIN_EXE_visage")).args(["doctor", "--data"]).arg(folder).output();
+    let output = output.expect("it runs");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stdout));
+    println!("{}", String::from_utf8_lossy(&output.stdout).trim());
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+#[ignore = "takes minutes: VISAGE_KILLS says how often it is killed (300 if not given)"]
+async fn killed_in_a_mixed_load_it_loses_and_doubles_nothing() {
+    let kills: usize = std::env::var("VISAGE_KILLS").map_or(300, |text| text.parse().expect("a number"));
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (ledger, numbers) = (Arc::new(Mutex::new(Ledger::default())), Arc::new(AtomicUsize::new(0)));
+    let (client, mut random) = (client(), ChaCha8Rng::seed_from_u64(19));
+    let mut starts = Vec::new();
+    for kill in 0..kills {
+        let begin = Instant::now();
+        let process = Process::start(folder.path());
+        starts.push(begin.elapsed());
+        settle(&process, &client, &ledger).await;
+        if kill % COMPARED_EVERY == 0 {
+            compare(&process, &ledger).await;
+        }
+        let clients: Vec<_> = (0..CLIENTS)
+            .map(|index| {
+                let seed = (kill * CLIENTS + index) as u64;
+                tokio::spawn(work(client.clone(), process.url.clone(), ledger.clone(), numbers.clone(), seed))
+            })
+            .collect();
+        tokio::time::sleep(Duration::from_millis(random.random_range(20..1500))).await;
+        process.signal("-KILL");
+        for client in clients {
+            client.await.expect("every answer is as it should be");
+        }
+    }
+    let process = Process::start(folder.path());
+    settle(&process, &client, &ledger).await;
+    while all(&process, "jobs")
+        .await
+        .iter()
+        .any(|job| ["queued", "running"].contains(&job["status"].as_str().unwrap_or("")))
+    {
+        tokio::time::sleep(Duration::from_millis(100)).await;
+    }
+    compare(&process, &ledger).await;
+    process.signal("-TERM");
+    drop(process);
+    doctor(folder.path());
+    starts.sort();
+    let answers = &ledger.lock().expect("no panic").answers;
+    println!(
+        "{kills} kills; answered {answers:?}; started in {:?} (median), {:?} (longest)",
+        starts[kills / 2],
+        starts[kills - 1]
+    );
+}
