@@ -57,7 +57,7 @@ impl Truth {
         let result = Method::Joint.register(&self.views, initial, &options, &Progress::silent()).expect("not canceled");
         let names: Vec<String> = (0..self.views.len()).map(|view| format!("scan {view}")).collect();
         let spacing = common_spacing(&self.views);
-        let mut verdict = quality::judge(&self.views, &result, spacing, &names);
+        let mut verdict = quality::judge(&self.views, &result, &names);
         let sensors: Vec<Option<Vector3>> = self.views.iter().map(|view| Some(-view.center)).collect();
         verdict.look(&self.views, &sensors, &result, &names);
         let known = covariance::of_result(&self.views, &result);

@@ -13,8 +13,8 @@ use crate::geometry::{MAX_COORDINATE, Motion, Surface, Unit, Vector3};
 use crate::progress::{Canceled, Progress, Stage};
 pub use crate::reconstruction::merge::ModelCloud;
 use crate::reconstruction::merge::{PosedView, merge};
-pub use crate::registration::method::Method;
 use crate::registration::colour::{self, Brightness};
+pub use crate::registration::method::Method;
 use crate::registration::multiview::Multiview;
 use crate::registration::quality::Quality;
 use crate::registration::report::RegistrationReport;
@@ -313,7 +313,8 @@ fn sensor_of(scan: &NamedScan, view: &View, options: &Options) -> Option<Sensor>
 
 /// How bright the points of each scan are, where it has colours.
 fn brightness_of(scans: &[NamedScan]) -> Vec<Option<Brightness>> {
-    let brightness = |[red, green, blue]: &[u8; 3]| 0.3 * f32::from(*red) + 0.59 * f32::from(*green) + 0.11 * f32::from(*blue);
+    let brightness =
+        |[red, green, blue]: &[u8; 3]| 0.3 * f32::from(*red) + 0.59 * f32::from(*green) + 0.11 * f32::from(*blue);
     let of_scan = |scan: &NamedScan| Some(scan.surface.cloud.colors.as_ref()?.iter().map(brightness).collect());
     scans.iter().map(of_scan).collect()
 }

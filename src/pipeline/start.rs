@@ -166,7 +166,10 @@ impl Setting {
 
     /// Whether all poses may still be refined together: not where scales were sought, nor poses are fixed.
     pub fn may_be_refined(&self, options: &Options) -> bool {
-        options.method == Method::Joint && options.scale == Scale::None && self.base.is_empty() && self.scales.is_empty()
+        options.method == Method::Joint
+            && options.scale == Scale::None
+            && self.base.is_empty()
+            && self.scales.is_empty()
     }
 
     /// Whether a scan keeps the pose it has in the base model; `None` if there is no base model.

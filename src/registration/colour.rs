@@ -27,12 +27,7 @@ pub type Brightness = Vec<f32>;
 /// For each view how well its texture agrees with the neighbour that it agrees with best, in what noise lets it: about 1
 /// where views lie right, about 0 where they don't; `None` where there is no texture, or too little of it overlaps.
 /// `unit` is what the views resolve, a length.
-pub fn agreement(
-    views: &[View],
-    brightness: &[Option<Brightness>],
-    result: &Multiview,
-    unit: f64,
-) -> Vec<Option<f64>> {
+pub fn agreement(views: &[View], brightness: &[Option<Brightness>], result: &Multiview, unit: f64) -> Vec<Option<f64>> {
     let textures: Vec<Option<Texture>> = views
         .par_iter()
         .zip(brightness)

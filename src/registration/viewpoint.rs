@@ -171,3 +171,66 @@ pub fn is_single(points: &[LocalPoint], eye: &Vector3) -> bool {
     }
     asked > 0 && between as f64 <= BETWEEN * asked as f64
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::{Cloud, Point3};
+    use crate::registration::sensor::Sensor;
+    use crate::registration::view::View;
+
+    /// A room of 6 by 5 by 3 m with a box in it, as a camera sees it that stands at `eye` and looks along `forward`; in
+    /// the room's frame.
+    fn room_from(eye: Point3, forward: Vector3) -> Vec<Point3> {
+        let across = forward.cross(&Vector3::z()).normalize();
+        let upward = across.cross(&forward);
+        let rays = (0..120 * 90).map(|k| (f64::from(k % 120) / 120.0 - 0.5, f64::from(k / 120) / 90.0 - 0.5));
+        let boxes = [([0.0, 0.0, 0.0], [6.0, 5.0, 3.0], true), ([3.5, 1.5, 0.0], [4.5, 2.6, 1.1], false)];
+        let hit = |ray: Vector3| {
+            let reach = |(low, high, from_inside): &([f64; 3], [f64; 3], bool)| {
+                let (mut near, mut far) = (f64::NEG_INFINITY, f64::INFINITY);
+                for axis in 0..3 {
+                    let ends = [low[axis], high[axis]].map(|end| (end - eye[axis]) / ray[axis]);
+                    (near, far) = (near.max(ends[0].min(ends[1])), far.min(ends[0].max(ends[1])));
+                }
+                let reach = if *from_inside { far } else { near };
+                (near <= far && reach > 0.0).then_some(reach)
+            };
+            boxes.iter().filter_map(reach).min_by(f64::total_cmp)
+        };
+        rays.filter_map(|(x, y)| {
+            let ray = (forward + 1.2 * x * across + 0.9 * y * upward).normalize();
+            Some(eye + ray * hit(ray)?)
+        })
+        .collect()
+    }
+
+    #[test]
+    fn a_scan_in_its_camera_s_frame_was_taken_from_the_origin() {
+        let eye = Point3::new(1.0, 1.2, 1.5);
+        let points = room_from(eye, Vector3::new(0.9, 0.4, -0.1).normalize());
+        let camera = Cloud::from_points(points.iter().map(|p| Point3::from(p - eye)).collect());
+        let view = View::new(&camera).expect("a sound scan");
+        assert!(matches!(view.sensor, Some(Sensor::At(place)) if (place + view.center).norm() < 1e-9));
+        let elsewhere = Cloud::from_points(points.iter().map(|p| p + Vector3::new(4.0, -3.0, 1.0)).collect());
+        assert_eq!(View::new(&elsewhere).expect("a sound scan").sensor, None);
+    }
+
+    #[test]
+    fn a_camera_in_a_room_is_found_and_one_far_from_half_a_ball_is_not() {
+        let eye = Point3::new(1.0, 1.2, 1.5);
+        let room = Cloud::from_points(room_from(eye, Vector3::new(0.9, 0.4, -0.1).normalize()));
+        let view = View::new(&room).expect("a sound scan");
+        let found = find(&view.indexed, view.radius).expect("the camera shows");
+        assert!((Point3::from(found + view.center) - eye).norm() < 0.3, "{:?}", found + view.center);
+        let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
+        let half_ball = (0..6000).map(|k| {
+            // evenly seen from afar
+            let radius = ((f64::from(k) + 0.5) / 6000.0).sqrt() * 0.98;
+            let (sine, cosine) = (golden * f64::from(k)).sin_cos();
+            Point3::new(radius * cosine, radius * sine, (1.0 - radius * radius).sqrt())
+        });
+        let view = View::new(&Cloud::from_points(half_ball.collect())).expect("a sound scan");
+        assert_eq!(find(&view.indexed, view.radius), None);
+    }
+}

@@ -7,6 +7,7 @@ mod formats;
 mod queries;
 mod registration;
 mod rough;
+mod sets;
 
 use std::path::{Path, PathBuf};
 

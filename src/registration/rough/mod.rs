@@ -8,8 +8,8 @@
 pub mod alignment;
 pub mod assembly;
 pub mod confidence;
-pub mod cropped;
 pub mod consensus;
+pub mod cropped;
 pub mod descriptor;
 pub mod glance;
 pub mod grid;
@@ -33,8 +33,8 @@ pub mod verification;
 
 use rayon::prelude::*;
 
-use self::cropped::crop;
 use self::assembly::{Assembly, assemble};
+use self::cropped::crop;
 use self::group::Group;
 use self::link::Link;
 use self::other_side::try_other_sides;

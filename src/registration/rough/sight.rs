@@ -45,7 +45,11 @@ pub enum Seen {
 impl SightMap {
     /// The picture that `points` make, in cells of side `cell`.
     pub fn new(points: &[LocalPoint], sensor: &Sensor, cell: f64) -> Self {
-        let toward = sensor.direction_from(&[0.0; 3]).cast::<f32>().try_normalize(f32::MIN_POSITIVE).unwrap_or_else(nalgebra::Vector3::z);
+        let toward = sensor
+            .direction_from(&[0.0; 3])
+            .cast::<f32>()
+            .try_normalize(f32::MIN_POSITIVE)
+            .unwrap_or_else(nalgebra::Vector3::z);
         let mut least = nalgebra::Vector3::zeros();
         least[toward.iamin()] = 1.0;
         let across = toward.cross(&least).normalize();
@@ -60,8 +64,16 @@ impl SightMap {
             }
             Sensor::Toward(_) => None,
         };
-        let mut map =
-            SightMap { frame, eye, cell: cell as f32, origin: [0.0; 2], columns: 0, rows: 0, is_cropped: false, nearest: Vec::new() };
+        let mut map = SightMap {
+            frame,
+            eye,
+            cell: cell as f32,
+            origin: [0.0; 2],
+            columns: 0,
+            rows: 0,
+            is_cropped: false,
+            nearest: Vec::new(),
+        };
         let seen: Vec<nalgebra::Vector3<f32>> = points.iter().map(|p| map.project(&(*p).into())).collect();
         let bound = |axis: usize, fold: fn(f32, f32) -> f32, start| seen.iter().map(|s| s[axis]).fold(start, fold);
         map.origin = [bound(0, f32::min, f32::INFINITY), bound(1, f32::min, f32::INFINITY)];
