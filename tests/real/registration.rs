@@ -135,8 +135,7 @@ fn register_only(loaded: &Loaded, set: &StanfordSet, method: Method, level: &str
 
 fn register(loaded: &Loaded, set: &StanfordSet, method: Method, level: &str, seed: u32) -> (Objective, Quality) {
     let result = register_only(loaded, set, method, level, seed);
-    let spacing = visage::registration::multiview::common_spacing(&loaded.views);
-    let verdict = quality::judge(&loaded.views, &result, spacing, &loaded.names);
+    let verdict = quality::judge(&loaded.views, &result, &loaded.names);
     let scored = in_mm(objective(&loaded.views, &result.local_poses, &loaded.pairs));
     println!("{} {method} {level} seed {seed}: {scored:.5?} {:?} {:?}", set.name, verdict.quality, verdict.reasons);
     (scored, verdict.quality)
