@@ -70,10 +70,11 @@ impl View {
         let indexed = IndexedPoints::new(points);
         let samples = evenly_sampled(&indexed.points, SAMPLES);
         let origin = -center;
-        let Measured { mut distances2, mut residuals, solid_angles } = neighbourhoods(&indexed, &samples, &origin);
+        let Measured { mut distances2, mut residuals, solid_angles, areas } =
+            neighbourhoods(&indexed, &samples, &origin);
         let spacing = f64::from(median(&mut distances2).ok_or(UnusableScan::NoExtent)?).sqrt();
         let range_accuracy = f64::from(median(&mut residuals).unwrap_or(0.0));
-        let is_viewpoint = viewpoint::is_even(solid_angles) && viewpoint::is_single(&indexed.points, &origin);
+        let is_viewpoint = viewpoint::is_even(solid_angles, areas) && viewpoint::is_single(&indexed.points, &origin);
         let sensor = is_viewpoint.then_some(Sensor::At(origin));
         Ok(View { indexed, center, spacing, range_accuracy, radius, scale: 1.0, resolution: None, sensor })
     }
@@ -156,13 +157,15 @@ struct Measured {
     distances2: Vec<f32>,
     /// Residuals of the local planes.
     residuals: Vec<f32>,
-    /// What a point stands for, seen from an eye.
+    /// The solid angle that a point stands for, seen from an eye,
     solid_angles: Vec<f64>,
+    /// and the area of surface.
+    areas: Vec<f64>,
 }
 
 /// Measures the surroundings of samples: all from one search.
 fn neighbourhoods(indexed: &IndexedPoints, samples: &[LocalPoint], eye: &Vector3) -> Measured {
-    let measured: Vec<(Option<f32>, f32, Option<f64>)> = samples
+    let measured: Vec<(Option<f32>, f32, Option<f64>, f64)> = samples
         .par_chunks(CHUNK)
         .flat_map_iter(|samples| {
             // most of a scan is about as dense: a good guess, the same for any threads
@@ -173,14 +176,16 @@ fn neighbourhoods(indexed: &IndexedPoints, samples: &[LocalPoint], eye: &Vector3
                 guess2 = GUESS * distances2().fold(0.0, f32::max);
                 let nearest2 = distances2().filter(|d| *d > 0.0).min_by(f32::total_cmp);
                 let solid_angle = viewpoint::solid_angle(&indexed.points, sample, &found, eye);
-                (nearest2, normals::plane_through(&indexed.points, &found).rms, solid_angle)
+                let area = viewpoint::area(&indexed.points, &found);
+                (nearest2, normals::plane_through(&indexed.points, &found).rms, solid_angle, area)
             })
         })
         .collect();
     Measured {
         distances2: measured.iter().filter_map(|(nearest2, ..)| *nearest2).collect(),
-        residuals: measured.iter().map(|(_, residual, _)| *residual).collect(),
-        solid_angles: measured.iter().filter_map(|(.., solid_angle)| *solid_angle).collect(),
+        residuals: measured.iter().map(|(_, residual, ..)| *residual).collect(),
+        solid_angles: measured.iter().filter_map(|(_, _, solid_angle, _)| *solid_angle).collect(),
+        areas: measured.iter().map(|(.., area)| *area).collect(),
     }
 }
 

@@ -12,6 +12,9 @@ pub const LEAST_PLACES: usize = 50;
 /// The quartiles of the solid angle that a point stands for differ by no more than this factor: 1.1 for a laser, 1.3 for
 /// a depth camera; places that are no viewpoint mostly have 2 and more.
 const EVEN: f64 = 1.5;
+/// Points of a scan that was thinned are spread evenly over the surface: the areas that they stand for vary less than the
+/// solid angles from any viewpoint, by this factor at least in a scan that was not.
+const THINNED: f64 = 1.1;
 /// Points that are looked at for surfaces behind each other,
 const DIRECTIONS: usize = 4000;
 /// and those of them that ask their neighbours in direction.
@@ -52,7 +55,7 @@ pub fn solid_angle(points: &[LocalPoint], place: &LocalPoint, near: &[Neighbour]
 }
 
 /// The area of surface that a point stands for, by the nearest points, up to a factor that is the same for all.
-fn area(points: &[LocalPoint], near: &[Neighbour]) -> f64 {
+pub fn area(points: &[LocalPoint], near: &[Neighbour]) -> f64 {
     let at = |n: &Neighbour| nalgebra::Vector3::from(points[n.index as usize]).cast::<f64>();
     let mean = near.iter().map(at).sum::<Vector3>() / near.len().max(1) as f64;
     let scatter: nalgebra::Matrix3<f64> = near.iter().map(|n| (at(n) - mean) * (at(n) - mean).transpose()).sum();
@@ -75,9 +78,11 @@ pub fn unevenness(mut solid_angles: Vec<f64>) -> Option<f64> {
     Some(high / low.max(f64::MIN_POSITIVE))
 }
 
-/// Whether rays are spread as evenly as a scanner's.
-pub fn is_even(solid_angles: Vec<f64>) -> bool {
-    unevenness(solid_angles).is_some_and(|unevenness| unevenness <= EVEN)
+/// Whether rays are spread as evenly as a scanner's: `solid_angles` and `areas` are what points stand for at the same
+/// places. Of points that were thinned it can't be said.
+pub fn is_even(solid_angles: Vec<f64>, areas: Vec<f64>) -> bool {
+    let Some((rays, surface)) = unevenness(solid_angles).zip(unevenness(areas)) else { return false };
+    rays <= EVEN && surface >= THINNED * rays
 }
 
 /// Places with their neighbours, at which viewpoints are tried.
@@ -97,10 +102,6 @@ const STEPS: [f64; 6] = [0.3, 0.15, 0.08, 0.04, 0.02, 0.01];
 const SIDED: f64 = 1.5;
 /// Afar, in the radius of the scan.
 const FAR: f64 = 20.0;
-
-/// Points of a scan that was thinned are spread evenly over the surface: the areas that they stand for vary less than the
-/// solid angles from any viewpoint, by this factor at least in a scan that was not.
-const THINNED: f64 = 1.1;
 
 /// The viewpoint from which the rays to a scan are spread most evenly, if that is plain: not where the scanner was far,
 /// since a sheet looks the same from behind, nor where points were thinned. `radius` is the scan's.
@@ -179,12 +180,19 @@ mod tests {
     use crate::registration::sensor::Sensor;
     use crate::registration::view::View;
 
-    /// A room of 6 by 5 by 3 m with a box in it, as a camera sees it that stands at `eye` and looks along `forward`; in
+    /// A room of 6 by 5 by 3 m with a box in it, as a scanner sees it that stands at `eye` and looks along `forward`; in
     /// the room's frame.
     fn room_from(eye: Point3, forward: Vector3) -> Vec<Point3> {
         let across = forward.cross(&Vector3::z()).normalize();
         let upward = across.cross(&forward);
-        let rays = (0..120 * 90).map(|k| (f64::from(k % 120) / 120.0 - 0.5, f64::from(k / 120) / 90.0 - 0.5));
+        let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
+        // evenly spread over a cone of 55 degrees about the direction in which it looks
+        let rays = (0..10_000).map(|k| {
+            let along = 1.0 - 0.426 * (f64::from(k) + 0.5) / 10_000.0;
+            let (sine, cosine) = (golden * f64::from(k)).sin_cos();
+            let aside = (1.0 - along * along).sqrt();
+            forward * along + across * (aside * cosine) + upward * (aside * sine)
+        });
         let boxes = [([0.0, 0.0, 0.0], [6.0, 5.0, 3.0], true), ([3.5, 1.5, 0.0], [4.5, 2.6, 1.1], false)];
         let hit = |ray: Vector3| {
             let reach = |(low, high, from_inside): &([f64; 3], [f64; 3], bool)| {
@@ -198,11 +206,7 @@ mod tests {
             };
             boxes.iter().filter_map(reach).min_by(f64::total_cmp)
         };
-        rays.filter_map(|(x, y)| {
-            let ray = (forward + 1.2 * x * across + 0.9 * y * upward).normalize();
-            Some(eye + ray * hit(ray)?)
-        })
-        .collect()
+        rays.filter_map(|ray| Some(eye + ray * hit(ray)?)).collect()
     }
 
     #[test]
