@@ -16,7 +16,10 @@ const COHERENT: f64 = 0.75;
 /// is, whatever the scanner.
 const MISSED: f64 = 0.12;
 
-/// Marks the sketches that are cropped by what the best links say; whether any is.
+/// Frames come in sets: fewer than this share of cropped pictures are whole objects that were laid on each other wrongly.
+const FRAMES: f64 = 1.0 / 3.0;
+
+/// Marks the sketches that are cropped by what the best links of their pairs say together; whether any is.
 pub fn crop(sketches: &mut [Sketch], links: &[Link]) -> bool {
     let mut said: Vec<(f64, f64)> = vec![(0.0, 0.0); sketches.len()];
     for link in best_of_pairs(links) {
@@ -25,14 +28,13 @@ pub fn crop(sketches: &mut [Sketch], links: &[Link]) -> bool {
             said[picture].1 += testimony.agree as f64;
         }
     }
-    let mut any = false;
-    for (sketch, (missed, agree)) in sketches.iter_mut().zip(said) {
-        if missed > MISSED * (missed + agree) {
-            sketch.sight.crop();
-            any = true;
-        }
+    let is_cropped = |view: &usize| said[*view].0 > MISSED * (said[*view].0 + said[*view].1);
+    let cropped: Vec<usize> = (0..sketches.len()).filter(is_cropped).collect();
+    if cropped.is_empty() || (cropped.len() as f64) < FRAMES * sketches.len() as f64 {
+        return false;
     }
-    any
+    cropped.into_iter().for_each(|view| sketches[view].sight.crop());
+    true
 }
 
 /// For each pair the link that most agrees, if that is coherent.

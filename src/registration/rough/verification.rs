@@ -57,9 +57,9 @@ impl Testimony {
 }
 
 impl Evidence {
-    /// The mean of both shares: a small scan that lies on a large one counts, too.
+    /// The smaller share.
     pub fn overlap(&self) -> f64 {
-        0.5 * (self.j_in_i.overlap() + self.i_in_j.overlap())
+        self.j_in_i.overlap().min(self.i_in_j.overlap())
     }
 
     /// Surfels that agree, both ways.
