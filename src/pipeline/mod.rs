@@ -156,21 +156,21 @@ pub fn run_from(
         view.sensor = sensor_of(scan, view, options);
     }
     let (views, sensors, registered) = setting.register(&scans, views, &names, options, progress)?;
-    let Registered { mut result, mut verdict, placement } = registered;
     let has_support = left_out.iter().flatten().any(|left_out| left_out.support > 0);
     let whole = whole.filter(|_| has_support && setting.may_be_refined(options));
-    let held = whole.map(|whole| supports::vote(whole, &views, &result, options, progress)).transpose()?.flatten();
-    if let Some(held) = &held {
-        result.local_poses.clone_from(&held.local_poses);
-        verdict = placement.judge(&views, &result, &names);
-    }
+    let (registered, held) = match whole {
+        Some(whole) => {
+            let set = supports::Set { setting: &setting, scans: &scans, names: &names, views: &views };
+            set.consult(whole, registered, options, progress)?
+        }
+        None => (registered, None),
+    };
+    let Registered { result, mut verdict, placement } = registered;
     let positions: Vec<Option<Vector3>> = sensors.iter().map(|sensor| sensor.and_then(|s| s.position())).collect();
     verdict.look(&views, &positions, &result, &names);
-    let known = match held {
-        Some(held) => covariance::of_result(&held.whole, &held.result),
-        None => covariance::of_result(&views, &result),
-    };
-    let unit_length = resolution(&views, &result);
+    let (all, at) = held.as_ref().map_or((&views, &result), |held| (&held.whole, &held.result));
+    let known = covariance::of_result(all, at);
+    let unit_length = resolution(all, at);
     verdict.weigh(&known, unit_length, &names);
     verdict.compare_colours(&colour::agreement(&views, &brightness_of(&scans), &result, unit_length), &names);
     for reason in readied.iter().zip(&names).filter_map(|(readied, name)| readied.doubt(name, unit.name())) {

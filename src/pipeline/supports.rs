@@ -2,56 +2,101 @@
 //!
 //! A floor, a table or a wall is left out while views are placed, since it may stand still while the object turns. Where
 //! it turns out to lie on itself at the poses found, it is part of the scene, and holds the views where a small object
-//! holds them badly.
+//! holds them badly. Where too little is left without it to place all views, it may be the scene.
 
-use super::{Options, PipelineError};
+use super::start::Setting;
+use super::{NamedScan, Options, PipelineError};
 use crate::geometry::Motion;
 use crate::progress::Progress;
 use crate::registration::multiview::{Multiview, MultiviewOptions};
 use crate::registration::quality::{self, is_sharp};
 use crate::registration::resolution::resolution;
+use crate::registration::rough::scan_set::Registered;
 use crate::registration::view::View;
 
-/// Views that were refined with all that was scanned.
+/// Scans without their supports, and how they are registered.
+pub(super) struct Set<'a> {
+    pub setting: &'a Setting,
+    pub scans: &'a [NamedScan],
+    pub names: &'a [String],
+    pub views: &'a [View],
+}
+
+/// Views that were registered with all that was scanned.
 pub(super) struct Held {
     /// The views with their supports,
     pub whole: Vec<View>,
-    /// their registration,
+    /// and their registration.
     pub result: Multiview,
-    /// and its poses for the local frames of the views without.
-    pub local_poses: Vec<Motion>,
 }
 
-/// Refines the `whole` views from the poses that were found without supports; `None` unless all views then lie sharply on
-/// each other, supports and all.
-pub(super) fn vote(
-    mut whole: Vec<View>,
-    views: &[View],
-    found: &Multiview,
-    options: &Options,
-    progress: &Progress,
-) -> Result<Option<Held>, PipelineError> {
-    if !found.placed.iter().all(|placed| *placed) {
-        return Ok(None);
+impl Set<'_> {
+    /// Asks the `whole` views, as they were with their supports, about a registration without.
+    pub fn consult(
+        &self,
+        whole: Vec<View>,
+        registered: Registered,
+        options: &Options,
+        progress: &Progress,
+    ) -> Result<(Registered, Option<Held>), PipelineError> {
+        if registered.result.placed.iter().all(|placed| *placed) {
+            self.vote(whole, registered, options, progress)
+        } else {
+            self.place_whole(whole, registered, options, progress)
+        }
     }
-    for (whole, view) in whole.iter_mut().zip(views) {
-        let moved = view.center - whole.center;
-        whole.sensor = view.sensor.map(|sensor| sensor.moved(&moved));
+
+    /// Refines the whole views from the poses found; taken if all then lie sharply on each other, supports and all.
+    fn vote(
+        &self,
+        mut whole: Vec<View>,
+        mut registered: Registered,
+        options: &Options,
+        progress: &Progress,
+    ) -> Result<(Registered, Option<Held>), PipelineError> {
+        for (whole, view) in whole.iter_mut().zip(self.views) {
+            let moved = view.center - whole.center;
+            whole.sensor = view.sensor.map(|sensor| sensor.moved(&moved));
+        }
+        let initial = reframed(&registered.result.local_poses, self.views, &whole);
+        let refining = MultiviewOptions {
+            min_overlap: options.min_overlap,
+            range_accuracy: options.range_accuracy,
+            max_rounds: options.max_rounds,
+        };
+        let result = options.method.register(&whole, &initial, &refining, progress)?;
+        let sharpness = quality::sharpness(&whole, &result, resolution(&whole, &result));
+        if !result.placed.iter().all(|placed| *placed) || !sharpness.into_iter().all(is_sharp) {
+            return Ok((registered, None));
+        }
+        registered.result.local_poses = reframed(&result.local_poses, &whole, self.views);
+        registered.verdict = registered.placement.judge(self.views, &registered.result, self.names);
+        Ok((registered, Some(Held { whole, result })))
     }
-    let between = |from: &View, to: &View, pose: &Motion| to.local_pose(&from.scan_pose(pose));
-    let at = |(pose, (view, whole)): (&Motion, (&View, &View))| between(view, whole, pose);
-    let initial: Vec<Motion> = found.local_poses.iter().zip(views.iter().zip(&whole)).map(at).collect();
-    let refining = MultiviewOptions {
-        min_overlap: options.min_overlap,
-        range_accuracy: options.range_accuracy,
-        max_rounds: options.max_rounds,
-    };
-    let result = options.method.register(&whole, &initial, &refining, progress)?;
-    let sharpness = quality::sharpness(&whole, &result, resolution(&whole, &result));
-    if !result.placed.iter().all(|placed| *placed) || !sharpness.into_iter().all(is_sharp) {
-        return Ok(None);
+
+    /// Registers the whole views anew; taken if more of them find a place, and the verdict is no worse.
+    fn place_whole(
+        &self,
+        whole: Vec<View>,
+        registered: Registered,
+        options: &Options,
+        progress: &Progress,
+    ) -> Result<(Registered, Option<Held>), PipelineError> {
+        let (whole, _, mut again) = self.setting.register(self.scans, whole, self.names, options, progress)?;
+        let placed = |registered: &Registered| registered.result.placed.iter().filter(|placed| **placed).count();
+        if placed(&again) <= placed(&registered) || again.verdict.quality > registered.verdict.quality {
+            return Ok((registered, None));
+        }
+        let result = again.result.clone();
+        again.result.local_poses = reframed(&result.local_poses, &whole, self.views);
+        // they belong to the frames of the whole views
+        again.result.surfels = None;
+        Ok((again, Some(Held { whole, result })))
     }
-    let back = |(pose, (view, whole)): (&Motion, (&View, &View))| between(whole, view, pose);
-    let local_poses = result.local_poses.iter().zip(views.iter().zip(&whole)).map(back).collect();
-    Ok(Some(Held { whole, result, local_poses }))
+}
+
+/// The poses of some views as poses of the local frames of others of the same scans.
+fn reframed(local_poses: &[Motion], from: &[View], to: &[View]) -> Vec<Motion> {
+    let between = |(pose, (from, to)): (&Motion, (&View, &View))| to.local_pose(&from.scan_pose(pose));
+    local_poses.iter().zip(from.iter().zip(to)).map(between).collect()
 }
