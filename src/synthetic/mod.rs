@@ -6,6 +6,8 @@
 //! - [`shapes`]: a catalogue of thirty kinds of things, each by seed, to scan and register with an exact truth
 //! - [`scanner`]: range scans by ray casting
 //! - [`scene`]: objects on a turntable, on the floor, before a wall
+//! - [`scenery`]: eight kinds of scene: objects, sculptures, rooms, streets, bodies, tables, turntables, terrain
+//! - [`sensors`]: six kinds of sensor with the faults that they have in life, and sets of scans of every scene by each
 //! - [`truth`]: disturbing true poses, and how far estimated ones are from the truth
 //!
 //! Lengths are millimetres. Pure and deterministic: the same seed gives the same bits.
@@ -15,8 +17,13 @@ pub mod implicit;
 pub mod objects;
 pub mod scanner;
 pub mod scene;
+pub mod scenery;
+pub mod sensors;
 pub mod shapes;
+mod solids;
 pub mod surface_nets;
+mod texture;
+mod tracer;
 pub mod truth;
 
 use std::collections::BTreeMap;

@@ -2,16 +2,13 @@
 //!
 //! A scan is in the sensor's frame: the sensor is the origin, x to the right, y down, z forward.
 
-use bvh::aabb::{Aabb, Bounded};
-use bvh::bounding_hierarchy::BHShape;
-use bvh::bvh::Bvh;
-use bvh::ray::Ray;
 use rand::SeedableRng;
 use rand::distr::Distribution;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 use rayon::prelude::*;
 
+use super::tracer::Target;
 use crate::geometry::{Cloud, Mesh, Motion, Point3, RangeGrid, Surface, Vector3};
 
 /// What the scanner is like and where it stands.
@@ -112,69 +109,6 @@ impl Scanner {
             grid: Some(RangeGrid { columns: side, rows: side, pixels }),
             sensor: Some(Point3::origin()),
         }
-    }
-}
-
-/// Where a ray met the mesh.
-struct Hit {
-    distance: f64,
-    /// Cosine of the angle between the ray, looked back along, and the face's normal.
-    cos_incidence: f64,
-}
-
-/// A mesh prepared for ray casting.
-struct Target {
-    triangles: Vec<Triangle>,
-    tree: Bvh<f64, 3>,
-}
-
-struct Triangle {
-    corners: [Point3; 3],
-    normal: Vector3,
-    /// The tree's own note of where the triangle is.
-    node: usize,
-}
-
-impl Target {
-    fn new(mesh: &Mesh) -> Self {
-        let triangle = |face: usize| {
-            let normal = mesh.area_normal(face).try_normalize(f64::MIN_POSITIVE).unwrap_or_else(Vector3::zeros);
-            Triangle { corners: mesh.corners(face), normal, node: 0 }
-        };
-        let mut triangles: Vec<Triangle> = (0..mesh.faces.len()).map(triangle).collect();
-        let tree = Bvh::build(&mut triangles);
-        Target { triangles, tree }
-    }
-
-    /// The nearest face that the ray meets from outside.
-    fn first_hit(&self, origin: Point3, direction: Vector3) -> Option<Hit> {
-        let ray = Ray::new(origin, direction);
-        let mut nearest: Option<Hit> = None;
-        for triangle in self.tree.traverse_iterator(&ray, &self.triangles) {
-            let [a, b, c] = &triangle.corners;
-            let distance = ray.intersects_triangle(a, b, c).distance;
-            if distance.is_finite() && nearest.as_ref().is_none_or(|hit| distance < hit.distance) {
-                nearest = Some(Hit { distance, cos_incidence: -triangle.normal.dot(&direction) });
-            }
-        }
-        nearest
-    }
-}
-
-impl Bounded<f64, 3> for Triangle {
-    fn aabb(&self) -> Aabb<f64, 3> {
-        let [a, b, c] = self.corners;
-        Aabb::with_bounds(a.inf(&b).inf(&c), a.sup(&b).sup(&c))
-    }
-}
-
-impl BHShape<f64, 3> for Triangle {
-    fn set_bh_node_index(&mut self, index: usize) {
-        self.node = index;
-    }
-
-    fn bh_node_index(&self) -> usize {
-        self.node
     }
 }
 

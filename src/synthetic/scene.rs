@@ -7,6 +7,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::scanner::{ScanSet, Scanner};
+use super::solids::{append, moved, sheet};
 use crate::geometry::{Mesh, Motion, Point3, Surface, Vector3};
 
 /// What the object stands on.
@@ -118,16 +119,6 @@ fn set_down(mesh: &Mesh) -> (Mesh, f64) {
     (mesh, radius)
 }
 
-fn moved(mesh: &Mesh, motion: &Motion) -> Mesh {
-    Mesh { vertices: mesh.vertices.iter().map(|v| motion * v).collect(), faces: mesh.faces.clone() }
-}
-
-fn append(mesh: &mut Mesh, part: &Mesh) {
-    let first = mesh.vertices.len() as u32;
-    mesh.vertices.extend(&part.vertices);
-    mesh.faces.extend(part.faces.iter().map(|face| face.map(|v| first + v)));
-}
-
 /// The parts of the ground about an object with this radius.
 fn ground(ground: Ground, radius: f64) -> Vec<Mesh> {
     let half = FLOOR * radius;
@@ -140,11 +131,6 @@ fn ground(ground: Ground, radius: f64) -> Vec<Mesh> {
         Ground::Floor => vec![floor()],
         Ground::FloorAndWall => vec![floor(), wall()],
     }
-}
-
-/// A four-cornered sheet, its corners counter-clockwise as seen from its front.
-fn sheet(corners: [[f64; 3]; 4]) -> Mesh {
-    Mesh { vertices: corners.map(Point3::from).to_vec(), faces: vec![[0, 1, 2], [0, 2, 3]] }
 }
 
 /// A round plate with its top at y = 0 and a rim; its underside is never seen.

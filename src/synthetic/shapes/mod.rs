@@ -63,6 +63,11 @@ impl Shape {
         (self.build)(&mut Dice::new(seed, CELL))
     }
 
+    /// The same, coarser or finer: meshed from grid cells with this edge, mm. Blobs and heads have a mesh of their own.
+    pub fn mesh_of(&self, seed: u64, cell: f64) -> Mesh {
+        (self.build)(&mut Dice::new(seed, cell))
+    }
+
     /// Whether some motion leaves it as it is.
     pub fn is_symmetric(&self) -> bool {
         self.symmetry != Symmetry::None
@@ -177,32 +182,32 @@ fn pose(coverage: Coverage, view: usize, views: usize, center: &Point3, rng: &mu
 }
 
 /// What makes instances differ.
-struct Dice {
+pub(super) struct Dice {
     rng: ChaCha8Rng,
     /// Edge of the grid cells from which the shape is meshed, mm.
     cell: f64,
 }
 
 impl Dice {
-    fn new(seed: u64, cell: f64) -> Self {
+    pub(super) fn new(seed: u64, cell: f64) -> Self {
         Dice { rng: ChaCha8Rng::seed_from_u64(seed), cell }
     }
 
-    fn number(&mut self) -> u64 {
+    pub(super) fn number(&mut self) -> u64 {
         self.rng.random()
     }
 
-    fn between(&mut self, least: f64, most: f64) -> f64 {
+    pub(super) fn between(&mut self, least: f64, most: f64) -> f64 {
         self.rng.random_range(least..most)
     }
 
     /// A measure that is usually `usual`.
-    fn about(&mut self, usual: f64) -> f64 {
+    pub(super) fn about(&mut self, usual: f64) -> f64 {
         usual * self.between(0.88, 1.12)
     }
 
     /// A unit vector.
-    fn direction(&mut self) -> Vector3 {
+    pub(super) fn direction(&mut self) -> Vector3 {
         let z = self.between(-1.0, 1.0);
         let (sine, cosine) = self.between(0.0, TAU).sin_cos();
         let radius = (1.0 - z * z).sqrt();

@@ -1,0 +1,184 @@
+//! Whole sets: a sensor goes about a scene, its neighbouring scans overlapping by 0.3 to 0.8, each scan in a frame of its own.
+
+use std::f64::consts::TAU;
+
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use super::super::scenery::{Layout, SceneKind, Scenery};
+use super::lens::Lens;
+use super::stage::{Picture, Stage, Viewpoint};
+use super::tour::Tour;
+use super::{SensorKind, carried, depth_camera, laser, panorama, phone, vehicle};
+use crate::geometry::{Motion, Point3, Surface, Vector3};
+
+/// Scans of a scene.
+#[derive(Debug, Clone)]
+pub struct SensorSet {
+    /// The scans, each turned at random about its origin; grids, sensor positions, colours and strengths where files of such
+    /// sensors have them.
+    pub scans: Vec<Surface>,
+    /// The true poses: scan to scene, or to what turns if it is a turntable.
+    pub poses: Vec<Motion>,
+    /// Of what view i sees the share that view j sees too: `overlaps[i][j]`.
+    pub overlaps: Vec<Vec<f64>>,
+}
+
+impl SensorSet {
+    /// The largest overlap of a view with another: the smaller share of both.
+    pub fn best_overlap(&self, view: usize) -> f64 {
+        let both = |other: usize| self.overlaps[view][other].min(self.overlaps[other][view]);
+        (0..self.scans.len()).filter(|other| *other != view).map(both).fold(0.0, f64::max)
+    }
+}
+
+/// Rays with which overlaps are estimated.
+const FEELERS: f64 = 350.0;
+/// Steps that are tried to the next view, in shares of the longest.
+const STEPS: [f64; 9] = [0.05, 0.09, 0.14, 0.2, 0.28, 0.4, 0.55, 0.75, 1.0];
+/// The least and the most pixels of a picture.
+const PIXELS: [f64; 2] = [3_000.0, 60_000.0];
+
+/// Scans the scene `seed` of a kind by a sensor. The same arguments give the same bits.
+pub fn sensor_set(kind: SensorKind, scene: SceneKind, seed: u64) -> SensorSet {
+    let studio = Studio::new(kind, scene, seed);
+    studio.session().run()
+}
+
+/// What holds the scene.
+struct Studio {
+    kind: SensorKind,
+    scene: Scenery,
+    stage: Stage,
+    seed: u64,
+}
+
+impl Studio {
+    fn new(kind: SensorKind, place: SceneKind, seed: u64) -> Self {
+        let mut life = Scenery::of(place, seed);
+        if kind.is_round() {
+            life = life.with_floor(seed);
+        }
+        let scene = life.scaled(kind.extent(life.layout) / life.extent);
+        let stage = Stage::new(&scene, seed);
+        // every pair of a seed gets numbers of its own
+        Studio { kind, scene, stage, seed: seed * 64 + 8 * kind as u64 + place as u64 }
+    }
+
+    fn session(&self) -> Session<'_> {
+        let tour = Tour::new(self.kind, &self.scene, &self.stage, self.seed);
+        let projection = self.kind.projection(self.scene.layout);
+        let feeler = Lens::of(projection, FEELERS);
+        let first = Picture::simple(&self.stage, &tour.at(0.0, 0), feeler);
+        let share = first.seen.iter().flatten().count().max(1) as f64 / feeler.pixels() as f64;
+        let pixels = (self.kind.points() / share).clamp(PIXELS[0], PIXELS[1]);
+        let lens = match self.kind {
+            SensorKind::Vehicle => vehicle::lens(pixels),
+            SensorKind::Carried if self.kind.is_aloft(self.scene.layout) => Lens::of(projection, pixels),
+            SensorKind::Carried => Lens::of(projection, pixels / carried::FRAMES as f64 * 1.8),
+            _ => Lens::of(projection, pixels),
+        };
+        Session { studio: self, tour, feeler, lens }
+    }
+}
+
+/// A sensor at work.
+struct Session<'a> {
+    studio: &'a Studio,
+    tour: Tour<'a>,
+    feeler: Lens,
+    lens: Lens,
+}
+
+impl Session<'_> {
+    fn run(&self) -> SensorSet {
+        let mut rng = ChaCha8Rng::seed_from_u64(self.studio.seed);
+        rng.set_stream(u64::from(u32::MAX));
+        let places = self.places(&mut rng);
+        let views: Vec<Viewpoint> = places.iter().enumerate().map(|(k, along)| self.tour.at(*along, k)).collect();
+        let mut set = SensorSet { scans: Vec::new(), poses: Vec::new(), overlaps: Vec::new() };
+        for (k, view) in views.iter().enumerate() {
+            rng.set_stream(k as u64);
+            let (surface, pose_world) = self.scan(view, places[k], k, &mut rng);
+            let mut number = || rng.random_range(-1.0..1.0);
+            let turn = Motion::rotation(Vector3::new(number(), number(), number()) * 3.0);
+            let sensor = surface.sensor.map(|sensor| turn * sensor);
+            set.scans.push(Surface { cloud: surface.cloud.moved(&turn), sensor, ..surface });
+            set.poses.push(view.turn.inverse() * pose_world * turn.inverse());
+            set.overlaps.push(views.iter().map(|other| self.share_seen(view, other)).collect());
+        }
+        set
+    }
+
+    /// Places along the way whose views overlap as they shall.
+    fn places(&self, rng: &mut ChaCha8Rng) -> Vec<f64> {
+        let count = rng.random_range(3..=8);
+        let start = match self.studio.scene.layout {
+            Layout::Around | Layout::Inside => rng.random_range(0.0..TAU),
+            Layout::Along | Layout::Above => 0.0,
+        };
+        let mut places: Vec<f64> = vec![start];
+        for view in 1..count {
+            let wanted = rng.random_range(0.3..0.8);
+            let last = places[view - 1];
+            let here = self.tour.at(last, view - 1);
+            let off = |step: f64| {
+                let there = self.tour.at(last + step, view);
+                (self.share_seen(&here, &there).min(self.share_seen(&there, &here)) - wanted).abs()
+            };
+            let steps = STEPS.map(|share| share * self.tour.longest_step());
+            let offs = steps.map(off);
+            let best = (0..STEPS.len()).min_by(|a, b| offs[*a].total_cmp(&offs[*b])).unwrap_or(0);
+            places.push(last + steps[best]);
+        }
+        places
+    }
+
+    /// Of what one view sees of the subject, the share that another one sees too.
+    fn share_seen(&self, here: &Viewpoint, there: &Viewpoint) -> f64 {
+        const GRAZING_COS: f64 = 0.15;
+        let stage = &self.studio.stage;
+        let picture = Picture::simple(stage, here, self.feeler);
+        let (mut asked, mut seen) = (0, 0);
+        for (pixel, met) in picture.seen.iter().enumerate() {
+            let Some(met) = met.filter(|met| met.is_subject && met.cos_incidence > GRAZING_COS) else { continue };
+            asked += 1;
+            let (start, way) = self.feeler.ray(pixel, [0.0; 2]);
+            let place = there.turn * here.turn.inverse() * (here.pose_world * (start + way * met.range));
+            let local: Point3 = there.pose_world.inverse_transform_point(&place);
+            let Some((start, way)) = self.feeler.toward(&local) else { continue };
+            let range = (local - start).norm();
+            let hit = stage.first_hit(&there.turn, there.pose_world * start, there.pose_world * way);
+            let is_met = |hit: super::stage::Seen| {
+                hit.is_subject && (hit.range - range).abs() < 0.01 * range && hit.cos_incidence > GRAZING_COS
+            };
+            seen += usize::from(hit.is_some_and(is_met));
+        }
+        f64::from(seen as u32) / f64::from(asked.max(1))
+    }
+
+    /// One scan, and its frame in the world.
+    fn scan(&self, view: &Viewpoint, along: f64, k: usize, rng: &mut ChaCha8Rng) -> (Surface, Motion) {
+        let Studio { kind, scene, stage, seed } = self.studio;
+        let lens = self.lens;
+        let is_rich = (seed / 64 + seed).is_multiple_of(2);
+        let own = |surface: Surface| (surface, view.pose_world);
+        match kind {
+            SensorKind::Laser => own(laser::scan(stage, view, lens, is_rich, rng)),
+            SensorKind::DepthCamera => own(depth_camera::scan(stage, view, lens, !is_rich, rng)),
+            SensorKind::Phone => phone::scan(stage, view, lens, rng),
+            SensorKind::Vehicle => own(vehicle::scan(stage, view, lens, is_rich, rng)),
+            SensorKind::Panorama => own(panorama::scan(stage, view, lens, is_rich, rng)),
+            SensorKind::Carried if kind.is_aloft(scene.layout) => carried::strip(stage, view, lens, rng),
+            SensorKind::Carried => {
+                let step = 0.02 * self.tour.longest_step();
+                let frame =
+                    |frame: usize| self.tour.at(along + step * (frame as f64 - 0.5 * (carried::FRAMES - 1) as f64), k);
+                let frames: Vec<Viewpoint> = (0..carried::FRAMES).map(frame).collect();
+                // on a turntable the thing is held still for a fragment
+                let frames: Vec<Viewpoint> = frames.into_iter().map(|f| Viewpoint { turn: view.turn, ..f }).collect();
+                carried::fragment(stage, &frames, lens, rng)
+            }
+        }
+    }
+}
