@@ -19,6 +19,9 @@ pub fn room(dice: &mut Dice) -> (Mesh, f64) {
         cuboid([-x, 0.9, 0.1], [-x + 0.14, 1.0, 0.1 + dice.about(1.2)]),
         cuboid([-x, 0.1, 0.2], [-x + 0.1, 0.75, 0.2 + dice.about(0.9)]),
     ];
+    // a wall reaches into the room, so that it is not seen whole from anywhere
+    let (across, end) = (dice.between(-0.2, 0.2) * z, dice.between(-0.35, 0.0) * x);
+    parts.push(cuboid([-x, 0.0, across], [end, high, across + 0.1]));
     for wall in [-1.0, 1.0] {
         let (at, wide) = (dice.between(-0.7, 0.3) * x, dice.between(0.4, 0.9));
         let (low, tall) = (dice.between(1.1, 1.4), dice.between(0.4, 0.7));
@@ -70,19 +73,23 @@ pub fn turntable(dice: &mut Dice) -> (Mesh, Mesh) {
     let thing = thing(dice);
     let radius = thing.vertices.iter().map(|v| v.x.hypot(v.z)).fold(0.0, f64::max);
     let plate = post([0.0, -0.02, 0.0], 0.02, 1.2 * radius, 1.2 * radius);
-    let (depth, side) = (2.6 * radius, 5.0 * radius);
+    let (depth, side) = (2.2 * radius, 3.2 * radius);
     let mut still = vec![
         sheet([[-side, -0.03, side], [side, -0.03, side], [side, -0.03, -side], [-side, -0.03, -side]]),
         sheet([[-side, -0.03, -depth], [side, -0.03, -depth], [side, side, -depth], [-side, side, -depth]]),
     ];
-    for _ in 0..3 {
+    // half of the backgrounds are bare
+    let clutter = 3 * (dice.number() % 2);
+    for _ in 0..clutter {
         let x = dice.between(-2.2, 2.2) * radius;
         let half = dice.between(0.2, 0.5) * radius;
         let high = dice.between(0.5, 1.8) * radius;
         still.push(cuboid([x - half, -0.03, -depth], [x + half, high, -depth + 1.6 * half]));
     }
-    let round = dice.between(0.25, 0.45) * radius;
-    still.push(post([1.9 * radius, -0.03, -1.2 * radius], 2.0 * round, round, 0.7 * round));
+    if clutter > 0 {
+        let round = dice.between(0.25, 0.45) * radius;
+        still.push(post([1.9 * radius, -0.03, -1.2 * radius], 2.0 * round, round, 0.7 * round));
+    }
     (together([thing, plate]), together(still))
 }
 

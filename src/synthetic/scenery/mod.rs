@@ -155,8 +155,8 @@ impl Scenery {
         }
     }
 
-    /// The scene with a floor around it, if it is seen from around and nothing stands behind it: what a sensor with a wide
-    /// view sees when it is set up beside a thing.
+    /// The scene with a floor around it, if it is seen from around: what a sensor with a wide view sees that is set up beside a
+    /// thing.
     pub fn with_floor(mut self, seed: u64) -> Scenery {
         if self.layout != Layout::Around {
             return self;
@@ -165,7 +165,7 @@ impl Scenery {
         let bottom = self.mesh.bounds().map_or(0.0, |bounds| bounds.min.y);
         let floor = scaled(&furniture::yard(dice), self.extent);
         let floor = moved(&floor, &Motion::translation(self.center.x, bottom, self.center.z));
-        append(self.still.as_mut().unwrap_or(&mut self.mesh), &floor);
+        append(&mut self.mesh, &floor);
         self
     }
 }

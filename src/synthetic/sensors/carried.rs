@@ -78,3 +78,42 @@ pub fn strip(stage: &Stage, view: &Viewpoint, lens: Lens, rng: &mut ChaCha8Rng) 
     }
     (Surface { cloud: Cloud::from_points(points), ..Surface::default() }, world_from_map)
 }
+
+#[cfg(test)]
+mod tests {
+    use rand::SeedableRng;
+
+    use super::super::lens::Projection;
+    use super::super::stage::walls::{stage, view, wall};
+    use super::*;
+
+    #[test]
+    fn a_fragment_is_thinned_and_trembles() {
+        let lens = Lens::of(Projection::Pinhole { half_width: 0.4, half_height: 0.3 }, 20_000.0);
+        let frames = [view(); FRAMES];
+        let (surface, pose) =
+            fragment(&stage([wall([-2.0, 2.0], 2.0, 1.1)]), &frames, lens, &mut ChaCha8Rng::seed_from_u64(1));
+        let errors: Vec<f64> = surface.cloud.points.iter().map(|p| (pose * p).z - 1.1).collect();
+        let spread = (errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64).sqrt();
+        assert!((0.3..1.5).contains(&(spread / deviation(1.1))), "{spread}");
+        let cells: std::collections::BTreeSet<[i64; 3]> =
+            surface.cloud.points.iter().map(|p| [0, 1, 2].map(|k| (p[k] / CELL).floor() as i64)).collect();
+        assert_eq!(cells.len(), surface.cloud.len(), "one point a cell");
+        assert!(surface.cloud.len() < lens.pixels() * FRAMES / 2);
+    }
+
+    #[test]
+    fn a_strip_is_rounded_to_float32_in_map_coordinates() {
+        let lens = Lens::of(Projection::Parallel { half_width: 100.0, half_height: 200.0 }, 3_000.0);
+        let flat = wall([-300.0, 300.0], 300.0, 500.0);
+        let (surface, world_from_map) = strip(&stage([flat]), &view(), lens, &mut ChaCha8Rng::seed_from_u64(1));
+        assert!(surface.cloud.len() > 2_500);
+        for p in &surface.cloud.points {
+            assert!(p.iter().all(|x| f64::from(*x as f32) == *x));
+            assert!(p.z.abs() < 1e4 || p.y > 5e6, "northings are large");
+        }
+        let off = |p: &Point3| ((world_from_map * p).z - 500.0).abs();
+        assert!(surface.cloud.points.iter().all(|p| off(p) < 1.0), "rounded to half a metre");
+        assert!(surface.cloud.points.iter().any(|p| off(p) > 0.15), "and not finer");
+    }
+}

@@ -9,7 +9,7 @@ use super::stage::{Picture, Stage, Viewpoint, colours, normal};
 use crate::geometry::{Point3, Surface};
 
 /// Focal length times baseline: disparity in pixels is this over the depth in metres.
-const PIXEL_METRES: f64 = 44.0;
+const PIXEL_METRES: f64 = 33.0;
 /// Disparities are multiples of this, pixels.
 const STEP: f64 = 0.125;
 /// Standard deviation of the disparity before it is rounded, pixels.
@@ -66,4 +66,46 @@ pub fn scan(stage: &Stage, view: &Viewpoint, lens: Lens, has_colours: bool, rng:
     let mut surface = picture.surface(&ranges, false);
     surface.cloud.colors = has_colours.then(|| colours(&picture.brightness(&ranges), rng));
     surface
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::SeedableRng;
+
+    use super::super::lens::Projection;
+    use super::super::stage::walls::{stage, view, wall};
+    use super::*;
+
+    fn rng() -> ChaCha8Rng {
+        ChaCha8Rng::seed_from_u64(1)
+    }
+
+    fn lens() -> Lens {
+        Lens::of(Projection::Pinhole { half_width: 0.4, half_height: 0.3 }, 6_000.0)
+    }
+
+    #[test]
+    fn depths_come_in_steps_that_grow_with_their_square() {
+        let surface = scan(&stage([wall([-2.0, 2.0], 2.0, 1.5)]), &view(), lens(), true, &mut rng());
+        let steps: Vec<f64> = surface.cloud.points.iter().map(|p| PIXEL_METRES / p.z / STEP).collect();
+        assert!(steps.iter().all(|step| (step - step.round()).abs() < 1e-6), "whole steps");
+        let spread = |z: f64| {
+            let surface = scan(&stage([wall([-9.0, 9.0], 9.0, z)]), &view(), lens(), true, &mut rng());
+            let depths = surface.cloud.points.iter().map(|p| (p.z - z).powi(2));
+            (depths.sum::<f64>() / surface.cloud.len() as f64).sqrt()
+        };
+        let (near, far) = (spread(1.53), spread(4.1));
+        assert!((far / near / (4.1f64 / 1.53).powi(2) - 1.0).abs() < 0.35, "{near} {far}");
+        assert!((near / deviation(1.53) - 1.0).abs() < 0.5, "{near}");
+        assert_eq!(surface.cloud.colors.expect("colours").len(), surface.cloud.points.len());
+    }
+
+    #[test]
+    fn pixels_fly_between_near_and_far_and_frames_are_cropped() {
+        let walls = [wall([-2.0, 2.0], 2.0, 2.0), wall([-0.2, 0.2], 0.2, 1.0)];
+        let surface = scan(&stage(walls), &view(), lens(), false, &mut rng());
+        let flying = surface.cloud.points.iter().filter(|p| (1.1..1.85).contains(&p.z)).count();
+        assert!(flying > 10, "{flying}");
+        assert!(surface.cloud.len() < lens().pixels() * 97 / 100, "cropped");
+    }
 }

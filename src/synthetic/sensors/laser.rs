@@ -35,3 +35,53 @@ pub fn scan(stage: &Stage, view: &Viewpoint, lens: Lens, has_grid: bool, rng: &m
     surface.sensor = has_grid.then(Point3::origin);
     surface
 }
+
+#[cfg(test)]
+mod tests {
+    use rand::SeedableRng;
+
+    use super::super::lens::Projection;
+    use super::super::stage::walls::{stage, view, wall};
+    use super::*;
+
+    fn rng() -> ChaCha8Rng {
+        ChaCha8Rng::seed_from_u64(1)
+    }
+
+    fn lens() -> Lens {
+        Lens::of(Projection::Pinhole { half_width: 0.4, half_height: 0.3 }, 6_000.0)
+    }
+
+    #[test]
+    fn what_the_laser_does_not_reach_is_missing_and_so_are_dark_and_grazing_parts() {
+        let back = wall([-400.0, 400.0], 400.0, 600.0);
+        // the laser stands at the right: a post shades the wall at its left
+        let post = wall([-20.0, 20.0], 400.0, 300.0);
+        let surface = scan(&stage([back, post]), &view(), lens(), true, &mut rng());
+        let count = |from: f64, to: f64| {
+            surface
+                .cloud
+                .points
+                .iter()
+                .filter(|p| p.z > 500.0 && p.y.abs() < 100.0 && (from..to).contains(&p.x))
+                .count()
+        };
+        // the shade lies between -210 and -130 mm
+        assert_eq!(count(-200.0, -140.0), 0, "in the shade");
+        assert!(count(-120.0, -80.0) > 100 && count(80.0, 120.0) > 100, "beside it");
+        let lit = surface.cloud.len() as f64 / lens().pixels() as f64;
+        assert!((0.5..0.9).contains(&lit), "some parts are too dark: {lit}");
+        let grid = surface.grid.expect("files of lasers have grids");
+        assert_eq!(
+            grid.pixels.iter().filter(|p| **p != crate::geometry::RangeGrid::EMPTY).count(),
+            surface.cloud.len()
+        );
+
+        let steep = crate::synthetic::solids::moved(
+            &wall([-400.0, 400.0], 400.0, 0.0),
+            &(crate::geometry::Motion::translation(0.0, 0.0, 600.0)
+                * crate::geometry::Motion::rotation(crate::geometry::Vector3::y() * 1.3)),
+        );
+        assert!(scan(&stage([steep]), &view(), lens(), true, &mut rng()).cloud.len() < 200, "grazing");
+    }
+}

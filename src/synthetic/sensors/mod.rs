@@ -130,7 +130,7 @@ impl SensorKind {
     fn points(self) -> f64 {
         match self {
             SensorKind::Laser | SensorKind::Phone => 9_000.0,
-            SensorKind::DepthCamera => 14_000.0,
+            SensorKind::DepthCamera => 20_000.0,
             SensorKind::Vehicle | SensorKind::Panorama => 13_000.0,
             SensorKind::Carried => 10_000.0,
         }

@@ -32,3 +32,29 @@ pub fn scan(stage: &Stage, view: &Viewpoint, lens: Lens, has_grid: bool, rng: &m
     surface.cloud.intensities = has_grid.then(strength);
     surface
 }
+
+#[cfg(test)]
+mod tests {
+    use rand::SeedableRng;
+
+    use super::super::lens::Projection;
+    use super::super::stage::walls::{stage, view};
+    use super::*;
+    use crate::synthetic::solids::{cuboid, hollow};
+
+    #[test]
+    fn it_sees_all_but_the_tripod_and_mixes_pixels_at_edges() {
+        let lens = Lens::of(Projection::Sphere { low: LOW, high: HIGH }, 10_000.0);
+        let room = hollow([-4.0, -2.0, -4.0], [4.0, 2.0, 4.0]);
+        let post = cuboid([-0.4, -2.0, 1.8], [0.4, 2.0, 2.0]);
+        let surface = scan(&stage([room, post]), &view(), lens, true, &mut ChaCha8Rng::seed_from_u64(1));
+        let up = |p: &Point3| (-p.y).atan2(p.x.hypot(p.z));
+        assert!(surface.cloud.points.iter().all(|p| up(p) > LOW), "the tripod");
+        assert!(surface.cloud.points.iter().any(|p| up(p) > 1.5), "straight up");
+        assert!(surface.cloud.points.iter().any(|p| p.z < -3.5) && surface.cloud.points.iter().any(|p| p.x < -3.5));
+        let mixed =
+            surface.cloud.points.iter().filter(|p| (2.1..3.9).contains(&p.z) && p.x.abs() < 1.2 && p.y.abs() < 1.0);
+        assert!(mixed.count() > 10);
+        assert_eq!(surface.sensor, Some(Point3::origin()));
+    }
+}

@@ -76,3 +76,41 @@ fn smoothed(depths: &[Option<f64>], lens: &Lens, pixel: usize) -> Option<f64> {
     }
     Some(sum / weights)
 }
+
+#[cfg(test)]
+mod tests {
+    use rand::SeedableRng;
+
+    use super::super::lens::Projection;
+    use super::super::stage::walls::{stage, view, wall};
+    use super::*;
+
+    fn rng() -> ChaCha8Rng {
+        ChaCha8Rng::seed_from_u64(1)
+    }
+
+    fn lens() -> Lens {
+        Lens::of(Projection::Pinhole { half_width: 0.4, half_height: 0.3 }, 6_000.0)
+    }
+
+    #[test]
+    fn edges_are_rounded_and_the_far_is_missing() {
+        let walls = [wall([-4.0, 4.0], 4.0, 1.1), wall([-0.2, 0.2], 0.2, 1.0), wall([3.0, 9.0], 4.0, 6.0)];
+        let (surface, pose) = scan(&stage(walls), &view(), lens(), &mut rng());
+        let between = surface.cloud.points.iter().filter(|p| (1.03..1.07).contains(&(pose * *p).z)).count();
+        assert!(between > 40, "{between} points on the slope of the edge");
+        assert!(surface.cloud.centroid().coords.norm() < 1e-9, "the origin tells nothing of the sensor");
+        let (nothing, _) = scan(&stage([wall([-9.0, 9.0], 9.0, 6.0)]), &view(), lens(), &mut rng());
+        assert!(nothing.cloud.is_empty());
+    }
+
+    #[test]
+    fn noise_comes_in_patches() {
+        let (surface, pose) = scan(&stage([wall([-4.0, 4.0], 4.0, 2.0)]), &view(), lens(), &mut rng());
+        let errors: Vec<f64> = surface.cloud.points.iter().map(|p| (pose * p).z - 2.0).collect();
+        let variance = errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64;
+        let neighbours = errors.windows(2).map(|e| e[0] * e[1]).sum::<f64>() / errors.len() as f64;
+        assert!((variance.sqrt() / deviation(2.0) - 1.0).abs() < 0.35, "{}", variance.sqrt());
+        assert!(neighbours > 0.5 * variance, "neighbours are off together");
+    }
+}

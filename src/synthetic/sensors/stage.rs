@@ -162,3 +162,31 @@ pub fn colours(brightness: &[f64], rng: &mut ChaCha8Rng) -> Vec<[u8; 3]> {
 pub fn normal(rng: &mut ChaCha8Rng) -> f64 {
     StandardNormal.sample(rng)
 }
+
+/// Walls to test sensors on.
+#[cfg(test)]
+pub(super) mod walls {
+    use super::*;
+    use crate::geometry::Mesh;
+    use crate::synthetic::scenery::Layout;
+    use crate::synthetic::solids::{sheet, together};
+
+    /// A wall seen from the origin along z: at depth z, with these bounds across.
+    pub fn wall(x: [f64; 2], half_height: f64, z: f64) -> Mesh {
+        let h = half_height;
+        sheet([[x[1], -h, z], [x[0], -h, z], [x[0], h, z], [x[1], h, z]])
+    }
+
+    pub fn stage(walls: impl IntoIterator<Item = Mesh>) -> Stage {
+        let mesh = together(walls);
+        let extent = mesh.bounds().map_or(1.0, |bounds| bounds.diagonal());
+        let center = Point3::origin();
+        let scene = Scenery { mesh, still: None, layout: Layout::Around, extent, center, half_length: extent };
+        Stage::new(&scene, 3)
+    }
+
+    /// At the origin.
+    pub fn view() -> Viewpoint {
+        Viewpoint { pose_world: Motion::identity(), turn: Motion::identity(), travel: Vector3::zeros() }
+    }
+}

@@ -41,6 +41,8 @@ impl<'a> Tour<'a> {
     /// The longest step between neighbours: radians, or a length where the way is straight.
     pub fn longest_step(&self) -> f64 {
         match (self.scene.layout, self.kind) {
+            // who sees all the way round sees much of the same until he is on the other side
+            (Layout::Around | Layout::Inside, kind) if kind.is_round() => 3.0,
             (Layout::Around, _) => 1.6,
             (Layout::Inside, _) => 1.8,
             (Layout::Along, SensorKind::Carried) => 2.4 * self.reach,
@@ -94,7 +96,7 @@ impl<'a> Tour<'a> {
         let (center, extent) = (self.scene.center, self.scene.extent);
         let aside = Vector3::new(jitter.by(0.08), jitter.by(0.08), jitter.by(0.08)) * extent;
         if self.kind.is_round() {
-            return self.upright(center + level(along) * (0.5 * extent) + aside, along, jitter);
+            return self.upright(center + level(along) * (0.6 * extent) + aside, along, jitter);
         }
         let eye = center - level(along) * (0.5 * extent) + Vector3::y() * (0.1 * extent) + aside;
         look(eye, eye + level(along) + Vector3::y() * (jitter.by(0.12) - 0.25), -Vector3::y())

@@ -43,3 +43,49 @@ pub fn scan(stage: &Stage, view: &Viewpoint, lens: Lens, has_intensity: bool, rn
     surface.cloud.intensities = has_intensity.then(strength);
     surface
 }
+
+#[cfg(test)]
+mod tests {
+    use rand::SeedableRng;
+
+    use super::super::stage::walls::{stage, view};
+    use super::*;
+    use crate::geometry::Vector3;
+    use crate::synthetic::solids::hollow;
+
+    fn scanned(travel: Vector3) -> Surface {
+        let room = hollow([-10.0, -4.0, -10.0], [10.0, 4.0, 10.0]);
+        let view = Viewpoint { travel, ..view() };
+        scan(&stage([room]), &view, lens(20_000.0), true, &mut ChaCha8Rng::seed_from_u64(1))
+    }
+
+    #[test]
+    fn points_lie_on_rings_and_close_together_along_them() {
+        let surface = scanned(Vector3::zeros());
+        let mut rings = std::collections::BTreeSet::new();
+        for p in &surface.cloud.points {
+            let up = (-p.y).atan2(p.x.hypot(p.z));
+            let ring = (HIGH - up) / (HIGH - LOW) * RINGS as f64 - 0.5;
+            assert!((ring - ring.round()).abs() < 1e-6, "{ring}");
+            rings.insert(ring.round() as i64);
+        }
+        assert_eq!(rings.len(), RINGS);
+        let (along, across) = (std::f64::consts::TAU / lens(20_000.0).columns as f64, (HIGH - LOW) / RINGS as f64);
+        assert!(2.0 * along < across);
+        assert_eq!(surface.cloud.intensities.expect("strengths").len(), surface.cloud.points.len());
+    }
+
+    #[test]
+    fn a_room_is_sheared_while_the_vehicle_rolls() {
+        // the turn begins and ends at -z: at its left it began half a turn ago
+        let side = |surface: &Surface, sign: f64| {
+            let wall = surface.cloud.points.iter().filter(|p| p.x * sign > 9.0 && p.z.abs() < 2.0 && p.y.abs() < 1.0);
+            let places: Vec<f64> = wall.map(|p| p.x.abs()).collect();
+            places.iter().sum::<f64>() / places.len() as f64
+        };
+        let (still, rolling) = (scanned(Vector3::zeros()), scanned(Vector3::x() * 1.0));
+        assert!((side(&still, 1.0) - 10.0).abs() < 0.01 && (side(&still, -1.0) - 10.0).abs() < 0.01);
+        assert!((side(&rolling, 1.0) - 9.75).abs() < 0.05, "{}", side(&rolling, 1.0));
+        assert!((side(&rolling, -1.0) - 9.75).abs() < 0.05, "{}", side(&rolling, -1.0));
+    }
+}
