@@ -43,6 +43,8 @@ mod tests {
     use super::super::lens::Projection;
     use super::super::stage::walls::{stage, view, wall};
     use super::*;
+    use crate::geometry::{Motion, RangeGrid, Vector3};
+    use crate::synthetic::solids::moved;
 
     fn rng() -> ChaCha8Rng {
         ChaCha8Rng::seed_from_u64(1)
@@ -72,16 +74,13 @@ mod tests {
         let lit = surface.cloud.len() as f64 / lens().pixels() as f64;
         assert!((0.5..0.9).contains(&lit), "some parts are too dark: {lit}");
         let grid = surface.grid.expect("files of lasers have grids");
-        assert_eq!(
-            grid.pixels.iter().filter(|p| **p != crate::geometry::RangeGrid::EMPTY).count(),
-            surface.cloud.len()
-        );
+        assert_eq!(grid.pixels.iter().filter(|p| **p != RangeGrid::EMPTY).count(), surface.cloud.len());
 
-        let steep = crate::synthetic::solids::moved(
-            &wall([-400.0, 400.0], 400.0, 0.0),
-            &(crate::geometry::Motion::translation(0.0, 0.0, 600.0)
-                * crate::geometry::Motion::rotation(crate::geometry::Vector3::y() * 1.3)),
-        );
-        assert!(scan(&stage([steep]), &view(), lens(), true, &mut rng()).cloud.len() < 200, "grazing");
+        let turn = Motion::translation(0.0, 0.0, 600.0) * Motion::rotation(Vector3::y() * 1.1);
+        let steep = moved(&wall([-400.0, 400.0], 400.0, 0.0), &turn);
+        let surface = scan(&stage([steep]), &view(), lens(), true, &mut rng());
+        let angle = |p: &Point3| (-p.coords.normalize().dot(&(turn * -Vector3::z()))).acos().to_degrees();
+        let steepest = surface.cloud.points.iter().map(angle).fold(0.0, f64::max);
+        assert!((GRAZING_DEG - 3.0..GRAZING_DEG + 0.5).contains(&steepest), "{steepest}");
     }
 }
