@@ -60,7 +60,7 @@ fn all() -> impl Iterator<Item = (SensorKind, SceneKind)> {
 }
 
 /// The columns of the rows.
-const HEADER: &str = "#view\tsensor\tscene\tseed\tviews\tview\tplaced\tright\toverlap\tconfidence\toff_percent\toff_deg\tsharpness\n\
+const HEADER: &str = "#view\tsensor\tscene\tseed\tviews\tview\tplaced\tright\toverlap\tconfidence\toff_percent\toff_deg\tsharpness\tgrip\n\
                       #set\tsensor\tscene\tseed\tviews\tplaced\tright\tquality\tcpu_s\tmaking_cpu_s\tpoints\tworst_percent\tworst_deg\treasons";
 
 /// Processor time of this process so far, s.
@@ -88,7 +88,13 @@ fn measure(sensor: SensorKind, scene: SceneKind, seed: u64) -> anyhow::Result<St
         Ok(outcome) => outcome,
         Err(error) => {
             let rows: String = (0..count)
-                .map(|view| format!("view\t{key}\t{view}\t0\t0\t{:.3}\t\t\t\t\n", set.best_overlap(view)))
+                .map(|view| {
+                    format!(
+                        "view\t{key}\t{view}\t0\t0\t{:.3}\t\t\t\t\t{:.3}\n",
+                        set.best_overlap(view),
+                        set.grips[view]
+                    )
+                })
                 .collect();
             return Ok(format!("{rows}set\t{key}\t0\t0\trefused\t{spent}\t{points}\t\t\t{error}\n"));
         }
@@ -103,13 +109,14 @@ fn measure(sensor: SensorKind, scene: SceneKind, seed: u64) -> anyhow::Result<St
     for view in 0..count {
         let error = errors[view].map(|(off, degrees)| format!("{:.3}\t{degrees:.2}", 100.0 * off));
         rows += &format!(
-            "view\t{key}\t{view}\t{}\t{}\t{:.3}\t{}\t{}\t{}\n",
+            "view\t{key}\t{view}\t{}\t{}\t{:.3}\t{}\t{}\t{}\t{:.3}\n",
             u8::from(errors[view].is_some()),
             u8::from(is_right(&errors[view])),
             set.best_overlap(view),
             cell(&outcome.report["views"][view]["confidence"]),
             error.unwrap_or_else(|| "\t".into()),
             cell(&verdict["sharpness"][view]),
+            set.grips[view],
         );
     }
     let reasons: Vec<&str> = verdict["reasons"].as_array().into_iter().flatten().filter_map(|r| r.as_str()).collect();

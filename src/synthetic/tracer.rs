@@ -14,6 +14,8 @@ pub struct Hit {
     pub distance: f64,
     /// Cosine of the angle between the ray, looked back along, and the face's normal.
     pub cos_incidence: f64,
+    /// The face's normal.
+    pub normal: Vector3,
 }
 
 /// A mesh prepared for ray casting.
@@ -49,7 +51,8 @@ impl Target {
             let [a, b, c] = &triangle.corners;
             let distance = ray.intersects_triangle(a, b, c).distance;
             if distance.is_finite() && nearest.as_ref().is_none_or(|hit| distance < hit.distance) {
-                nearest = Some(Hit { distance, cos_incidence: -triangle.normal.dot(&direction) });
+                nearest =
+                    Some(Hit { distance, cos_incidence: -triangle.normal.dot(&direction), normal: triangle.normal });
             }
         }
         nearest

@@ -7,7 +7,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::super::scenery::{Layout, SceneKind, Scenery};
 use super::lens::Lens;
-use super::stage::{Picture, Stage, Viewpoint};
+use super::stage::{Picture, Seen, Stage, Viewpoint};
 use super::tour::Tour;
 use super::{SensorKind, carried, depth_camera, laser, panorama, phone, vehicle};
 use crate::geometry::{Motion, Point3, Surface, Vector3};
@@ -22,6 +22,8 @@ pub struct SensorSet {
     pub poses: Vec<Motion>,
     /// Of what view i sees the share that view j sees too: `overlaps[i][j]`.
     pub overlaps: Vec<Vec<f64>>,
+    /// How well what each view shares with the others holds it, see [`grip`].
+    pub grips: Vec<f64>,
 }
 
 impl SensorSet {
@@ -38,6 +40,33 @@ const FEELERS: f64 = 350.0;
 const STEPS: [f64; 9] = [0.05, 0.09, 0.14, 0.2, 0.28, 0.4, 0.55, 0.75, 1.0];
 /// The least and the most pixels of a picture.
 const PIXELS: [f64; 2] = [3_000.0, 60_000.0];
+
+/// Surface seen at a smaller cosine of its angle to the normal counts as not seen.
+const GRAZING_COS: f64 = 0.15;
+
+/// A point of the subject, in the subject's frame.
+#[derive(Debug, Clone, Copy)]
+struct Feeler {
+    place: Point3,
+    normal: Vector3,
+}
+
+/// How well surface holds itself on a copy of itself: the root mean square distance that its points get from the copy's planes
+/// by the motion of size 1 that changes least. Rotations are measured at the root mean square radius. 0 for planes, cylinders
+/// and balls; at most 0.58, which only surface reaches whose six motions are all held equally.
+fn grip(feelers: &[Feeler]) -> f64 {
+    let count = feelers.len().max(1) as f64;
+    let center = feelers.iter().map(|feeler| feeler.place.coords).sum::<Vector3>() / count;
+    let square: f64 = feelers.iter().map(|feeler| (feeler.place.coords - center).norm_squared()).sum();
+    let radius = (square / count).sqrt().max(f64::MIN_POSITIVE);
+    let mut sum = nalgebra::Matrix6::<f64>::zeros();
+    for Feeler { place, normal } in feelers {
+        let turning = ((place.coords - center) / radius).cross(normal);
+        let row = nalgebra::Vector6::new(normal.x, normal.y, normal.z, turning.x, turning.y, turning.z);
+        sum += row * row.transpose() / count;
+    }
+    sum.symmetric_eigenvalues().min().max(0.0).sqrt()
+}
 
 /// Scans the scene `seed` of a kind by a sensor. The same arguments give the same bits.
 pub fn sensor_set(kind: SensorKind, scene: SceneKind, seed: u64) -> SensorSet {
@@ -96,7 +125,7 @@ impl Session<'_> {
         rng.set_stream(u64::from(u32::MAX));
         let places = self.places(&mut rng);
         let views: Vec<Viewpoint> = places.iter().enumerate().map(|(k, along)| self.tour.at(*along, k)).collect();
-        let mut set = SensorSet { scans: Vec::new(), poses: Vec::new(), overlaps: Vec::new() };
+        let mut set = SensorSet { scans: Vec::new(), poses: Vec::new(), overlaps: Vec::new(), grips: Vec::new() };
         for (k, view) in views.iter().enumerate() {
             rng.set_stream(k as u64);
             let (surface, pose_world) = self.scan(view, places[k], k, &mut rng);
@@ -105,7 +134,11 @@ impl Session<'_> {
             let sensor = surface.sensor.map(|sensor| turn * sensor);
             set.scans.push(Surface { cloud: surface.cloud.moved(&turn), sensor, ..surface });
             set.poses.push(view.turn.inverse() * pose_world * turn.inverse());
-            set.overlaps.push(views.iter().map(|other| self.share_seen(view, other)).collect());
+            let feelers = self.feelers(view);
+            set.overlaps.push(views.iter().map(|other| self.share_seen(&feelers, other)).collect());
+            let others = || views.iter().enumerate().filter(|(other, _)| *other != k);
+            let shared = |feeler: &&Feeler| others().any(|(_, other)| self.sees(other, feeler));
+            set.grips.push(grip(&feelers.iter().filter(shared).copied().collect::<Vec<Feeler>>()));
         }
         set
     }
@@ -122,9 +155,11 @@ impl Session<'_> {
             let wanted = rng.random_range(0.3..0.8);
             let last = places[view - 1];
             let here = self.tour.at(last, view - 1);
+            let feelers = self.feelers(&here);
             let off = |step: f64| {
                 let there = self.tour.at(last + step, view);
-                (self.share_seen(&here, &there).min(self.share_seen(&there, &here)) - wanted).abs()
+                let share = self.share_seen(&feelers, &there).min(self.share_seen(&self.feelers(&there), &here));
+                (share - wanted).abs()
             };
             let steps = STEPS.map(|share| share * self.tour.longest_step());
             let offs = steps.map(off);
@@ -134,27 +169,33 @@ impl Session<'_> {
         places
     }
 
-    /// Of what one view sees of the subject, the share that another one sees too.
-    fn share_seen(&self, here: &Viewpoint, there: &Viewpoint) -> f64 {
-        const GRAZING_COS: f64 = 0.15;
-        let stage = &self.studio.stage;
-        let picture = Picture::simple(stage, here, self.feeler);
-        let (mut asked, mut seen) = (0, 0);
-        for (pixel, met) in picture.seen.iter().enumerate() {
-            let Some(met) = met.filter(|met| met.is_subject && met.cos_incidence > GRAZING_COS) else { continue };
-            asked += 1;
+    /// Some points of what a view sees of the subject.
+    fn feelers(&self, view: &Viewpoint) -> Vec<Feeler> {
+        let picture = Picture::simple(&self.studio.stage, view, self.feeler);
+        let feeler = |(pixel, seen): (usize, &Option<Seen>)| {
+            let seen = seen.filter(|seen| seen.is_subject && seen.cos_incidence > GRAZING_COS)?;
             let (start, way) = self.feeler.ray(pixel, [0.0; 2]);
-            let place = there.turn * here.turn.inverse() * (here.pose_world * (start + way * met.range));
-            let local: Point3 = there.pose_world.inverse_transform_point(&place);
-            let Some((start, way)) = self.feeler.toward(&local) else { continue };
-            let range = (local - start).norm();
-            let hit = stage.first_hit(&there.turn, there.pose_world * start, there.pose_world * way);
-            let is_met = |hit: super::stage::Seen| {
-                hit.is_subject && (hit.range - range).abs() < 0.01 * range && hit.cos_incidence > GRAZING_COS
-            };
-            seen += usize::from(hit.is_some_and(is_met));
-        }
-        f64::from(seen as u32) / f64::from(asked.max(1))
+            let place = view.turn.inverse() * (view.pose_world * (start + way * seen.range));
+            Some(Feeler { place, normal: seen.normal })
+        };
+        picture.seen.iter().enumerate().filter_map(feeler).collect()
+    }
+
+    /// Whether a view sees a point of the subject.
+    fn sees(&self, view: &Viewpoint, feeler: &Feeler) -> bool {
+        let local: Point3 = view.pose_world.inverse_transform_point(&(view.turn * feeler.place));
+        let Some((start, way)) = self.feeler.toward(&local) else { return false };
+        let range = (local - start).norm();
+        let hit = self.studio.stage.first_hit(&view.turn, view.pose_world * start, view.pose_world * way);
+        let is_met =
+            |hit: Seen| hit.is_subject && (hit.range - range).abs() < 0.01 * range && hit.cos_incidence > GRAZING_COS;
+        hit.is_some_and(is_met)
+    }
+
+    /// The share of some points that a view sees.
+    fn share_seen(&self, feelers: &[Feeler], view: &Viewpoint) -> f64 {
+        let seen = feelers.iter().filter(|feeler| self.sees(view, feeler)).count();
+        seen as f64 / feelers.len().max(1) as f64
     }
 
     /// One scan, and its frame in the world.
@@ -229,6 +270,23 @@ mod tests {
                 assert!(off * 10 < asked, "{kind:?} {place:?}: {off} of {asked} points are off");
             }
         }
+    }
+
+    #[test]
+    fn flat_surface_holds_nothing_and_a_corner_does() {
+        let sides = |axes: &[usize]| -> Vec<Feeler> {
+            let side = |axis: usize| {
+                (0..100).map(move |k| {
+                    let mut place = Point3::origin();
+                    place[(axis + 1) % 3] = f64::from(k % 10);
+                    place[(axis + 2) % 3] = f64::from(k / 10);
+                    Feeler { place, normal: *Vector3::ith_axis(axis) }
+                })
+            };
+            axes.iter().flat_map(|axis| side(*axis)).collect()
+        };
+        assert!(grip(&sides(&[0])) < 1e-6 && grip(&sides(&[0, 1])) < 1e-6 && grip(&[]) < 1e-6);
+        assert!((0.2..0.41).contains(&grip(&sides(&[0, 1, 2]))), "{}", grip(&sides(&[0, 1, 2])));
     }
 
     #[test]

@@ -39,6 +39,8 @@ pub struct Seen {
     pub range: f64,
     /// Cosine of the angle between the ray, looked back along, and the surface's normal.
     pub cos_incidence: f64,
+    /// The surface's normal; in the frame of what is scanned, if it is that.
+    pub normal: Vector3,
     /// How bright the surface is, 0 to 1.
     pub albedo: f64,
     /// Whether it is what is scanned, not the background of a turntable.
@@ -65,7 +67,7 @@ impl Stage {
         };
         let spot = rough(&Point3::from(place.coords / self.grain), 3, self.seed);
         let albedo = (0.5 + 0.6 * spot).clamp(0.02, 1.0);
-        Some(Seen { range: hit.distance, cos_incidence: hit.cos_incidence, albedo, is_subject })
+        Some(Seen { range: hit.distance, cos_incidence: hit.cos_incidence, normal: hit.normal, albedo, is_subject })
     }
 
     /// Whether nothing stands between two places of the world; `slack` before the second one is not looked at.
