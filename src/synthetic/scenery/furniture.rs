@@ -143,7 +143,7 @@ fn shelf(dice: &mut Dice) -> Vec<Mesh> {
         while board < 4 && x < half - 0.1 {
             let (wide, tall) = (dice.between(0.02, 0.09), dice.between(0.14, 0.32));
             parts.push(cuboid([x, y, -deep], [x + wide, y + tall, dice.between(-0.04, 0.12)]));
-            x += wide + if dice.number() % 4 == 0 { 0.15 } else { 0.003 };
+            x += wide + if dice.number().is_multiple_of(4) { 0.15 } else { 0.003 };
         }
     }
     parts

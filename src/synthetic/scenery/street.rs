@@ -51,7 +51,7 @@ fn fronts(dice: &mut Dice, side: f64, half: f64, parts: &mut Vec<Mesh>) {
             let mut at = z + 0.5 * gap;
             while at + wide < z + long {
                 // a frame around each window stands out, for a hole would need the wall cut
-                let depth = if dice.number() % 5 == 0 { -1.1 } else { -0.12 };
+                let depth = if dice.number().is_multiple_of(5) { -1.1 } else { -0.12 };
                 parts.push(block(depth, 0.0, [low - 0.15, low], at - 0.2, at + wide + 0.2));
                 parts.push(block(-0.1, 0.0, [low, low + 1.4], at - 0.15, at));
                 parts.push(block(-0.1, 0.0, [low, low + 1.4], at + wide, at + wide + 0.15));
@@ -60,7 +60,7 @@ fn fronts(dice: &mut Dice, side: f64, half: f64, parts: &mut Vec<Mesh>) {
         }
         let steps = dice.between(z + 1.0, z + long - 2.0);
         parts.push(block(-1.2, 0.0, [0.0, 0.45], steps, steps + 1.6));
-        z += long + if dice.number() % 3 == 0 { dice.between(2.0, 6.0) } else { 0.0 };
+        z += long + if dice.number().is_multiple_of(3) { dice.between(2.0, 6.0) } else { 0.0 };
     }
 }
 
