@@ -18,6 +18,9 @@ pub struct Hit {
     pub normal: Vector3,
 }
 
+/// Components of directions are at least this large.
+const LEAST: f64 = 1e-12;
+
 /// A mesh prepared for ray casting.
 pub struct Target {
     triangles: Vec<Triangle>,
@@ -45,7 +48,8 @@ impl Target {
 
     /// The nearest face that the ray meets from outside.
     pub fn first_hit(&self, origin: Point3, direction: Vector3) -> Option<Hit> {
-        let ray = Ray::new(origin, direction);
+        // the tree misses a box in whose side the ray lies, for 0 times infinity is no number
+        let ray = Ray::new(origin, direction.map(|x| if x.abs() < LEAST { LEAST } else { x }));
         let mut nearest: Option<Hit> = None;
         for triangle in self.tree.traverse_iterator(&ray, &self.triangles) {
             let [a, b, c] = &triangle.corners;
@@ -73,5 +77,20 @@ impl BHShape<f64, 3> for Triangle {
 
     fn bh_node_index(&self) -> usize {
         self.node
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::synthetic::solids::ground;
+
+    #[test]
+    fn a_ray_along_the_side_of_the_boxes_meets_what_is_in_them() {
+        let target = Target::new(&ground(2.0, 4, |_, _| 0.0));
+        for x in [0.0, 0.3, 1.0] {
+            let hit = target.first_hit(Point3::new(x, 5.0, 0.6), -Vector3::y()).expect("it meets the ground");
+            assert!((hit.distance - 5.0).abs() < 1e-9 && (hit.cos_incidence - 1.0).abs() < 1e-9);
+        }
     }
 }

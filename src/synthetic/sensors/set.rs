@@ -260,7 +260,7 @@ mod tests {
                 let slack = if kind == SensorKind::Vehicle { 0.015 * reach } else { 0.0 };
                 let (mut off, mut asked) = (0, 0);
                 for (scan, pose) in set.scans.iter().zip(&set.poses).take(2) {
-                    for point in scan.cloud.points.iter().step_by(scan.cloud.len() / 40) {
+                    for point in scan.cloud.points.iter().step_by((scan.cloud.len() / 40).max(1)) {
                         let limit = 4.0 * kind.accuracy(1.3 * reach) + slack;
                         off += usize::from(distance(&(pose * point), &studio.scene.mesh) > limit);
                         asked += 1;
@@ -287,6 +287,19 @@ mod tests {
         };
         assert!(grip(&sides(&[0])) < 1e-6 && grip(&sides(&[0, 1])) < 1e-6 && grip(&[]) < 1e-6);
         assert!((0.2..0.41).contains(&grip(&sides(&[0, 1, 2]))), "{}", grip(&sides(&[0, 1, 2])));
+    }
+
+    #[test]
+    fn sensors_with_a_wide_view_stand_above_the_ground() {
+        for (kind, seed) in [SensorKind::Vehicle, SensorKind::Panorama].into_iter().zip(20..).cycle().take(6) {
+            let studio = Studio::new(kind, SceneKind::Object, seed);
+            let session = studio.session();
+            for view in 0..6 {
+                let eye: Point3 = session.tour.at(f64::from(view), view as usize).pose_world.translation.vector.into();
+                let hit = studio.stage.first_hit(&Motion::identity(), eye, -Vector3::y());
+                assert!(hit.is_some_and(|seen| seen.range > 0.2 * studio.scene.extent), "{kind:?} {seed}: {eye}");
+            }
+        }
     }
 
     #[test]

@@ -83,7 +83,9 @@ impl<'a> Tour<'a> {
         let (center, extent) = (self.scene.center, self.scene.extent);
         let distance = self.reach * (1.0 + jitter.by(0.06));
         if self.kind.is_round() {
-            let eye = center + level(along) * distance + Vector3::y() * (extent * (0.1 + jitter.by(0.12)));
+            let mut eye = center + level(along) * distance + Vector3::y() * (extent * (0.1 + jitter.by(0.12)));
+            // beside flat things the sensor still stands on its feet
+            eye.y = eye.y.max(self.height_below(&eye) + 0.3 * extent);
             return self.upright(eye, along, jitter);
         }
         let elevation = 0.4 + jitter.by(0.25);
@@ -126,15 +128,20 @@ impl<'a> Tour<'a> {
         }
         let place = self.scene.center + level(along) * (0.45 * extent);
         if self.kind.is_round() {
-            let top = place + Vector3::y() * (4.0 * extent);
-            let hit = self.stage.first_hit(&Motion::identity(), top, -Vector3::y());
-            let height = hit.map_or(0.0, |seen| top.y - seen.range) + 0.16 * self.reach;
+            let height = self.height_below(&place).max(-self.scene.extent) + 0.16 * self.reach;
             return self.upright(Point3::new(place.x, height, place.z), along, jitter);
         }
         let eye = place + Vector3::new(jitter.by(0.05), 0.75 + jitter.by(0.06), jitter.by(0.05)) * self.reach;
         let forward = level(along + 0.25 * TAU);
         let below = place + forward * ((0.25 + jitter.by(0.12)) * extent);
         look(eye, below, -forward)
+    }
+
+    /// How high the scene is at a place seen from above; far below if nothing is there.
+    fn height_below(&self, place: &Point3) -> f64 {
+        let top = place + Vector3::y() * (4.0 * self.scene.extent);
+        let hit = self.stage.first_hit(&Motion::identity(), top, -Vector3::y());
+        hit.map_or(f64::MIN, |seen| top.y - seen.range)
     }
 
     /// Level, but for a degree.
