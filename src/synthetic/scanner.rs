@@ -116,14 +116,14 @@ impl Scanner {
 }
 
 /// Where a ray met the mesh.
-struct Hit {
-    distance: f64,
+pub(super) struct Hit {
+    pub(super) distance: f64,
     /// Cosine of the angle between the ray, looked back along, and the face's normal.
-    cos_incidence: f64,
+    pub(super) cos_incidence: f64,
 }
 
 /// A mesh prepared for ray casting.
-struct Target {
+pub(super) struct Target {
     triangles: Vec<Triangle>,
     tree: Bvh<f64, 3>,
 }
@@ -136,7 +136,7 @@ struct Triangle {
 }
 
 impl Target {
-    fn new(mesh: &Mesh) -> Self {
+    pub(super) fn new(mesh: &Mesh) -> Self {
         let triangle = |face: usize| {
             let normal = mesh.area_normal(face).try_normalize(f64::MIN_POSITIVE).unwrap_or_else(Vector3::zeros);
             Triangle { corners: mesh.corners(face), normal, node: 0 }
@@ -147,7 +147,7 @@ impl Target {
     }
 
     /// The nearest face that the ray meets from outside.
-    fn first_hit(&self, origin: Point3, direction: Vector3) -> Option<Hit> {
+    pub(super) fn first_hit(&self, origin: Point3, direction: Vector3) -> Option<Hit> {
         let ray = Ray::new(origin, direction);
         let mut nearest: Option<Hit> = None;
         for triangle in self.tree.traverse_iterator(&ray, &self.triangles) {
