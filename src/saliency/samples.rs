@@ -96,13 +96,18 @@ impl Samples {
     /// Samples of a cloud with unit normals. Every sample stands for the same area, since the density of a
     /// cloud tells of the scanner and not of the surface.
     pub fn from_cloud(points: &[Point3], normals: &[Vector3], spacing: f64) -> Samples {
+        let mut samples = Samples::counted(points, normals, spacing);
+        samples.areas.fill(spacing * spacing);
+        samples
+    }
+
+    /// The same with the number of points in a cell for its area.
+    pub fn counted(points: &[Point3], normals: &[Vector3], spacing: f64) -> Samples {
         let mut cells = Cells::new(spacing, Bounds::of(points));
         for (point, normal) in points.iter().zip(normals) {
             cells.add(point, normal, 1.0);
         }
-        let mut samples = cells.finish();
-        samples.areas.fill(spacing * spacing);
-        samples
+        cells.finish()
     }
 }
 
