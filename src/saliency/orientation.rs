@@ -165,11 +165,15 @@ pub fn oriented_cloud(surface: &Surface, cell: f64, progress: &Progress) -> Resu
 /// Samples of a cloud, at most [`MOST_POINTS`], on the surface in the middle of its skin.
 fn thinned(points: &[Point3], normals: &[Vector3], cell: f64, progress: &Progress) -> Result<Samples, Canceled> {
     let mut samples = Samples::counted(points, normals, cell);
+    let skin = Skin::of(points, cell, progress)?;
+    if let Some(skin) = &skin {
+        samples = skin::without_specks(samples, skin, progress)?;
+    }
     while samples.points.len() > MOST_POINTS {
         progress.check()?;
         samples = samples.coarser(COARSER * samples.spacing);
     }
-    match Skin::of(points, cell, progress)?.and_then(|skin| skin.radius(samples.spacing)) {
+    match skin.and_then(|skin| skin.radius(samples.spacing)) {
         Some(radius) => skin::settled(&samples, radius, progress),
         None => Ok(samples),
     }

@@ -28,8 +28,9 @@ const LEAST_POINTS: usize = 18;
 /// The median of what is normally distributed, in standard deviations.
 const MEDIAN_OF_NORMAL: f64 = 0.6745;
 
-/// Skins thinner than this share of a cell are averaged by the cells.
-const AVERAGED_BY_CELLS: f64 = 0.25;
+/// Skins thinner than this share of a cell are averaged by the cells, of sparse clouds and of dense ones: these have a few
+/// points of all kinds of error, each of which makes a sample of its own.
+const AVERAGED_BY_CELLS: [f64; 2] = [0.25, 0.05];
 /// The surface is averaged over such a radius that what is left of the noise is this share of it: a slope of 3 degrees.
 const RESOLVED_SLOPE: f64 = 0.05;
 /// The variance of a quadric's height in the middle of weighted neighbours, in that of their mean if all counted alike.
@@ -38,6 +39,12 @@ const VARIANCE_OF_FIT: f64 = 6.0;
 const LEAST_RADIUS_IN_THICKNESSES: f64 = 3.0;
 /// With fewer neighbours than this a sample is a speck off the surface.
 const LEAST_NEIGHBOURS: usize = 9;
+
+/// Where surfaces have this many points a cell, all their cells are taken, and a sample with fewer others than this within two
+/// cells (a plane has some twelve) is a speck, such as depth cameras see between near and far.
+const POINTS_A_CELL: f64 = 2.0;
+const LEAST_AROUND: usize = 6;
+const AROUND_IN_CELLS: f64 = 2.0;
 
 /// What is known of a cloud's skin.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -78,9 +85,14 @@ impl Skin {
         Ok(Some(Skin { thickness: median(|skin| skin.thickness), density }))
     }
 
+    /// Whether a surface takes all cells of that edge which it passes through.
+    fn is_dense(&self, cell: f64) -> bool {
+        self.density * cell * cell >= POINTS_A_CELL
+    }
+
     /// The radius over which a surface is to be averaged; `None` where cells of that edge do it.
     pub fn radius(&self, cell: f64) -> Option<f64> {
-        if self.thickness <= AVERAGED_BY_CELLS * cell {
+        if self.thickness <= AVERAGED_BY_CELLS[usize::from(self.is_dense(cell))] * cell {
             return None;
         }
         // thickness * sqrt(VARIANCE_OF_FIT / (pi radius^2 density)) = RESOLVED_SLOPE * radius
@@ -88,6 +100,27 @@ impl Skin {
         let resolved = (noise / RESOLVED_SLOPE).sqrt();
         Some(resolved.max(LEAST_RADIUS_IN_THICKNESSES * self.thickness).max(FIRST_RADIUS_IN_CELLS * cell))
     }
+}
+
+/// The samples without specks off the surface; all of them where the surface has too few points to tell.
+pub fn without_specks(samples: Samples, skin: &Skin, progress: &Progress) -> Result<Samples, Canceled> {
+    if !skin.is_dense(samples.spacing) {
+        return Ok(samples);
+    }
+    let reach = AROUND_IN_CELLS * samples.spacing;
+    let grid = CellGrid::new(&samples.points, reach);
+    let is_kept: Vec<bool> = samples
+        .points
+        .par_iter()
+        .map(|point| {
+            progress.check()?;
+            let mut around = 0;
+            grid.for_each_within(point, reach, |_, _| around += 1);
+            // it finds itself
+            Ok(around > LEAST_AROUND)
+        })
+        .collect::<Result<_, Canceled>>()?;
+    Ok(samples.kept(&is_kept))
 }
 
 /// The skin at a place: the smallest ball around it in which the points lie in a layer.
