@@ -250,3 +250,80 @@ fn middle(point: &Point3, normal: &Vector3, skin: &Samples, grid: &CellGrid, rad
     let normal = (up - x * slope_x - y * slope_y).try_normalize(f64::MIN_POSITIVE)?;
     Some((point + up * height, normal))
 }
+
+#[cfg(test)]
+mod tests {
+    use rand::distr::Distribution;
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+    use rand_distr::StandardNormal;
+
+    use super::*;
+
+    /// A square of 400, bent to a radius of 1000, with noise of this height across it.
+    fn sheet(points: usize, noise: f64) -> Vec<Point3> {
+        let mut rng = ChaCha8Rng::seed_from_u64(7);
+        let point = |_| {
+            let (x, y) = (rng.random_range(-200.0..200.0), rng.random_range(-200.0..200.0));
+            let error: f64 = StandardNormal.sample(&mut rng);
+            Point3::new(x, y, height(x, y) + noise * error)
+        };
+        (0..points).map(point).collect()
+    }
+
+    fn height(x: f64, y: f64) -> f64 {
+        -(x * x + y * y) / 2000.0
+    }
+
+    fn skin(points: &[Point3], cell: f64) -> Skin {
+        Skin::of(points, cell, &Progress::silent()).expect("not canceled").expect("it can be told")
+    }
+
+    #[test]
+    fn thickness_and_density_are_told_from_the_points() {
+        for noise in [0.3, 2.0, 4.0] {
+            let skin = skin(&sheet(80_000, noise), 5.0);
+            assert!((skin.thickness / noise - 1.0).abs() < 0.15, "{noise}: {skin:?}");
+            assert!((0.35..0.6).contains(&skin.density), "{skin:?}");
+        }
+    }
+
+    #[test]
+    fn a_thick_skin_settles_on_the_surface_in_its_middle() {
+        let points = sheet(80_000, 3.0);
+        let up = vec![Vector3::z(); points.len()];
+        let samples = Samples::counted(&points, &up, 4.0);
+        let radius = skin(&points, 4.0).radius(4.0).expect("it is thick");
+        let settled = settled(&samples, radius, &Progress::silent()).expect("not canceled");
+        assert!(
+            settled.points.len() * 2 < samples.points.len(),
+            "{} of {}",
+            settled.points.len(),
+            samples.points.len()
+        );
+        let inside = settled.points.iter().zip(&settled.normals).filter(|(p, _)| p.x.abs().max(p.y.abs()) < 180.0);
+        for (point, normal) in inside {
+            assert!((point.z - height(point.x, point.y)).abs() < 1.5, "{point}");
+            assert!(normal.z > 0.9, "{normal}");
+        }
+    }
+
+    #[test]
+    fn sparse_and_thin_clouds_stay_as_they_are() {
+        assert_eq!(skin(&sheet(8_000, 0.2), 4.0).radius(4.0), None);
+        assert_eq!(skin(&sheet(80_000, 0.1), 4.0).radius(4.0), None);
+    }
+
+    #[test]
+    fn specks_are_left_out_where_surfaces_are_dense() {
+        let mut points = sheet(80_000, 0.1);
+        points.extend((0..50).map(|k| Point3::new(f64::from(k) * 7.0 - 170.0, 0.0, 40.0)));
+        let up = vec![Vector3::z(); points.len()];
+        let count = |points: &[Point3]| {
+            let samples = Samples::counted(points, &up, 5.0);
+            without_specks(samples, &skin(points, 5.0), &Progress::silent()).expect("not canceled")
+        };
+        let kept = count(&points);
+        assert!(kept.points.iter().all(|p| p.z < 20.0) && kept.points.len() > 5_500, "{}", kept.points.len());
+    }
+}
