@@ -12,7 +12,7 @@ use visage::synthetic::truth::disturb;
 use visage::synthetic::{Specimen, body};
 
 /// Eight views with 2 mm of noise, some 4 mm off at the head, merged.
-fn described(person: &Specimen, unit: Unit) -> Signature {
+fn merged(person: &Specimen) -> Surface {
     let camera = DepthCamera { noise: 2.0, step: 2.4, resolution: 3.6, ..DepthCamera::default() };
     let set = depth_views(&person.mesh, ring(&person.mesh, &camera, 8, 1, ALL_AROUND), &camera, 1);
     let given = disturb(&set.poses, 0.001, 2.5, 1);
@@ -27,15 +27,19 @@ fn described(person: &Specimen, unit: Unit) -> Signature {
         })
         .collect();
     let (model, _) = merge(&posed, &Progress::silent()).expect("not canceled");
-    let surface = Surface { cloud: model.cloud, ..Surface::default() };
-    describe(&surface, unit, &Progress::silent()).expect("a sound surface")
+    Surface { cloud: model.cloud, ..Surface::default() }
+}
+
+fn described(surface: &Surface, unit: Unit) -> Signature {
+    describe(surface, unit, &Progress::silent()).expect("a sound surface")
 }
 
 #[test]
 fn the_face_of_a_standing_person_is_found_in_a_merge_with_doubled_skins() {
     let person = body::person(5);
+    let surface = merged(&person);
     for unit in [Unit::Mm, Unit::Unknown] {
-        let signature = described(&person, unit);
+        let signature = described(&surface, unit);
         let verdict = judge(&signature, &standard::face(), MatchMethod::Verified);
         assert!(verdict.score >= MATCH_SCORE, "{verdict:?}");
         let corners = verdict.triangle.expect("a face was found");
@@ -48,6 +52,6 @@ fn the_face_of_a_standing_person_is_found_in_a_merge_with_doubled_skins() {
 
 #[test]
 fn a_body_without_a_head_has_no_face() {
-    let verdict = judge(&described(&body::headless(5), Unit::Mm), &standard::face(), MatchMethod::Verified);
+    let verdict = judge(&described(&merged(&body::headless(5)), Unit::Mm), &standard::face(), MatchMethod::Verified);
     assert!(verdict.score < MATCH_SCORE, "{verdict:?}");
 }
