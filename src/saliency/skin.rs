@@ -28,8 +28,8 @@ const LEAST_POINTS: usize = 18;
 /// The median of what is normally distributed, in standard deviations.
 const MEDIAN_OF_NORMAL: f64 = 0.6745;
 
-/// Skins thinner than this share of a cell are averaged by the cells, of sparse clouds and of dense ones: these have a few
-/// points of all kinds of error, each of which makes a sample of its own.
+/// Skins thinner than this share of a cell are averaged by the cells, of sparse clouds and of dense ones: these have a
+/// few points of all kinds of error, each of which makes a sample of its own.
 const AVERAGED_BY_CELLS: [f64; 2] = [0.25, 0.05];
 /// The surface is averaged over such a radius that what is left of the noise is this share of it: a slope of 3 degrees.
 const RESOLVED_SLOPE: f64 = 0.05;
@@ -40,8 +40,8 @@ const LEAST_RADIUS_IN_THICKNESSES: f64 = 3.0;
 /// With fewer neighbours than this a sample is a speck off the surface.
 const LEAST_NEIGHBOURS: usize = 9;
 
-/// Where surfaces have this many points a cell, all their cells are taken, and a sample with fewer others than this within two
-/// cells (a plane has some twelve) is a speck, such as depth cameras see between near and far.
+/// Where surfaces have this many points a cell, all their cells are taken, and a sample with fewer others than this
+/// within two cells (a plane has some twelve) is a speck, such as depth cameras see between near and far.
 const POINTS_A_CELL: f64 = 2.0;
 const LEAST_AROUND: usize = 6;
 const AROUND_IN_CELLS: f64 = 2.0;
@@ -194,8 +194,8 @@ impl Fit {
     }
 }
 
-/// The samples moved onto the surface in the middle of the skin, averaged within `radius`, each counting by its area (the
-/// number of points in it); one a cell then. Normals are those of the surface, on the side of the samples' own.
+/// The samples moved onto the surface in the middle of the skin, averaged within `radius`, each counting by its area
+/// (the number of points in it); one a cell then. Normals are those of the surface, on the side of the samples' own.
 pub fn settled(samples: &Samples, radius: f64, progress: &Progress) -> Result<Samples, Canceled> {
     let once = moved(samples, samples, radius, progress)?.coarser(samples.spacing);
     Ok(moved(&once, samples, radius, progress)?.coarser(samples.spacing))
