@@ -23,6 +23,8 @@ use crate::saliency::{CellGrid, Samples, Side};
 /// Expected inner-eye distances as shares of the bounding box's diagonal, for files of unknown unit: from a
 /// torso up to a mask from brow to mouth (the faces of the public set: 0.048 to 0.16).
 const LEVELS_OF_DIAGONAL: [f64; 6] = [0.045, 0.06, 0.08, 0.106, 0.141, 0.188];
+/// Smaller ones, down to a standing person's: searched only where the surface resolves such a face.
+const SMALL_LEVELS_OF_DIAGONAL: [f64; 3] = [0.019, 0.0255, 0.034];
 /// The same where the unit is known, as shares of the standard's inner-eye distance: people differ, and a nose or an
 /// eye corner that is missed at one scale is met at the next.
 const LEVELS_OF_TRUE_SIZE: [f64; 3] = [0.85, 1.0, 1.18];
@@ -30,9 +32,13 @@ const LEVELS_OF_TRUE_SIZE: [f64; 3] = [0.85, 1.0, 1.18];
 const TRUE_SIZES: std::ops::RangeInclusive<f64> = 0.75..=1.3;
 /// Samples a level: their spacing as a share of the expected inner-eye distance.
 const SPACING: f64 = 0.1;
-/// A level that would need more samples than this is skipped: such a face would be a detail of the object. A closer look
-/// at a solid full of walls makes do with coarser ones.
+/// A level that would need more samples than this is skipped, unless the surface resolves such a face: it would be a detail
+/// of the object. A closer look at a solid full of walls makes do with coarser ones.
 pub(super) const MOST_SAMPLES: usize = 80_000;
+/// A surface resolves a face if it has so many points from eye to eye: some five hundred on the whole face.
+const POINTS_FROM_EYE_TO_EYE: f64 = 5.0;
+/// Samples of a level that is resolved, at most: a standing person's with arms and legs apart.
+const MOST_RESOLVED_SAMPLES: usize = 5 * MOST_SAMPLES;
 
 /// Nor is one whose cells a surface has more of from end to end than can be told apart.
 pub(crate) const MOST_CELLS_ACROSS: f64 = 1e6;
@@ -136,22 +142,28 @@ pub fn detect(surface: &Oriented, unit: Unit, standard: &Standard, progress: &Pr
 /// Expected inner-eye distances in the file's unit, finest first, and the surface sampled for each.
 fn sampled_levels(surface: &Oriented, unit: Unit, progress: &Progress) -> Result<Vec<(f64, Samples)>, Canceled> {
     let diagonal = surface.bounds.diagonal();
-    let expected: Vec<f64> = match unit.in_mm() {
-        Some(mm) => LEVELS_OF_TRUE_SIZE.iter().map(|share| share * INNER_EYE_DISTANCE_MM / mm).collect(),
-        None => LEVELS_OF_DIAGONAL.iter().map(|share| share * diagonal).collect(),
+    let (small, usual): (Vec<f64>, Vec<f64>) = match unit.in_mm() {
+        Some(mm) => (Vec::new(), LEVELS_OF_TRUE_SIZE.iter().map(|share| share * INNER_EYE_DISTANCE_MM / mm).collect()),
+        None => {
+            let of_diagonal = |shares: &[f64]| shares.iter().map(|share| share * diagonal).collect();
+            (of_diagonal(&SMALL_LEVELS_OF_DIAGONAL), of_diagonal(&LEVELS_OF_DIAGONAL))
+        }
     };
     let area = surface.area();
+    let resolved = POINTS_FROM_EYE_TO_EYE * (area / surface.points().count().max(1) as f64).sqrt();
+    let small = small.into_iter().map(|expected| (expected, 0));
     let mut levels: Vec<(f64, Samples)> = Vec::new();
-    for expected in expected {
+    for (expected, most) in small.chain(usual.into_iter().map(|expected| (expected, MOST_SAMPLES))) {
         progress.check()?;
+        let most = if expected >= resolved { MOST_RESOLVED_SAMPLES } else { most };
         let spacing = SPACING * expected;
         // a plane passes through at least area / spacing^2 cells: don't even start where that is too many
-        let is_fine = area / (spacing * spacing) > MOST_SAMPLES as f64 || diagonal / spacing > MOST_CELLS_ACROSS;
+        let is_fine = area / (spacing * spacing) > most as f64 || diagonal / spacing > MOST_CELLS_ACROSS;
         if diagonal <= 0.0 || is_fine {
             continue;
         }
         let samples = levels.first().map_or_else(|| surface.sampled(spacing), |(_, finest)| finest.coarser(spacing));
-        if samples.points.len() <= MOST_SAMPLES {
+        if samples.points.len() <= most {
             levels.push((expected, samples));
         }
     }

@@ -94,7 +94,7 @@ const MOST_ENTRIES: usize = 4096;
 
 impl Signature {
     /// The version of the operator that makes signatures; stored beside each.
-    pub const VERSION: u32 = 9;
+    pub const VERSION: u32 = 10;
 
     /// The signature of a model of this size with these regions and facial triangles, all in the file's frame.
     pub fn new(size: &Size, regions: &[Region], detection: &Detection) -> Signature {

@@ -16,6 +16,7 @@ pub mod proximity;
 pub mod quadric;
 pub mod regions;
 pub mod samples;
+pub mod skin;
 
 pub use cells::CellGrid;
 pub use multiscale::{saliency, weighted_curvature};

@@ -9,6 +9,7 @@ use rayon::prelude::*;
 use super::curvature::{Edge, sorted_edges};
 use super::proximity::Proximity;
 use super::samples::Samples;
+use super::skin::{self, Skin};
 use crate::geometry::normals::least_spread;
 use crate::geometry::{Bounds, Groups, Mesh, Point3, Surface, Vector3};
 use crate::progress::{Canceled, Progress};
@@ -161,14 +162,21 @@ pub fn oriented_cloud(surface: &Surface, cell: f64, progress: &Progress) -> Resu
     Ok(OrientedCloud { points, normals, side: Side::Outward, proximity })
 }
 
-/// Samples of a cloud, at most [`MOST_POINTS`].
+/// Samples of a cloud, at most [`MOST_POINTS`], on the surface in the middle of its skin.
 fn thinned(points: &[Point3], normals: &[Vector3], cell: f64, progress: &Progress) -> Result<Samples, Canceled> {
-    let mut samples = Samples::from_cloud(points, normals, cell);
+    let mut samples = Samples::counted(points, normals, cell);
+    let skin = Skin::of(points, cell, progress)?;
+    if let Some(skin) = &skin {
+        samples = skin::without_specks(samples, skin, progress)?;
+    }
     while samples.points.len() > MOST_POINTS {
         progress.check()?;
         samples = samples.coarser(COARSER * samples.spacing);
     }
-    Ok(samples)
+    match skin.and_then(|skin| skin.radius(samples.spacing)) {
+        Some(radius) => skin::settled(&samples, radius, progress),
+        None => Ok(samples),
+    }
 }
 
 /// Points of a cloud that are looked at, at most: a ball as densely sampled as its cells allow has 175 000.

@@ -93,16 +93,34 @@ impl Samples {
         gather(&self.points, &self.normals, &self.areas, spacing).samples
     }
 
+    /// Those for which `is_kept` says so.
+    pub(super) fn kept(self, is_kept: &[bool]) -> Samples {
+        fn kept<T>(values: Vec<T>, is_kept: &[bool]) -> Vec<T> {
+            values.into_iter().zip(is_kept).filter(|(_, kept)| **kept).map(|(value, _)| value).collect()
+        }
+        Samples {
+            points: kept(self.points, is_kept),
+            normals: kept(self.normals, is_kept),
+            areas: kept(self.areas, is_kept),
+            spacing: self.spacing,
+        }
+    }
+
     /// Samples of a cloud with unit normals. Every sample stands for the same area, since the density of a
     /// cloud tells of the scanner and not of the surface.
     pub fn from_cloud(points: &[Point3], normals: &[Vector3], spacing: f64) -> Samples {
+        let mut samples = Samples::counted(points, normals, spacing);
+        samples.areas.fill(spacing * spacing);
+        samples
+    }
+
+    /// The same with the number of points in a cell for its area.
+    pub fn counted(points: &[Point3], normals: &[Vector3], spacing: f64) -> Samples {
         let mut cells = Cells::new(spacing, Bounds::of(points));
         for (point, normal) in points.iter().zip(normals) {
             cells.add(point, normal, 1.0);
         }
-        let mut samples = cells.finish();
-        samples.areas.fill(spacing * spacing);
-        samples
+        cells.finish()
     }
 }
 

@@ -71,10 +71,19 @@ impl Proportions {
 
 /// The head of a person with these proportions, with the landmarks of the face.
 pub fn head(proportions: &Proportions) -> Specimen {
+    head_with(proportions, 0.0, |head, _| head)
+}
+
+/// The same with more on it, such as hair: `more` changes the field at a point of the average-sized head, and may stand
+/// `margin` off it.
+pub(super) fn head_with(proportions: &Proportions, margin: f64, more: impl Fn(f64, &Point3) -> f64 + Sync) -> Specimen {
     let shape = Shape(*proportions);
     let size = proportions.size;
-    let field = |p: &Point3| shape.head(&(p / size)) * size;
-    let mesh = surface_nets::mesh(&field, &box_around(size), CELL);
+    let field = |p: &Point3| more(shape.head(&(p / size)), &(p / size)) * size;
+    let mut bounds = box_around(size);
+    bounds.min -= Vector3::repeat(margin * size);
+    bounds.max += Vector3::repeat(margin * size);
+    let mesh = surface_nets::mesh(&field, &bounds, CELL);
     let landmarks = shape.landmarks();
     let landmarks = landmarks.into_iter().map(|(name, p)| (name, p * size)).collect();
     Specimen { mesh, landmarks }

@@ -2,6 +2,7 @@
 //!
 //! - [`implicit`], [`surface_nets`]: solids as signed fields, and their surfaces as meshes
 //! - [`head`]: heads with a face, each seed another person
+//! - [`body`], [`depth_views`]: standing persons with such heads, and a depth camera's views around them
 //! - [`objects`]: things that are no face: a head with bumps for a face, a jug, a smooth blob
 //! - [`shapes`]: a catalogue of thirty kinds of things, each by seed, to scan and register with an exact truth
 //! - [`scanner`]: range scans by ray casting
@@ -12,6 +13,8 @@
 //!
 //! Lengths are millimetres. Pure and deterministic: the same seed gives the same bits.
 
+pub mod body;
+pub mod depth_views;
 pub mod head;
 pub mod implicit;
 pub mod objects;
