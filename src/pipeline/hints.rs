@@ -81,13 +81,16 @@ fn diagonal_of(points: &[Point3]) -> f64 {
 
 /// What became of the hints: of each pair of views whether they were brought together, and how far its picked points lie
 /// apart. Picked points that were not followed lower the verdict. `relative` tells the motion between two views that
-/// hang together.
+/// hang together. `None` if nothing was said of pairs.
 pub(super) fn report(
     hinted: &Hinted,
     relative: impl Fn(usize, usize) -> Option<Motion>,
     names: &[String],
     verdict: &mut Verdict,
-) -> serde_json::Value {
+) -> Option<serde_json::Value> {
+    if hinted.picked.is_empty() && hinted.overlapping.is_empty() {
+        return None;
+    }
     let picked = hinted.picked.iter().map(|pair| {
         let distances = relative(pair.i, pair.j).map(|motion| (pair.is_met(&motion), pair.distances(&motion)));
         let followed = distances.is_some_and(|(is_met, _)| is_met);
@@ -102,7 +105,8 @@ pub(super) fn report(
     });
     let points: Vec<serde_json::Value> = picked.collect();
     let together = |&(i, j): &(usize, usize)| serde_json::json!({"a": names[i], "b": names[j], "together": relative(i, j).is_some()});
-    serde_json::json!({"points": points, "overlaps": hinted.overlapping.iter().map(together).collect::<Vec<_>>()})
+    let overlaps: Vec<serde_json::Value> = hinted.overlapping.iter().map(together).collect();
+    Some(serde_json::json!({"points": points, "overlaps": overlaps}))
 }
 
 fn not_followed(pair: &PickedPair, residual: Option<f64>, names: &[String]) -> String {

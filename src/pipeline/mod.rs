@@ -189,7 +189,7 @@ pub fn run_from(
     }
     let said = setting.hinted(&names, &views);
     let relative = |i: usize, j: usize| placement.relative(&result, &views, i, j);
-    let said = said.map(|hinted| hints::report(&hinted, relative, &names, &mut verdict));
+    let said = hints::report(&said, relative, &names, &mut verdict);
     let report = RegistrationReport::new(options.method, unit.name(), &names, &views, &result, &known, verdict);
 
     let merged = merge_views(&scans, &views, &sensors, &result, options, progress)?;

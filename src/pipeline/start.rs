@@ -184,10 +184,9 @@ impl Setting {
         (!self.base.is_empty()).then(|| self.base.contains_key(name))
     }
 
-    /// What was said of the views, if anything was.
-    pub fn hinted(&self, names: &[String], views: &[View]) -> Option<Hinted> {
-        let is_of_pairs = !(self.hints.points.is_empty() && self.hints.overlaps.is_empty());
-        is_of_pairs.then(|| Hinted::of(&self.hints, names, views))
+    /// What was said of the views.
+    pub fn hinted(&self, names: &[String], views: &[View]) -> Hinted {
+        Hinted::of(&self.hints, names, views)
     }
 
     /// Lets what was said of a copy be said of its original, and the pose of the copy serve it if it has none; `motion_of_copy` maps the copy's frame into that
@@ -273,7 +272,7 @@ impl Task<'_> {
     }
 
     fn anew(&self, views: &[View], sensors: &[Option<Sensor>]) -> Result<Registered, PipelineError> {
-        let hinted = self.setting.hinted(self.names, views).unwrap_or_default();
+        let hinted = self.setting.hinted(self.names, views);
         let set = Set { names: self.names, views, given: &self.given(views), sensors, hinted: &hinted };
         Ok(set.register(&|views, initial| self.refine(views, initial), self.progress)?)
     }
@@ -295,7 +294,7 @@ impl Task<'_> {
         let mut placement = None;
         if given.contains(&None) {
             let refine = |views: &[View], initial: &[Motion]| self.refine(views, initial);
-            let hinted = self.setting.hinted(self.names, views).unwrap_or_default();
+            let hinted = self.setting.hinted(self.names, views);
             let set = Set { names: self.names, views, given: &given, sensors, hinted: &hinted };
             placement = Some(place(&set, &refine, self.progress)?);
         }

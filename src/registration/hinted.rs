@@ -11,6 +11,8 @@ pub struct Hinted {
     pub picked: Vec<PickedPair>,
     /// Pairs `i < j` that are said to overlap.
     pub overlapping: Vec<(usize, usize)>,
+    /// Views of which a part was cut away: that nothing is there says nothing of what was scanned.
+    pub cut: Vec<usize>,
 }
 
 /// Two views, `i < j`, with places that are the same.
@@ -45,6 +47,7 @@ impl Hinted {
         }
         hinted.overlapping.sort_unstable();
         hinted.overlapping.dedup();
+        hinted.cut = hints.regions.iter().filter_map(|region| place(&region.scan)).collect();
         let mut collected: std::collections::BTreeMap<(usize, usize), Vec<[Place; 2]>> = Default::default();
         for picked in &hints.points {
             let Some((a, b)) = pair(&picked.a, &picked.b) else { continue };
@@ -73,6 +76,7 @@ impl Hinted {
         Hinted {
             picked: self.picked.iter().filter_map(named).collect(),
             overlapping: self.overlapping.iter().filter_map(|&(i, j)| place(i).zip(place(j))).collect(),
+            cut: self.cut.iter().filter_map(|view| place(*view)).collect(),
         }
     }
 

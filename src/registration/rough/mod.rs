@@ -181,6 +181,7 @@ fn rough_at_once(
 ) -> Result<Rough, Canceled> {
     let edge = edge_of(views);
     let mut sketches = sketch_all(views, edge, sensors);
+    prior.hinted.cut.iter().for_each(|view| sketches[*view].sight.crop());
     progress.report(Stage::Registering, 0.05);
     let pairs: Vec<(usize, usize)> = (0..views.len()).flat_map(|i| (i + 1..views.len()).map(move |j| (i, j))).collect();
     let links: Vec<Vec<Link>> = pairs
