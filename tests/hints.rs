@@ -1,13 +1,13 @@
 //! What a person says of scans, end to end; and the places of views that fit in several ways. Scans are made by code.
 
 use std::collections::BTreeMap;
-use std::f64::consts::FRAC_PI_2;
+use std::f64::consts::FRAC_PI_3;
 
-use visage::geometry::{Bounds, Cloud, Mesh, Motion, Point3, Surface, Unit, Vector3, se3};
+use visage::geometry::{Motion, Point3, Surface, Unit, Vector3, se3};
 use visage::pipeline::{self, Hints, NamedScan, Options, Outcome, PipelineError, Start};
 use visage::progress::Progress;
 use visage::synthetic::scanner::{ScanSet, Scanner};
-use visage::synthetic::{implicit, objects, shapes, surface_nets};
+use visage::synthetic::{objects, shapes};
 
 const SCANNER: Scanner = Scanner { views: 6, distance: 600.0, resolution: 2.5, noise: 0.15, grazing_angle: 75.0 };
 
@@ -15,6 +15,10 @@ const SCANNER: Scanner = Scanner { views: 6, distance: 600.0, resolution: 2.5, n
 struct Set {
     scans: Vec<NamedScan>,
     truth: Vec<Motion>,
+}
+
+fn read(hints: serde_json::Value) -> Hints {
+    serde_json::from_value(hints).expect("hints")
 }
 
 fn name(view: usize) -> String {
@@ -43,8 +47,7 @@ impl Set {
     }
 
     fn hinted(&self, hints: serde_json::Value) -> Result<Outcome, PipelineError> {
-        let hints: Hints = serde_json::from_value(hints).expect("hints");
-        self.run(&Start { hints, ..Start::default() })
+        self.run(&Start { hints: read(hints), ..Start::default() })
     }
 
     /// The true place of a scan in the world of the outcome, which is that of view 0.
@@ -57,6 +60,23 @@ impl Set {
         let truth = self.true_pose(outcome, view);
         let middle = self.scans[view].surface.cloud.centroid();
         (truth.rotation.angle_to(&pose.rotation).to_degrees(), (truth * middle - pose * middle).norm())
+    }
+
+    /// Five places of the object that two scans see, far from each other.
+    fn common(&self, a: usize, b: usize) -> Vec<[f64; 3]> {
+        let of = |view: usize| {
+            let points = self.scans[view].surface.cloud.points.iter().step_by(5);
+            points.map(|p| self.truth[view] * p).collect::<Vec<Point3>>()
+        };
+        let (seen, by_b) = (of(a), of(b));
+        let common: Vec<&Point3> = seen.iter().filter(|p| by_b.iter().any(|q| (q - **p).norm() < 4.0)).collect();
+        let mut chosen: Vec<&Point3> = vec![common[0]];
+        let away = |p: &Point3, chosen: &[&Point3]| chosen.iter().map(|q| (p - **q).norm()).fold(f64::MAX, f64::min);
+        while chosen.len() < 5 {
+            let next = common.iter().max_by(|p, q| away(p, &chosen).total_cmp(&away(q, &chosen)));
+            chosen.push(next.expect("they overlap"));
+        }
+        chosen.into_iter().map(|p| p.coords.into()).collect()
     }
 
     /// Some places of the object as they were picked in two scans, with an error of a few mm.
@@ -74,77 +94,59 @@ impl Set {
     }
 }
 
-/// A body without symmetry that carries a square shaft.
-fn shaft() -> Mesh {
-    let waves =
-        |p: &Point3| 5.0 * (0.09 * p.x + 1.0).sin() * (0.07 * p.z).cos() + 4.0 * (0.11 * p.z + 0.05 * p.x).sin();
-    let field = |p: &Point3| {
-        let body = implicit::ellipsoid(p, [0.0, -60.0, 0.0], [80.0, 50.0, 62.0]) + waves(p);
-        body.min(implicit::cuboid(p, [0.0, 40.0, 0.0], [28.0, 80.0, 28.0]))
-    };
-    let bounds = Bounds { min: Point3::new(-105.0, -135.0, -90.0), max: Point3::new(105.0, 130.0, 90.0) };
-    surface_nets::mesh(&field, &bounds, 3.0)
+/// Whether a motion of the object's frame turns a nut into itself: about its axis or over, by sixths of a circle.
+fn is_symmetry_of_the_nut(motion: &Motion) -> bool {
+    let axis = motion * Vector3::y();
+    let sixths = motion.rotation.angle() / FRAC_PI_3;
+    let is_turn = axis.y > 0.999 && (sixths - sixths.round()).abs() < 0.03;
+    is_turn || (axis.y < -0.999 && (sixths - 3.0).abs() < 0.03)
 }
-
-/// The region about the end of the shaft, in a scan's frame.
-fn end_of_the_shaft(set: &Set, view: usize) -> serde_json::Value {
-    let center: [f64; 3] = (set.truth[view].inverse() * Point3::new(0.0, 80.0, 0.0)).coords.into();
-    serde_json::json!({"scan": name(view), "use": {"sphere": {"center": center, "radius": 65.0}}})
-}
-
-/// Corners of the shaft's end and a place on its edge.
-const ON_THE_END: [[f64; 3]; 5] =
-    [[28.0, 120.0, 28.0], [-28.0, 120.0, 28.0], [-28.0, 120.0, -28.0], [28.0, 120.0, -28.0], [28.0, 70.0, 28.0]];
 
 #[test]
-fn an_end_with_four_equal_sides_has_four_places_and_picked_points_choose_one() {
-    // views of the whole body, of the last one only the end of the shaft
-    let set = Set::of(&SCANNER.scan_set(&shaft(), 1));
-    let region = end_of_the_shaft(&set, 5);
-    let outcome = set.hinted(serde_json::json!({"regions": [region]})).expect("registers");
-    assert!(outcome.poses[..5].iter().all(|(_, pose)| pose.is_some()), "{:?}", outcome.report["verdict"]);
-    assert_eq!(outcome.poses[5].1, None, "{:?}", outcome.report["verdict"]);
-    let row = &outcome.report["alternatives"][0];
-    assert_eq!((&row["name"], &row["axis"], &row["along"]), (&name(5).into(), &().into(), &().into()));
-    let poses: Vec<Motion> = row["poses"]
-        .as_array()
-        .expect("a list")
-        .iter()
-        .map(|place| serde_json::from_value(place["pose"].clone()).expect("4x4"))
-        .map(|rows: [[f64; 4]; 4]| se3::from_rows(&rows).expect("rigid"))
-        .collect();
-    let scores: Vec<f64> = (0..4).map(|k| row["poses"][k]["score"].as_f64().expect("a score")).collect();
-    assert_eq!(poses.len(), 4, "{row}");
-    assert!(scores[0] == 1.0 && scores.is_sorted_by(|a, b| a >= b) && scores[3] > 0.7, "{scores:?}");
-    // a quarter turn leads from each to the next, and one is the truth
-    let about_the_shaft = |quarters: usize| Motion::new(Vector3::zeros(), Vector3::y() * FRAC_PI_2 * quarters as f64);
-    let world = outcome.poses[0].1.expect("placed") * set.truth[0].inverse();
-    for quarters in 0..4 {
-        let turned = world * about_the_shaft(quarters) * world.inverse() * set.true_pose(&outcome, 5);
-        let off = |pose: &Motion| turned.rotation.angle_to(&pose.rotation).to_degrees();
-        assert!(
-            poses.iter().any(|pose| off(pose) < 1.0),
-            "{quarters}: {:?}",
-            poses.iter().map(off).collect::<Vec<_>>()
-        );
+fn places_on_a_nut_are_its_symmetries_and_picked_points_or_initial_poses_choose_one() {
+    let nut = shapes::catalogue().into_iter().find(|shape| shape.name == "nut").expect("in the catalogue");
+    let set = Set::of(&Scanner { views: 8, ..SCANNER }.scan_set(&nut.mesh(1), 1));
+    let outcome = set.run(&Start::default()).expect("registers");
+    let world = outcome.poses[0].1.expect("view 0 is placed") * set.truth[0].inverse();
+    let is_open = |view: &usize| outcome.poses[*view].1.is_none();
+    let open: Vec<usize> = (0..8).filter(is_open).collect();
+    assert!(!open.is_empty(), "a nut's views fit in several ways");
+    let rows = outcome.report["alternatives"].as_array().expect("a list");
+    let mut start: BTreeMap<String, Motion> =
+        outcome.poses.iter().filter_map(|(name, pose)| Some((name.clone(), (*pose)?))).collect();
+    for view in open.iter().copied() {
+        let row = rows.iter().find(|row| row["name"] == *name(view)).unwrap_or_else(|| panic!("{view}: {rows:?}"));
+        let places = row["poses"].as_array().expect("a list");
+        let scores: Vec<f64> = places.iter().map(|place| place["score"].as_f64().expect("a score")).collect();
+        assert!((2..=8).contains(&places.len()) && scores[0] == 1.0, "{scores:?}");
+        assert!(scores.is_sorted_by(|a, b| a >= b) && scores.iter().all(|score| *score >= 0.7), "{scores:?}");
+        for place in places {
+            let rows: [[f64; 4]; 4] = serde_json::from_value(place["pose"].clone()).expect("4x4");
+            let pose = se3::from_rows(&rows).expect("rigid");
+            let moved = world.inverse() * pose * set.truth[view].inverse();
+            assert!(is_symmetry_of_the_nut(&moved), "{view}: {moved}");
+            start.entry(name(view)).or_insert(pose);
+        }
     }
 
-    let hints = serde_json::json!({"regions": [region], "points": [set.picked(4, 5, &ON_THE_END)]});
-    let hinted = set.hinted(hints).expect("registers");
-    let (degrees, mm) = set.error(&hinted, 5, &hinted.poses[5].1.expect("placed as the points say"));
-    assert!(degrees < 1.0 && mm < 1.0, "{degrees} {mm}");
+    // places sent as initial poses are a choice
+    let chosen = set.run(&(&start).into()).expect("registers");
+    for (name, pose) in &chosen.poses {
+        let (found, sent) = (pose.unwrap_or_else(|| panic!("{name} is placed")), start[name]);
+        assert!(sent.rotation.angle_to(&found.rotation) < 0.02, "{name} stays where it was put");
+    }
+
+    // and so are picked points
+    let (view, other) = (open[0], (open[0] + 1) % 8);
+    let picked = set.picked(other, view, &set.common(other, view));
+    let hinted = set.hinted(serde_json::json!({"points": [picked]})).expect("registers");
     let row = &hinted.report["hints"]["points"][0];
     assert_eq!((&row["followed"], &row["pairs"]), (&true.into(), &5.into()), "{row}");
     assert!(row["residual"].as_f64().is_some_and(|mm| (0.5..5.0).contains(&mm)), "{row}");
-
-    // one of the places, sent as an initial pose with those found, is a choice too
-    let chosen = poses.iter().min_by(|a, b| set.error(&outcome, 5, a).0.total_cmp(&set.error(&outcome, 5, b).0));
-    let found = outcome.poses.iter().filter_map(|(name, pose)| Some((name.clone(), (*pose)?)));
-    let start: BTreeMap<String, Motion> = found.chain(chosen.map(|pose| (name(5), *pose))).collect();
-    let hints = serde_json::from_value(serde_json::json!({"regions": [region]})).expect("hints");
-    let settled = set.run(&Start { hints, ..(&start).into() }).expect("registers");
-    let (degrees, mm) = set.error(&settled, 5, &settled.poses[5].1.expect("placed as chosen"));
-    assert!(degrees < 1.0 && mm < 1.0, "{degrees} {mm}");
+    let pose = |view: usize| hinted.poses[view].1.expect("placed as the points say");
+    let between = (pose(other).inverse() * pose(view)).rotation;
+    let true_between = (set.truth[other].inverse() * set.truth[view]).rotation;
+    assert!(between.angle_to(&true_between) < 0.02, "{}", between.angle_to(&true_between));
 }
 
 #[test]
