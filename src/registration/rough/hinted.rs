@@ -32,8 +32,10 @@ const LEAST_OVERLAP: f64 = 0.02;
 const CONSISTENT: f64 = 0.5;
 /// this share of the points near each other touches at full resolution,
 const TOUCHING: f64 = 0.5;
-/// and no other motion of the pair, at least as consistent, is stronger by this factor.
+/// and no other motion of the pair, at least as consistent, is stronger by this factor
 const OVERRULED: f64 = 2.0;
+/// (unless so much agrees that nothing speaks against them: a like part elsewhere may be larger).
+const CLEAR: f64 = 0.8;
 /// Poses that differ by less than this, in edges, are the same.
 const SAME: f64 = 4.0;
 /// Groups that are said to overlap are joined on half the strength that others need,
@@ -114,7 +116,7 @@ fn followed(scene: &Scene, links: &[Link], pair: &PickedPair) -> Option<Link> {
     };
     let holds = link.evidence.overlap() >= LEAST_OVERLAP
         && link.evidence.consistency() >= CONSISTENT
-        && !links.iter().any(is_overruled)
+        && (link.evidence.consistency() >= CLEAR || !links.iter().any(is_overruled))
         && touches().is_some_and(|touching| touching >= TOUCHING);
     holds.then_some(link)
 }
