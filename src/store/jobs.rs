@@ -362,15 +362,13 @@ mod tests {
     use super::super::testing;
     use super::*;
 
+    fn new_job(scan_set_id: ScanSetId) -> NewJob {
+        let (options, hints) = (Options::default(), Hints::default());
+        NewJob { id: JobId::new(), scan_set_id, label: None, options, base: None, hints }
+    }
+
     pub(crate) async fn queued(store: &Store, set: ScanSetId) -> JobId {
-        let job = NewJob {
-            id: JobId::new(),
-            scan_set_id: set,
-            label: None,
-            options: Options::default(),
-            base: None,
-            hints: Default::default(),
-        };
+        let job = new_job(set);
         store.create_job(&job, None, 10, None).await.expect("queued");
         job.id
     }
@@ -380,14 +378,7 @@ mod tests {
         let (store, _folder) = testing::store().await;
         let set = testing::scan_set(&store, &["a.ply"]).await;
         queued(&store, set).await;
-        let job = NewJob {
-            id: JobId::new(),
-            scan_set_id: set,
-            label: None,
-            options: Options::default(),
-            base: None,
-            hints: Default::default(),
-        };
+        let job = new_job(set);
         let refused = store.create_job(&job, None, 1, None).await.expect_err("full");
         assert!(matches!(refused, StoreError::QueueFull { limit: 1 }));
         assert!(matches!(store.job(job.id).await, Err(StoreError::NotFound { kind: "job", .. })));
@@ -423,14 +414,7 @@ mod tests {
     async fn a_replay_is_kept_with_what_it_created() {
         let (store, _folder) = testing::store().await;
         let set = testing::scan_set(&store, &["a.ply"]).await;
-        let job = NewJob {
-            id: JobId::new(),
-            scan_set_id: set,
-            label: None,
-            options: Options::default(),
-            base: None,
-            hints: Default::default(),
-        };
+        let job = new_job(set);
         let key = replays_key("k", "hash");
         let replay = Replay {
             key: key.clone(),
