@@ -18,7 +18,7 @@ use crate::geometry::Unit;
 use crate::jobs::artifacts::{RunFacts, add_readings, report_json};
 use crate::jobs::tracker::Tracker;
 
-use crate::pipeline::{self, Method, NamedScan, Options, Outcome, PipelineError, Scale, Start};
+use crate::pipeline::{self, Hints, Method, NamedScan, Options, Outcome, PipelineError, Scale, Start};
 use crate::progress::{Progress, Stage};
 
 /// What to register and where to write it.
@@ -59,6 +59,9 @@ pub struct RegisterArgs {
     /// Add scans to a finished model: its folder (or its poses.json); the poses in it stay as they are
     #[arg(long, value_name = "MODEL")]
     add_to: Option<PathBuf>,
+    /// What you say of the scans where machines can't tell, JSON: picked points, pairs that overlap, regions to use or leave
+    #[arg(long, value_name = "FILE")]
+    hints: Option<PathBuf>,
     /// Keep turntable, floor, walls and stray points [default: left out where recognised]
     #[arg(long)]
     keep_all: bool,
@@ -97,6 +100,7 @@ pub fn run(args: RegisterArgs) -> anyhow::Result<()> {
     let pose_notes = poses.as_ref().map(PoseFile::notes).unwrap_or_default();
     let not_read = if args.scans.is_none() && poses.is_none() { folder.not_read() } else { Vec::new() };
     pose_notes.iter().chain(&not_read).for_each(|note| eprintln!("note: {note}"));
+    let hints = args.hints.as_deref().map(read_hints).transpose()?.unwrap_or_default();
     let (scans, dropped): (Vec<_>, Vec<_>) =
         pool.install(|| read_scans(&args.dir, &names, &progress))?.into_iter().unzip();
     let dropped: BTreeMap<String, Dropped> = names.iter().cloned().zip(dropped).collect();
@@ -104,6 +108,7 @@ pub fn run(args: RegisterArgs) -> anyhow::Result<()> {
         poses: poses.as_ref().map(PoseFile::to_map).unwrap_or_default(),
         scales: poses.map(|file| file.scales).unwrap_or_default(),
         base: base.map(|file| file.matrices).unwrap_or_default(),
+        hints,
     };
     let options = options(&args);
     let mut outcome =
@@ -148,6 +153,13 @@ fn read_poses(path: &Path) -> anyhow::Result<PoseFile> {
     let bytes = std::fs::read(path).with_context(|| format!("reading {}", path.display()))?;
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     formats::poses::read_scaled(&name, &bytes).with_context(|| format!("reading {}", path.display()))
+}
+
+/// Reads hints.
+fn read_hints(path: &Path) -> anyhow::Result<Hints> {
+    let bytes = std::fs::read(path).with_context(|| format!("reading {}", path.display()))?;
+    let remedy = r#"give {"points": [...], "overlaps": [...], "regions": [...]} as docs/API.md describes it"#;
+    serde_json::from_slice(&bytes).with_context(|| format!("{} holds no hints; {remedy}", path.display()))
 }
 
 /// The poses of a finished model, from its folder or from the file itself.

@@ -5,9 +5,10 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
+use super::hint_views::HintsView;
 use super::scan_set_views::UnitView;
 use super::schemas::{MethodName, Point, ScaleName, ShortText};
-use crate::pipeline::Options;
+use crate::pipeline::{Hints, Options};
 use crate::store::{JobError, JobId, JobKind, JobRecord, JobStatus, NewJob};
 
 /// What is to be done.
@@ -28,6 +29,9 @@ pub struct NewJobBody {
     /// Choices; `GET /v1/info` lists them with types, ranges and defaults.
     #[schema(value_type = Option<OptionsView>)]
     pub options: Option<serde_json::Value>,
+    /// What a person says of the scans: picked points, pairs that overlap, regions to use or to leave.
+    #[schema(value_type = Option<HintsView>)]
+    pub hints: Option<serde_json::Value>,
     /// A class label for the model, such as `face`.
     #[schema(value_type = Option<ShortText>)]
     pub label: Option<String>,
@@ -87,6 +91,9 @@ pub struct NewJobForm {
     /// The options as JSON.
     #[schema(required = false, value_type = OptionsView)]
     options: serde_json::Value,
+    /// The hints as JSON.
+    #[schema(required = false, value_type = HintsView)]
+    hints: serde_json::Value,
     /// A class label for the model.
     #[schema(required = false, value_type = ShortText)]
     label: String,
@@ -137,6 +144,9 @@ pub struct JobView {
     /// The options in force.
     #[schema(value_type = OptionsView)]
     pub options: Options,
+    /// What a person said of the scans; null if nothing was said.
+    #[schema(value_type = Option<HintsView>)]
+    pub hints: Option<Hints>,
     /// When it was accepted.
     #[schema(format = DateTime)]
     pub created_at: String,
@@ -192,6 +202,7 @@ impl JobView {
             error: job.error.clone(),
             label: job.label.clone(),
             options: job.options.clone(),
+            hints: (!job.hints.is_empty()).then(|| job.hints.clone()),
             created_at: job.id.created_at().to_string(),
             started_at: job.started_at.map(|time| time.to_string()),
             finished_at: job.finished_at.map(|time| time.to_string()),
@@ -215,6 +226,7 @@ impl JobView {
             label: job.label.clone(),
             options: job.options.clone(),
             base: job.base.clone(),
+            hints: job.hints.clone(),
             status: JobStatus::Queued,
             stage: None,
             progress: 0.0,

@@ -21,7 +21,7 @@ use super::problem::{Code, Problem};
 use super::scan_sets::{form_rules, from_form, keep_files, parse_id as parse_scan_set_id, undo_unless_stored};
 use super::state::{AppState, deleted, forget, uninterrupted};
 use super::upload::{self, UploadedFile};
-use super::{cursor, events, extract, job_views, models, names, responses};
+use super::{cursor, events, extract, hint_views, job_views, models, names, responses};
 use crate::jobs::memory::Budget;
 use crate::jobs::{admission, options};
 use crate::pipeline::Options;
@@ -31,7 +31,7 @@ use crate::store::{
 };
 
 pub(super) const TAG: &str = "jobs";
-const PARTS: &[&str] = &["poses", "options", "label", "name", "unit"];
+const PARTS: &[&str] = &["poses", "options", "hints", "label", "name", "unit"];
 /// The longest that `wait` may ask for.
 const LONGEST_WAIT: u64 = 60;
 
@@ -174,8 +174,8 @@ async fn accept(state: AppState, attempt: Attempt, order: Order) -> Result<Creat
 
 /// Queues an evaluation; answers with the one that waits, if one does already.
 async fn evaluate(state: AppState, attempt: Attempt, body: NewJobBody) -> Result<Created, Problem> {
-    let NewJobBody { kind: _, scan_set_id, base_model_id, options, label } = body;
-    if scan_set_id.is_some() || base_model_id.is_some() || options.is_some() || label.is_some() {
+    let NewJobBody { kind: _, scan_set_id, base_model_id, options, hints, label } = body;
+    if scan_set_id.is_some() || base_model_id.is_some() || options.is_some() || hints.is_some() || label.is_some() {
         let detail = "an evaluation works on all stored models and has no options";
         return Err(Problem::new(Code::InvalidField, detail, "send {\"kind\": \"evaluate\"} alone"));
     }
@@ -195,6 +195,7 @@ async fn evaluate(state: AppState, attempt: Attempt, body: NewJobBody) -> Result
 
 async fn order_of_json(state: &AppState, body: NewJobBody) -> Result<Order, Problem> {
     let options = body.options.map(options_of).transpose()?.unwrap_or_default();
+    let hints = body.hints.map(hint_views::parse).transpose()?.unwrap_or_default();
     let label = body.label.map(|label| names::text("label", &label)).transpose()?;
     let scan_set_id = body.scan_set_id.ok_or_else(|| {
         let detail = "a registration needs a scan_set_id";
@@ -205,8 +206,9 @@ async fn order_of_json(state: &AppState, body: NewJobBody) -> Result<Order, Prob
         Some(id) => Some(base_of(state, models::parse_id(id)?, set.id).await?),
         None => None,
     };
-    admit(state, &set.scans, set.poses.as_ref(), base.as_ref(), &options)?;
-    Ok(Order { job: NewJob { id: JobId::new(), scan_set_id: set.id, label, options, base }, upload: None })
+    let job = NewJob { id: JobId::new(), scan_set_id: set.id, label, options, base, hints };
+    admit(state, &set.scans, set.poses.as_ref(), &job)?;
+    Ok(Order { job, upload: None })
 }
 
 fn options_of(mut value: serde_json::Value) -> Result<Options, Problem> {
@@ -219,22 +221,19 @@ async fn order_of_form(state: &AppState, form: upload::Form) -> Result<Order, Pr
         Some(text) => options_of(parse_json("the part options", text.as_bytes())?)?,
         None => Options::default(),
     };
+    let hints = form.text("hints")?.map(|text| hint_views::parse(parse_json("the part hints", text.as_bytes())?));
+    let hints = hints.transpose()?.unwrap_or_default();
     let label = form.text("label")?.map(|label| names::text("label", label)).transpose()?;
     let (set, files) = from_form(state, form).await?;
-    admit(state, &set.scans, set.poses.as_ref(), None, &options)?;
-    let job = NewJob { id: JobId::new(), scan_set_id: set.id, label, options, base: None };
+    let job = NewJob { id: JobId::new(), scan_set_id: set.id, label, options, base: None, hints };
+    admit(state, &set.scans, set.poses.as_ref(), &job)?;
     Ok(Order { job, upload: Some((set, files)) })
 }
 
-fn admit(
-    state: &AppState,
-    scans: &[ScanRecord],
-    poses: Option<&PoseFile>,
-    base: Option<&JobBase>,
-    options: &Options,
-) -> Result<(), Problem> {
+fn admit(state: &AppState, scans: &[ScanRecord], poses: Option<&PoseFile>, job: &NewJob) -> Result<(), Problem> {
     let names: Vec<&str> = scans.iter().map(|scan| scan.name.as_str()).collect();
-    admission::plan(&names, poses, base.map(|base| base.poses.as_slice()), options)?;
+    let base = job.base.as_ref().map(|base| base.poses.as_slice());
+    admission::plan(&names, poses, base, &job.options, &job.hints)?;
     Budget(state.shop.config.job_memory_bytes).admit(scans.iter().map(|scan| scan.points).sum())?;
     Ok(())
 }
@@ -387,7 +386,7 @@ async fn retry(
     let job = state.shop.store.job(id).await?;
     if let Some(set) = job.scan_set_id {
         let set = state.shop.store.scan_set(set).await?;
-        admit(&state, &set.scans, set.poses.as_ref(), job.base.as_ref(), &job.options)?;
+        admit(&state, &set.scans, set.poses.as_ref(), &job.again(set.id))?;
     }
     state.shop.store.retry_job(id, state.limits().queued_jobs).await?;
     state.shop.board.announce_work();

@@ -27,6 +27,7 @@ mod digest;
 mod evaluation;
 mod events;
 mod extract;
+mod hint_views;
 mod hosts;
 mod idempotency;
 mod job_views;

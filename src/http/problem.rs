@@ -63,6 +63,7 @@ codes! {
     RangeNotSatisfiable = "range_not_satisfiable", RANGE_NOT_SATISFIABLE, "the file is shorter than the range asked for";
     InvalidField = "invalid_field", UNPROCESSABLE_ENTITY, "a field has a value that is not allowed";
     InvalidOptions = "invalid_options", UNPROCESSABLE_ENTITY, "the options are not allowed";
+    InvalidHints = "invalid_hints", UNPROCESSABLE_ENTITY, "the hints can't be used";
     InvalidName = "invalid_name", UNPROCESSABLE_ENTITY, "the file name is not allowed";
     DuplicateScan = "duplicate_scan", UNPROCESSABLE_ENTITY, "two scans have the same name";
     UnsupportedFormat = "unsupported_format", UNPROCESSABLE_ENTITY, "the file has a format that is not read here";

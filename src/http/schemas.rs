@@ -42,6 +42,10 @@ schemas! {
     ScaleName = text().enum_values(Some(Scale::ALL.map(Scale::name)));
     /// x, y and z.
     Point = list(number(), 3);
+    /// A place in two scans: first in the one, then in the other.
+    PickedPair = list(list(number(), 3), 2);
+    /// Two scans by name.
+    NamedPair = list(text(), 2);
     /// Three points.
     Corners = list(list(number(), 3), 3);
     /// Places by name; right and left are the subject's own.

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use crate::formats::{FormatError, poses};
 use crate::geometry::Motion;
-use crate::pipeline::{MIN_SCANS, Method, Options, PipelineError, Start};
+use crate::pipeline::{Hints, MIN_SCANS, Method, Options, PipelineError, Start};
 use crate::store::PoseFile;
 
 /// Why a scan set can't be registered.
@@ -150,8 +150,9 @@ pub fn plan(
     file: Option<&PoseFile>,
     base: Option<&[u8]>,
     options: &Options,
+    hints: &Hints,
 ) -> Result<Plan, AdmissionError> {
-    let plan = match base {
+    let mut plan = match base {
         None => {
             let fit = admit(scans, file)?;
             let names = fit.view_order().map(str::to_owned).collect();
@@ -163,6 +164,7 @@ pub fn plan(
         }
         Some(base) => plan_addition(scans, file, &poses::read_scaled("poses.json", base)?)?,
     };
+    plan.start.hints = hints.clone();
     let names: Vec<&str> = plan.names.iter().map(String::as_str).collect();
     admit_count(names.len(), options.method)?;
     plan.start.check(&names, options)?;
@@ -231,14 +233,17 @@ mod tests {
         let refused = admit(&["a.ply", "b.ply"], Some(&poses(&["0.ply"]))).expect_err("fits nothing");
         assert!(matches!(refused, AdmissionError::FitsNothing { ref named, .. } if named == "0.ply"), "{refused}");
         let base = poses(&["a.ply"]).content;
-        let refused = plan(&["a.ply", "b.ply"], Some(&poses(&["0.ply"])), Some(&base), &Options::default());
+        let refused =
+            plan(&["a.ply", "b.ply"], Some(&poses(&["0.ply"])), Some(&base), &Options::default(), &Hints::default());
         assert!(matches!(refused, Err(AdmissionError::FitsNothing { .. })));
     }
 
     #[test]
     fn what_is_added_comes_after_the_base() {
         let base = poses(&["b.ply", "a.ply", "gone.ply"]).content;
-        let planned = |scans: &[&str], file: Option<&PoseFile>| plan(scans, file, Some(&base), &Options::default());
+        let planned = |scans: &[&str], file: Option<&PoseFile>| {
+            plan(scans, file, Some(&base), &Options::default(), &Hints::default())
+        };
         let plan = planned(&["a.ply", "b.ply", "c.ply"], Some(&poses(&["c.ply"]))).expect("c.ply has a pose");
         assert_eq!(plan.names, ["b.ply", "a.ply", "c.ply"]);
         assert_eq!(plan.start.poses.keys().collect::<Vec<_>>(), ["c.ply"]);
@@ -256,10 +261,11 @@ mod tests {
     #[test]
     fn references_and_scales_are_checked_at_the_door() {
         let scans = ["a.ply", "b.ply"];
-        let refused = |file: &PoseFile, options: &Options| match plan(&scans, Some(file), None, options) {
-            Err(AdmissionError::Unfit(PipelineError::Unusable { code, .. })) => code,
-            other => panic!("{other:?}"),
-        };
+        let refused =
+            |file: &PoseFile, options: &Options| match plan(&scans, Some(file), None, options, &Hints::default()) {
+                Err(AdmissionError::Unfit(PipelineError::Unusable { code, .. })) => code,
+                other => panic!("{other:?}"),
+            };
         let elsewhere = Options { reference: Some("c.ply".to_owned()), ..Options::default() };
         assert_eq!(refused(&poses(&scans), &elsewhere), "unknown_reference");
         let mut scaled = poses(&scans);
@@ -268,6 +274,7 @@ mod tests {
             .into_bytes();
         assert_eq!(refused(&scaled, &Options::default()), "scaled_pose");
         let options = Options { scale: crate::pipeline::Scale::PerView, ..Options::default() };
-        assert_eq!(plan(&scans, Some(&scaled), None, &options).expect("scales are allowed").start.scales["a.ply"], 2.0);
+        let plan = plan(&scans, Some(&scaled), None, &options, &Hints::default()).expect("scales are allowed");
+        assert_eq!(plan.start.scales["a.ply"], 2.0);
     }
 }

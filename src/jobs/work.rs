@@ -172,9 +172,12 @@ impl Work {
     fn plan(&self) -> Result<Plan, WorkError> {
         let names: Vec<&str> = self.set.scans.iter().map(|scan| scan.name.as_str()).collect();
         let base = self.job.base.as_ref().map(|base| base.poses.as_slice());
-        let plan = admission::plan(&names, self.set.poses.as_ref(), base, &self.job.options);
-        plan.map_err(|error| {
-            failed("unusable_poses", error.to_string(), None, "send a sound pose file or none, then retry the job")
+        let plan = admission::plan(&names, self.set.poses.as_ref(), base, &self.job.options, &self.job.hints);
+        plan.map_err(|error| match error {
+            admission::AdmissionError::Unfit(error) => error.into(),
+            error => {
+                failed("unusable_poses", error.to_string(), None, "send a sound pose file or none, then retry the job")
+            }
         })
     }
 

@@ -2,6 +2,7 @@
 
 mod cleaning;
 mod copies;
+mod hints;
 mod ready;
 mod start;
 mod supports;
@@ -14,6 +15,7 @@ use crate::progress::{Canceled, Progress, Stage};
 pub use crate::reconstruction::merge::ModelCloud;
 use crate::reconstruction::merge::{PosedView, merge};
 use crate::registration::colour::{self, Brightness};
+pub use crate::registration::hints::Hints;
 pub use crate::registration::method::Method;
 use crate::registration::multiview::Multiview;
 use crate::registration::quality::Quality;
@@ -145,7 +147,9 @@ pub fn run_from(
 ) -> Result<Outcome, PipelineError> {
     let mut setting = Setting::new(start, &mut scans, options)?;
     check_input(&scans, options)?;
+    let left_by_regions = hints::apply(&mut scans, &setting.hints)?;
     let (mut views, mut readied) = ready::readied(&mut scans, options, progress)?;
+    readied.iter_mut().zip(left_by_regions).for_each(|(readied, count)| readied.regions = count);
     let copied = copies::take_out(&mut scans, &mut views, &mut readied, &mut setting, progress)?;
     let names: Vec<String> = scans.iter().map(|scan| scan.name.clone()).collect();
     let holders = registration::copies::holders(&views, progress)?;
@@ -183,6 +187,9 @@ pub fn run_from(
             format!("{all} holds the points of {part}: a merged cloud is no scan of its own, leave one of them out"),
         );
     }
+    let said = setting.hinted(&names, &views);
+    let relative = |i: usize, j: usize| placement.relative(&result, &views, i, j);
+    let said = hints::report(&said, relative, &names, &mut verdict);
     let report = RegistrationReport::new(options.method, unit.name(), &names, &views, &result, &known, verdict);
 
     let merged = merge_views(&scans, &views, &sensors, &result, options, progress)?;
@@ -206,7 +213,10 @@ pub fn run_from(
         message: format!("the report can't be written: {error}"),
         hint: "report this as a bug".into(),
     })?;
-    placement.write_into(&mut report, &names, &views);
+    placement.write_into(&mut report, &names);
+    if let Some(said) = said {
+        report["hints"] = said;
+    }
     for (index, entry) in report["views"].as_array_mut().into_iter().flatten().enumerate() {
         if let Some((_, outward)) = &merged {
             entry["normals_outward"] = outward[index].into();

@@ -14,6 +14,8 @@ use crate::registration::view::{UnusableScan, View};
 /// What was found out about a scan on the way.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct Readied {
+    /// Points that hints left out.
+    pub regions: usize,
     /// Points where nothing was seen.
     pub no_return: usize,
     /// Points that repeat another one.
@@ -135,6 +137,9 @@ impl Readied {
     /// What is left out of the scan, with what `cleaning` found if it was asked for: a row of the report.
     pub(super) fn left_out(&self, cleaning: Option<&LeftOut>) -> serde_json::Value {
         let mut row = serde_json::json!({"no_return": self.no_return, "repeated": self.repeated});
+        if self.regions > 0 {
+            row["regions"] = self.regions.into();
+        }
         if let Some(cleaning) = cleaning {
             row["support"] = cleaning.support.into();
             row["strays"] = cleaning.strays.into();

@@ -5,6 +5,8 @@ use std::collections::BTreeMap;
 use super::{Method, NamedScan, Options, PipelineError, bad_option, sensor_of};
 use crate::geometry::{Motion, se3};
 use crate::progress::{Canceled, Progress, Stage};
+use crate::registration::hinted::Hinted;
+use crate::registration::hints::Hints;
 use crate::registration::multiview::{Multiview, MultiviewOptions};
 use crate::registration::rough::placement::place;
 use crate::registration::rough::report::PlacementReport;
@@ -68,6 +70,8 @@ pub struct Start {
     /// Poses that stay, by scan name: those of the finished model that the other scans are added to. Empty if a model
     /// is made anew.
     pub base: BTreeMap<String, PoseMatrix>,
+    /// What a person said of the scans.
+    pub hints: Hints,
 }
 
 impl From<&BTreeMap<String, Motion>> for Start {
@@ -80,9 +84,10 @@ impl Start {
     /// Checks what the options and the base model ask of scans with these names.
     ///
     /// # Errors
-    /// [`PipelineError::Unusable`] with the code `bad_option`, `unknown_reference`, `wrong_base`, `nothing_to_add` or
-    /// `scaled_pose`.
+    /// [`PipelineError::Unusable`] with the code `bad_option`, `unknown_reference`, `wrong_base`, `nothing_to_add`,
+    /// `scaled_pose` or `invalid_hints`.
     pub fn check(&self, names: &[&str], options: &Options) -> Result<(), PipelineError> {
+        self.hints.check(names)?;
         if !self.base.is_empty() {
             let in_base = names.iter().filter(|name| self.base.contains_key(**name)).count();
             check_base(in_base, names.len(), options)?;
@@ -138,6 +143,8 @@ pub(super) struct Setting {
     pub poses: BTreeMap<String, Motion>,
     scales: BTreeMap<String, f64>,
     base: BTreeMap<String, PoseMatrix>,
+    /// What a person said of the scans.
+    pub hints: Hints,
 }
 
 impl Setting {
@@ -149,8 +156,8 @@ impl Setting {
         if let Some(place) = place {
             scans[..=place].rotate_right(1);
         }
-        let mut setting =
-            Setting { poses: start.poses.clone(), scales: start.scales.clone(), base: start.base.clone() };
+        let Start { poses, scales, base, hints } = start.clone();
+        let mut setting = Setting { poses, scales, base, hints };
         for (name, matrix) in &start.base {
             let (pose, scale) = se3::from_scaled_rows(matrix).map_err(|error| PipelineError::Unusable {
                 code: "wrong_base",
@@ -177,9 +184,15 @@ impl Setting {
         (!self.base.is_empty()).then(|| self.base.contains_key(name))
     }
 
-    /// Lets the pose of a copy serve its original, if that has none; `motion_of_copy` maps the copy's frame into that
+    /// What was said of the views.
+    pub fn hinted(&self, names: &[String], views: &[View]) -> Hinted {
+        Hinted::of(&self.hints, names, views)
+    }
+
+    /// Lets what was said of a copy be said of its original, and the pose of the copy serve it if it has none; `motion_of_copy` maps the copy's frame into that
     /// of the original.
     pub fn adopt_pose(&mut self, original: &str, copy: &str, motion_of_copy: &Motion) {
+        self.hints.adopt(original, copy, motion_of_copy);
         let Some(pose) = self.poses.get(copy).copied().filter(|_| !self.poses.contains_key(original)) else { return };
         let scale = self.scales.get(copy).copied();
         let mut motion = *motion_of_copy;
@@ -259,7 +272,8 @@ impl Task<'_> {
     }
 
     fn anew(&self, views: &[View], sensors: &[Option<Sensor>]) -> Result<Registered, PipelineError> {
-        let set = Set { names: self.names, views, given: &self.given(views), sensors };
+        let hinted = self.setting.hinted(self.names, views);
+        let set = Set { names: self.names, views, given: &self.given(views), sensors, hinted: &hinted };
         Ok(set.register(&|views, initial| self.refine(views, initial), self.progress)?)
     }
 
@@ -280,7 +294,8 @@ impl Task<'_> {
         let mut placement = None;
         if given.contains(&None) {
             let refine = |views: &[View], initial: &[Motion]| self.refine(views, initial);
-            let set = Set { names: self.names, views, given: &given, sensors };
+            let hinted = self.setting.hinted(self.names, views);
+            let set = Set { names: self.names, views, given: &given, sensors, hinted: &hinted };
             placement = Some(place(&set, &refine, self.progress)?);
         }
         let mut initial = Vec::with_capacity(views.len());

@@ -9,6 +9,8 @@ pub mod colour;
 pub mod copies;
 pub mod covariance;
 pub mod free_space;
+pub mod hinted;
+pub mod hints;
 pub mod joint;
 pub mod low_rank;
 pub mod method;

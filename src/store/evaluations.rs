@@ -294,6 +294,7 @@ mod tests {
             label: None,
             options: Options::default(),
             base: None,
+            hints: Default::default(),
         };
         store.create_job(&job, None, 10, None).await.expect("queued");
         assert!(store.registration_waits().await.expect("asked"));

@@ -8,7 +8,7 @@ use super::{
     Deleted, JobId, JobKind, JobStatus, ModelId, NewScanSet, Page, PageRequest, Replay, ScanSetId, Store, StoreError,
     StoredFile, damaged, models, now_ms, replays, scan_sets, stored_id, sweep, timestamp, to_u64,
 };
-use crate::pipeline::Options;
+use crate::pipeline::{Hints, Options};
 
 /// Why a job failed: for programs (`code`) and for people (the rest).
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize, serde::Deserialize, utoipa::ToSchema)]
@@ -47,6 +47,8 @@ pub struct NewJob {
     pub options: Options,
     /// The model it adds scans to; `None` if it makes one anew.
     pub base: Option<JobBase>,
+    /// What a person said of the scans.
+    pub hints: Hints,
 }
 
 /// A stored job.
@@ -64,6 +66,8 @@ pub struct JobRecord {
     pub options: Options,
     /// The model it adds scans to; `None` if it makes one anew.
     pub base: Option<JobBase>,
+    /// What a person said of the scans.
+    pub hints: Hints,
     /// Where it stands.
     pub status: JobStatus,
     /// The step it is in, or was in when it ended.
@@ -84,6 +88,20 @@ pub struct JobRecord {
     pub started_at: Option<jiff::Timestamp>,
     /// When it ended.
     pub finished_at: Option<jiff::Timestamp>,
+}
+
+impl JobRecord {
+    /// The same work on a scan set, as it was asked for.
+    pub fn again(&self, scan_set_id: ScanSetId) -> NewJob {
+        NewJob {
+            id: self.id,
+            scan_set_id,
+            label: self.label.clone(),
+            options: self.options.clone(),
+            base: self.base.clone(),
+            hints: self.hints.clone(),
+        }
+    }
 }
 
 /// Which jobs a list shows.
@@ -121,6 +139,7 @@ pub(super) struct JobRow {
     error: Option<String>,
     base_model_id: Option<String>,
     base_poses: Option<Vec<u8>>,
+    hints: Option<String>,
     model_id: Option<String>,
     started_at: Option<i64>,
     finished_at: Option<i64>,
@@ -137,6 +156,10 @@ impl JobRow {
             base: match (self.base_model_id, self.base_poses) {
                 (Some(id), Some(poses)) => Some(JobBase { model_id: stored_id!(ModelId, &id)?, poses }),
                 _ => None,
+            },
+            hints: match &self.hints {
+                Some(text) => serde_json::from_str(text).map_err(|error| damaged("hints", error))?,
+                None => Hints::default(),
             },
             status: self.status.parse().map_err(|reason: String| damaged("a status", reason))?,
             stage: self.stage,
@@ -171,16 +194,19 @@ impl Store {
             scan_sets::insert_set(&mut tx, set).await?;
         }
         let options = serde_json::to_string(&job.options).map_err(|error| damaged("options", error))?;
+        let hints = (!job.hints.is_empty()).then(|| serde_json::to_string(&job.hints)).transpose();
+        let hints = hints.map_err(|error| damaged("hints", error))?;
         // the scan set may have been deleted since it was looked up
         let inserted = sqlx::query(
-            "INSERT INTO job (id, kind, scan_set_id, label, options, base_model_id, base_poses, status)
-             SELECT ?, 'register', id, ?, ?, ?, ?, 'queued' FROM scan_set WHERE id = ?",
+            "INSERT INTO job (id, kind, scan_set_id, label, options, base_model_id, base_poses, hints, status)
+             SELECT ?, 'register', id, ?, ?, ?, ?, ?, 'queued' FROM scan_set WHERE id = ?",
         )
         .bind(job.id.to_string())
         .bind(&job.label)
         .bind(options)
         .bind(job.base.as_ref().map(|base| base.model_id.to_string()))
         .bind(job.base.as_ref().map(|base| &base.poses))
+        .bind(hints)
         .bind(job.scan_set_id.to_string())
         .execute(&mut *tx)
         .await?;
@@ -336,8 +362,13 @@ mod tests {
     use super::super::testing;
     use super::*;
 
+    fn new_job(scan_set_id: ScanSetId) -> NewJob {
+        let (options, hints) = (Options::default(), Hints::default());
+        NewJob { id: JobId::new(), scan_set_id, label: None, options, base: None, hints }
+    }
+
     pub(crate) async fn queued(store: &Store, set: ScanSetId) -> JobId {
-        let job = NewJob { id: JobId::new(), scan_set_id: set, label: None, options: Options::default(), base: None };
+        let job = new_job(set);
         store.create_job(&job, None, 10, None).await.expect("queued");
         job.id
     }
@@ -347,7 +378,7 @@ mod tests {
         let (store, _folder) = testing::store().await;
         let set = testing::scan_set(&store, &["a.ply"]).await;
         queued(&store, set).await;
-        let job = NewJob { id: JobId::new(), scan_set_id: set, label: None, options: Options::default(), base: None };
+        let job = new_job(set);
         let refused = store.create_job(&job, None, 1, None).await.expect_err("full");
         assert!(matches!(refused, StoreError::QueueFull { limit: 1 }));
         assert!(matches!(store.job(job.id).await, Err(StoreError::NotFound { kind: "job", .. })));
@@ -383,7 +414,7 @@ mod tests {
     async fn a_replay_is_kept_with_what_it_created() {
         let (store, _folder) = testing::store().await;
         let set = testing::scan_set(&store, &["a.ply"]).await;
-        let job = NewJob { id: JobId::new(), scan_set_id: set, label: None, options: Options::default(), base: None };
+        let job = new_job(set);
         let key = replays_key("k", "hash");
         let replay = Replay {
             key: key.clone(),

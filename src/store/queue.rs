@@ -256,7 +256,14 @@ mod tests {
 
     async fn queued(store: &Store) -> JobId {
         let set: ScanSetId = testing::scan_set(store, &["a.ply", "b.ply"]).await;
-        let job = NewJob { id: JobId::new(), scan_set_id: set, label: None, options: Options::default(), base: None };
+        let job = NewJob {
+            id: JobId::new(),
+            scan_set_id: set,
+            label: None,
+            options: Options::default(),
+            base: None,
+            hints: Default::default(),
+        };
         store.create_job(&job, None, 10, None).await.expect("queued");
         job.id
     }
@@ -376,8 +383,14 @@ mod tests {
         let (store, _folder) = testing::store().await;
         let large = queued(&store).await;
         let small_set = testing::scan_set(&store, &["a.ply"]).await;
-        let small =
-            NewJob { id: JobId::new(), scan_set_id: small_set, label: None, options: Options::default(), base: None };
+        let small = NewJob {
+            id: JobId::new(),
+            scan_set_id: small_set,
+            label: None,
+            options: Options::default(),
+            base: None,
+            hints: Default::default(),
+        };
         store.create_job(&small, None, 10, None).await.expect("queued");
         let claim = async |free_points: u64, all_points: u64| {
             let claimant = Claimant { room: Some(Room { free_points, all_points }), ..testing::claimant("w") };

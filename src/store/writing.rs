@@ -242,7 +242,14 @@ mod tests {
         let reserve = Arc::new(TestReserve::default());
         let (store, _folder) = testing::store_with(reserve.clone()).await;
         let set = testing::scan_set(&store, &["a.ply", "b.ply"]).await;
-        let job = NewJob { id: JobId::new(), scan_set_id: set, label: None, options: Default::default(), base: None };
+        let job = NewJob {
+            id: JobId::new(),
+            scan_set_id: set,
+            label: None,
+            options: Default::default(),
+            base: None,
+            hints: Default::default(),
+        };
         store.create_job(&job, None, 10, None).await.expect("queued");
         let claim = store.claim_job(&testing::claimant("w")).await.expect("asked").expect("one waits");
 

@@ -7,6 +7,7 @@ mod conditions;
 mod contract;
 mod describing;
 mod gallery;
+mod hints;
 mod hosts;
 mod jobs;
 mod long;

@@ -144,7 +144,7 @@ pub(super) fn touching(scene: &Scene, measured: &[Link]) -> f64 {
 }
 
 /// The motion from the right group's world into the left one's that a link stands for, whichever way round it is.
-fn implied(left: &Group, right: &Group, link: &Link) -> Option<Motion> {
+pub(super) fn implied(left: &Group, right: &Group, link: &Link) -> Option<Motion> {
     match (left.pose_of(link.i), right.pose_of(link.j)) {
         (Some(pose_i), Some(pose_j)) => Some(pose_i * link.motion_i_j * pose_j.inverse()),
         _ => {
@@ -155,7 +155,7 @@ fn implied(left: &Group, right: &Group, link: &Link) -> Option<Motion> {
 }
 
 /// What all pairs of a left and a right view say when the groups are laid on each other.
-fn measure_all(sketches: &[Sketch], left: &Group, right: &Group, motion: &Motion, edge: f64) -> Vec<Link> {
+pub(super) fn measure_all(sketches: &[Sketch], left: &Group, right: &Group, motion: &Motion, edge: f64) -> Vec<Link> {
     let pairs: Vec<(usize, usize)> =
         left.views.iter().flat_map(|&i| right.views.iter().map(move |&j| (i, j))).collect();
     pairs

@@ -6,6 +6,7 @@
 //! grow by the best pairs that all their views bear out ([`assembly`]).
 
 pub mod alignment;
+pub mod alternatives;
 pub mod assembly;
 pub mod confidence;
 pub mod consensus;
@@ -15,8 +16,10 @@ pub mod glance;
 pub mod grid;
 pub mod group;
 pub mod growth;
+pub mod hinted;
 pub mod link;
 pub mod matching;
+pub mod onto;
 pub mod other_side;
 pub mod placement;
 pub mod report;
@@ -33,9 +36,10 @@ pub mod verification;
 
 use rayon::prelude::*;
 
-use self::assembly::{Assembly, assemble};
+use self::assembly::Assembly;
 use self::cropped::crop;
 use self::group::Group;
+use self::hinted::{Prior, assemble_hinted};
 use self::link::Link;
 use self::other_side::try_other_sides;
 use self::scene::{Scene, noise_level, resolution};
@@ -131,21 +135,22 @@ pub fn edge_of(views: &[View]) -> f64 {
 }
 
 /// Groups `views` and finds poses within each group. The largest group is told apart first; what is left is a set of
-/// its own, with lengths and noise of its own: it may be another object, scanned more finely or more coarsely. `given` are poses that are thought to be known (local frame to world): they propose, like
-/// matches do. `sensors` tell where the scanner stood (local frame), where that is known.
+/// its own, with lengths and noise of its own: it may be another object, scanned more finely or more coarsely. What is
+/// known in `prior` proposes, like matches do. `sensors` tell where the scanner stood (local frame), where that is known.
 pub fn rough(
     views: &[View],
-    given: &[Option<Motion>],
+    prior: &Prior,
     sensors: &[Option<Sensor>],
     progress: &Progress,
 ) -> Result<Rough, Canceled> {
-    let mut found = rough_at_once(views, given, sensors, progress)?;
+    let mut found = rough_at_once(views, prior, sensors, progress)?;
     let mut settled = 1;
     while let Some(rest) = rest_beyond(&found.groups, settled) {
         let views: Vec<View> = rest.iter().map(|view| views[*view].clone()).collect();
-        let given: Vec<Option<Motion>> = rest.iter().map(|view| given[*view]).collect();
+        let given: Vec<Option<Motion>> = rest.iter().map(|view| prior.given[*view]).collect();
+        let hinted = prior.hinted.among(&rest);
         let sensors: Vec<Option<Sensor>> = rest.iter().map(|view| sensors[*view]).collect();
-        let again = rough_at_once(&views, &given, &sensors, progress)?;
+        let again = rough_at_once(&views, &Prior { given: &given, hinted: &hinted }, &sensors, progress)?;
         found.groups.truncate(settled);
         let search = found.searches.len();
         found.groups.extend(again.groups.into_iter().map(|group| group.renamed(&rest, search)));
@@ -170,12 +175,13 @@ fn rest_beyond(groups: &[Group], settled: usize) -> Option<Vec<usize>> {
 /// Groups views with one length of surfels and one level of noise for all.
 fn rough_at_once(
     views: &[View],
-    given: &[Option<Motion>],
+    prior: &Prior,
     sensors: &[Option<Sensor>],
     progress: &Progress,
 ) -> Result<Rough, Canceled> {
     let edge = edge_of(views);
     let mut sketches = sketch_all(views, edge, sensors);
+    prior.hinted.cut.iter().for_each(|view| sketches[*view].sight.crop());
     progress.report(Stage::Registering, 0.05);
     let pairs: Vec<(usize, usize)> = (0..views.len()).flat_map(|i| (i + 1..views.len()).map(move |j| (i, j))).collect();
     let links: Vec<Vec<Link>> = pairs
@@ -183,29 +189,29 @@ fn rough_at_once(
         .with_max_len(1)
         .map(|&(i, j)| {
             progress.check()?;
-            Ok(pair_links(&sketches, i, j, told(given, i, j), edge))
+            Ok(pair_links(&sketches, i, j, prior, edge))
         })
         .collect::<Result<_, Canceled>>()?;
     let mut links: Vec<Link> = links.into_iter().flatten().collect();
     let mut noise = noise_level(&links, edge);
     let spacing = multiview::common_spacing(views);
     let scene = Scene { views, sketches: &sketches, resolution: resolution(spacing, noise, edge), edge, noise };
-    let mut assembly = assemble(&scene, &links, Vec::new(), progress)?;
+    let mut assembly = assemble_hinted(&scene, &links, Vec::new(), prior.hinted, progress)?;
     if !thorough::is_settled(&scene, &links, &assembly) && crop(&mut sketches, &links) {
-        links = links_of_cropped(&sketches, given, links, edge, progress)?;
+        links = links_of_cropped(&sketches, prior, links, edge, progress)?;
         noise = noise_level(&links, edge);
         let scene = Scene { views, sketches: &sketches, resolution: resolution(spacing, noise, edge), edge, noise };
-        assembly = assemble(&scene, &links, Vec::new(), progress)?;
+        assembly = assemble_hinted(&scene, &links, Vec::new(), prior.hinted, progress)?;
     }
     let scene = Scene { views, sketches: &sketches, resolution: resolution(spacing, noise, edge), edge, noise };
     if !thorough::is_settled(&scene, &links, &assembly) {
-        let is_changed = try_other_sides(views, given, &mut sketches, &mut links, edge, progress)?;
+        let is_changed = try_other_sides(views, prior, &mut sketches, &mut links, edge, progress)?;
         noise = noise_level(&links, edge);
         let scene = Scene { views, sketches: &sketches, resolution: resolution(spacing, noise, edge), edge, noise };
         if is_changed {
-            assembly = assemble(&scene, &links, Vec::new(), progress)?;
+            assembly = assemble_hinted(&scene, &links, Vec::new(), prior.hinted, progress)?;
         }
-        assembly = thorough::assemble_thoroughly(&scene, &mut links, &assembly, progress)?;
+        assembly = thorough::assemble_thoroughly(&scene, &mut links, &assembly, prior.hinted, progress)?;
     }
     let Assembly { groups, ambiguous } = assembly;
     let search = Search { views: (0..views.len()).collect(), sketches, links, edge, noise };
@@ -215,7 +221,7 @@ fn rough_at_once(
 /// The links of pairs with a cropped view, made anew; the others as they are.
 fn links_of_cropped(
     sketches: &[Sketch],
-    given: &[Option<Motion>],
+    prior: &Prior,
     links: Vec<Link>,
     edge: f64,
     progress: &Progress,
@@ -229,25 +235,17 @@ fn links_of_cropped(
         .with_max_len(1)
         .map(|&(i, j)| {
             progress.check()?;
-            Ok(pair_links(sketches, i, j, told(given, i, j), edge))
+            Ok(pair_links(sketches, i, j, prior, edge))
         })
         .collect::<Result<_, Canceled>>()?;
     let kept = links.into_iter().filter(|link| !is_cropped(link.i, link.j));
     Ok(kept.chain(found.into_iter().flatten()).collect())
 }
 
-/// The best ways to lay two views on each other; `told` is one that was given.
-fn pair_links(sketches: &[Sketch], i: usize, j: usize, told: Option<Motion>, edge: f64) -> Vec<Link> {
-    let (a, b) = (&sketches[i], &sketches[j]);
-    let matches = matching::matches(a, b, edge);
-    let proposals = consensus::proposals(a, b, &matches, edge, PROPOSALS);
-    let proposed = told.into_iter().chain(proposals.into_iter().map(|proposal| proposal.motion_i_j));
+/// The best ways to lay two views on each other.
+fn pair_links(sketches: &[Sketch], i: usize, j: usize, prior: &Prior, edge: f64) -> Vec<Link> {
+    let proposed = hinted::proposed(sketches, (i, j), prior, edge, PROPOSALS);
     links_of(sketches, (i, j), proposed, Vec::new(), edge)
-}
-
-/// The motion of a pair whose poses are given.
-fn told(given: &[Option<Motion>], i: usize, j: usize) -> Option<Motion> {
-    given[i].zip(given[j]).map(|(pose_i, pose_j)| pose_i.inv_mul(&pose_j))
 }
 
 /// The best of the proposed motions of a pair, drawn onto the surface; those that are `known` already are left out.

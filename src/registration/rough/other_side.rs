@@ -5,9 +5,9 @@ use rayon::prelude::*;
 
 use super::link::Link;
 
+use super::hinted::Prior;
+use super::pair_links;
 use super::sketch::Sketch;
-use super::{pair_links, told};
-use crate::geometry::Motion;
 use crate::progress::{Canceled, Progress};
 use crate::registration::view::View;
 
@@ -20,7 +20,7 @@ const BETTER: f64 = 1.2;
 /// the old. Whether any was better.
 pub fn try_other_sides(
     views: &[View],
-    given: &[Option<Motion>],
+    prior: &Prior,
     sketches: &mut [Sketch],
     links: &mut Vec<Link>,
     edge: f64,
@@ -37,7 +37,7 @@ pub fn try_other_sides(
             reversed.sight.crop();
         }
         let before = std::mem::replace(&mut sketches[view], Sketch { side_clarity: clarity, ..reversed });
-        let found = links_of_view(sketches, given, view, edge, progress)?;
+        let found = links_of_view(sketches, prior, view, edge, progress)?;
         if fit(&found, view, views.len()) > BETTER * fit(links, view, views.len()) {
             links.retain(|link| link.i != view && link.j != view);
             links.extend(found);
@@ -52,7 +52,7 @@ pub fn try_other_sides(
 /// The links of a view to all others.
 fn links_of_view(
     sketches: &[Sketch],
-    given: &[Option<Motion>],
+    prior: &Prior,
     view: usize,
     edge: f64,
     progress: &Progress,
@@ -64,7 +64,7 @@ fn links_of_view(
         .map(|other| {
             progress.check()?;
             let (i, j) = (view.min(other), view.max(other));
-            Ok(pair_links(sketches, i, j, told(given, i, j), edge))
+            Ok(pair_links(sketches, i, j, prior, edge))
         })
         .collect::<Result<_, Canceled>>()?;
     Ok(found.into_iter().flatten().collect())

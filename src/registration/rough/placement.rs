@@ -1,8 +1,10 @@
 //! Poses for all views of a set, whatever is known of them: given poses are starting points and witnesses, the rest is
 //! found.
 
-use super::confidence::confidence;
+use super::alternatives::{Alternatives, Piece, alternatives};
+use super::confidence::{SURE, confidence};
 use super::group::Group;
+use super::hinted::Prior;
 use super::scan_set::Set;
 use super::standing::Standing;
 use super::{Search, rough};
@@ -31,8 +33,8 @@ pub enum Origin {
 pub struct PlacedGroup {
     /// Its views, in order.
     pub views: Vec<usize>,
-    /// For each of `views` its pose: local frame to the group's world, in which its first view stands at the identity.
-    pub local_poses: Vec<Motion>,
+    /// For each of `views` its pose: scan to the frame of the group's first scan.
+    pub scan_poses: Vec<Motion>,
     /// How good they are, judged by its own views alone.
     pub verdict: Verdict,
 }
@@ -52,6 +54,8 @@ pub struct Placement {
     pub ambiguous: Vec<bool>,
     /// Groups of two views or more that hang together; the first is the one that is placed.
     pub groups: Vec<PlacedGroup>,
+    /// The places of views that fit the rest in several ways.
+    pub alternatives: Vec<Alternatives>,
 }
 
 /// Refines poses; see [`crate::registration::method::Method::register`].
@@ -63,7 +67,8 @@ const NEAR: f64 = 0.3;
 /// Places all views of a set, whatever poses it has.
 pub fn place(set: &Set, refine: &Refine, progress: &Progress) -> Result<Placement, Canceled> {
     let views = set.views;
-    let rough = rough(views, set.given, set.sensors, progress)?;
+    let prior = Prior { given: set.given, hinted: set.hinted };
+    let rough = rough(views, &prior, set.sensors, progress)?;
     let mut groups = Vec::new();
     let mut placed: Option<Multiview> = None;
     let mut standings = vec![None; views.len()];
@@ -79,8 +84,36 @@ pub fn place(set: &Set, refine: &Refine, progress: &Progress) -> Result<Placemen
     let mut result = placed.unwrap_or_else(|| Multiview::alone(views.len()));
     let origins = settle_world(views, set.given, &mut result);
     let sure = |view: usize| standings[view].filter(|_| result.placed[view]).map(|standing| confidence(&standing));
-    let confidences = (0..views.len()).map(|view| sure(view).unwrap_or(0.0)).collect();
-    Ok(Placement { result, origins, confidences, standings, ambiguous: rough.ambiguous, groups })
+    let confidences: Vec<f64> = (0..views.len()).map(|view| sure(view).unwrap_or(0.0)).collect();
+    let pieces = open_pieces(&rough.ambiguous, &result, &groups, &standings, &confidences);
+    let alternatives = match rough.searches.first() {
+        Some(search) => alternatives(views, search, &result, pieces, progress)?,
+        None => Vec::new(),
+    };
+    Ok(Placement { result, origins, confidences, standings, ambiguous: rough.ambiguous, groups, alternatives })
+}
+
+/// Of a set of which the other places of a view do as well as its own, as a mean, views may lie elsewhere.
+const SYMMETRIC: f64 = 0.5;
+
+/// What may lie in several ways: ambiguous views and groups without a place, and placed views that are not sure in a set
+/// that looks the same from several sides.
+fn open_pieces(
+    ambiguous: &[bool],
+    result: &Multiview,
+    groups: &[PlacedGroup],
+    standings: &[Option<Standing>],
+    confidences: &[f64],
+) -> Vec<Piece> {
+    let open = |group: &&PlacedGroup| group.views.iter().any(|view| ambiguous[*view] && !result.placed[*view]);
+    let mut pieces: Vec<Piece> = groups.iter().skip(1).filter(open).map(Piece::of_group).collect();
+    let is_single = |view: &usize| !groups.iter().skip(1).any(|group| group.views.contains(view));
+    let may_lie_elsewhere = |view: &usize| match standings[*view].filter(|_| result.placed[*view]) {
+        Some(standing) => confidences[*view] < SURE && standing.group_rival >= SYMMETRIC,
+        None => ambiguous[*view] && !result.placed[*view],
+    };
+    pieces.extend((0..ambiguous.len()).filter(is_single).filter(may_lie_elsewhere).map(Piece::of_view));
+    pieces
 }
 
 /// A refined view that is surer to be wrong than this has no place there either.
@@ -126,7 +159,8 @@ fn standings_of(members: &[View], views: &[usize], refined: &Multiview, search: 
 /// The views of a refined group that still hang together, in the frame of the first.
 fn held_together(set: &Set, group: &Group, refined: &Multiview, found: &[Standing]) -> Option<PlacedGroup> {
     let kept: Vec<usize> = (0..group.views.len()).filter(|k| refined.placed[*k]).collect();
-    let world = refined.local_poses[*kept.first()?].inverse();
+    let scan_pose = |k: usize| set.views[group.views[k]].scan_pose(&refined.local_poses[k]);
+    let world = scan_pose(*kept.first()?).inverse();
     if kept.len() < 2 {
         return None;
     }
@@ -136,7 +170,7 @@ fn held_together(set: &Set, group: &Group, refined: &Multiview, found: &[Standin
     verdict.doubt(&found.iter().map(confidence).collect::<Vec<f64>>(), &refined.placed, &names);
     Some(PlacedGroup {
         views: kept.iter().map(|k| group.views[*k]).collect(),
-        local_poses: kept.iter().map(|k| world * refined.local_poses[*k]).collect(),
+        scan_poses: kept.iter().map(|k| world * scan_pose(*k)).collect(),
         verdict,
     })
 }

@@ -2,8 +2,9 @@
 
 use serde::Serialize;
 
+use super::alternatives::Alternatives;
 use super::placement::{Origin, PlacedGroup, Placement};
-use crate::geometry::se3;
+use crate::geometry::{Motion, se3};
 use crate::registration::multiview::Multiview;
 use crate::registration::quality::{self, Quality, Verdict};
 use crate::registration::view::View;
@@ -17,6 +18,7 @@ pub struct PlacementReport {
     /// For each view why it has no pose.
     reasons: Vec<Option<&'static str>>,
     groups: Vec<PlacedGroup>,
+    alternatives: Vec<Alternatives>,
 }
 
 /// A group of views that hang together; the first is the one that is placed.
@@ -40,6 +42,7 @@ impl PlacementReport {
             confidences: None,
             reasons: result.placed.iter().map(|placed| (!placed).then_some(APART)).collect(),
             groups: Vec::new(),
+            alternatives: Vec::new(),
         }
     }
 
@@ -57,7 +60,20 @@ impl PlacementReport {
             confidences: Some(placement.confidences.clone()),
             reasons: (0..placement.origins.len()).map(reason).collect(),
             groups: placement.groups.clone(),
+            alternatives: placement.alternatives.clone(),
         }
+    }
+
+    /// The motion between the local frames of two views, from j's to i's, if both are placed or in one group.
+    pub fn relative(&self, result: &Multiview, views: &[View], i: usize, j: usize) -> Option<Motion> {
+        if result.placed[i] && result.placed[j] {
+            return Some(result.local_poses[i].inv_mul(&result.local_poses[j]));
+        }
+        let pose = |group: &PlacedGroup, view: usize| {
+            let place = group.views.iter().position(|other| *other == view)?;
+            Some(views[view].local_pose(&group.scan_poses[place]))
+        };
+        self.groups.iter().find_map(|group| Some(pose(group, i)?.inv_mul(&pose(group, j)?)))
     }
 
     /// Judges the views at other poses than they were placed at; how sure their places are stays as it was.
@@ -77,8 +93,9 @@ impl PlacementReport {
     }
 
     /// Adds to each view of a report `pose` (`given`, `corrected`, `found` or null), `confidence` and, if it has no
-    /// place, `unplaced` with the reason; and to the report the `confidence` of the whole and the groups.
-    pub fn write_into(&self, report: &mut serde_json::Value, names: &[String], views: &[View]) {
+    /// place, `unplaced` with the reason; and to the report the `confidence` of the whole, the groups and the
+    /// alternatives.
+    pub fn write_into(&self, report: &mut serde_json::Value, names: &[String]) {
         if let Some(rows) = report["views"].as_array_mut() {
             for (view, row) in rows.iter_mut().enumerate() {
                 row["pose"] = serde_json::json!(self.origins[view]);
@@ -88,8 +105,10 @@ impl PlacementReport {
             }
         }
         report["confidence"] = serde_json::json!(self.confidence());
+        let alternatives = self.alternatives.iter().flat_map(|alternatives| alternatives.report(names));
+        report["alternatives"] = alternatives.collect();
         report["groups"] =
-            serde_json::json!(self.groups.iter().map(|group| group_report(group, names, views)).collect::<Vec<_>>());
+            serde_json::json!(self.groups.iter().map(|group| group_report(group, names)).collect::<Vec<_>>());
     }
 }
 
@@ -98,14 +117,10 @@ const OTHER_GROUP: &str = "it hangs together with other scans than the placed on
 const AMBIGUOUS: &str =
     "it fits the others in several ways that are equally good: the object looks the same from several sides";
 
-fn group_report<'a>(group: &'a PlacedGroup, names: &'a [String], views: &[View]) -> GroupReport<'a> {
-    let first = group.views.first().map(|view| views[*view].scan_pose(&group.local_poses[0]).inverse());
-    let pose = |(view, local_pose): (&usize, &crate::geometry::Motion)| {
-        se3::to_rows(&(first.unwrap_or_default() * views[*view].scan_pose(local_pose)))
-    };
+fn group_report<'a>(group: &'a PlacedGroup, names: &'a [String]) -> GroupReport<'a> {
     GroupReport {
         views: group.views.iter().map(|view| names[*view].as_str()).collect(),
-        poses: group.views.iter().zip(&group.local_poses).map(pose).collect(),
+        poses: group.scan_poses.iter().map(se3::to_rows).collect(),
         quality: group.verdict.quality,
         reasons: &group.verdict.reasons,
     }

@@ -5,6 +5,7 @@ use super::placement::{Refine, place};
 use super::report::PlacementReport;
 use crate::geometry::Motion;
 use crate::progress::{Canceled, Progress, Stage};
+use crate::registration::hinted::Hinted;
 use crate::registration::multiview::Multiview;
 use crate::registration::quality::{self, Quality, Verdict};
 use crate::registration::sensor::Sensor;
@@ -21,6 +22,8 @@ pub struct Set<'a> {
     pub given: &'a [Option<Motion>],
     /// Where the scanner stood, where that is known.
     pub sensors: &'a [Option<Sensor>],
+    /// What a person said of pairs.
+    pub hinted: &'a Hinted,
 }
 
 /// A registered set.
@@ -35,19 +38,23 @@ pub struct Registered {
 }
 
 impl Set<'_> {
-    /// Registers the set. When all poses are given and refining them ends well, nothing else is tried.
+    /// Registers the set. When all poses are given, refining them ends well and picked points lie on each other then,
+    /// nothing else is tried.
     pub fn register(&self, refine: &Refine, progress: &Progress) -> Result<Registered, Canceled> {
         let all: Option<Vec<Motion>> = self.given.iter().copied().collect();
         let Some(initial) = all else { return self.placed(refine, progress) };
         let result = refine(self.views, &initial)?;
         let verdict = self.judge(&result, progress);
-        let good = verdict.quality == Quality::Good;
+        let is_met = |result: &Multiview| self.hinted.is_met(&result.local_poses, &result.placed);
+        let good = verdict.quality == Quality::Good && is_met(&result);
         let from_given = Registered { placement: PlacementReport::of_given(&result), result, verdict };
         if good {
             return Ok(from_given);
         }
         let repaired = self.placed(refine, progress)?;
-        Ok(if repaired.verdict.quality < from_given.verdict.quality { repaired } else { from_given })
+        // of two that are as good the one is taken that follows the picked points
+        let rank = |registered: &Registered| (registered.verdict.quality, !is_met(&registered.result));
+        Ok(if rank(&repaired) < rank(&from_given) { repaired } else { from_given })
     }
 
     /// Places the views by their surface.

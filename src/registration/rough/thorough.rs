@@ -3,17 +3,19 @@
 
 use rayon::prelude::*;
 
-use super::assembly::{Assembly, assemble, measure};
+use super::assembly::{Assembly, measure};
 use super::consensus::alike;
 use super::glance::Glanced;
 use super::group::Group;
 use super::growth::grow;
+use super::hinted::assemble_hinted;
 use super::link::Link;
 use super::scene::Scene;
 use super::turning::turnings;
 use super::verification::verify;
 use super::{links_of, matching};
 use crate::progress::{Canceled, Progress};
+use crate::registration::hinted::Hinted;
 
 /// Motions of a pair that are proposed by single matches.
 const PROPOSALS: usize = 12;
@@ -44,11 +46,12 @@ pub fn assemble_thoroughly(
     scene: &Scene,
     links: &mut Vec<Link>,
     quick: &Assembly,
+    hinted: &Hinted,
     progress: &Progress,
 ) -> Result<Assembly, Canceled> {
     links.extend(more_links(scene, links, &quick.groups, progress)?);
     let grown = grow(scene, links, &quick.groups, progress)?;
-    let mut assembly = assemble(scene, links, grown.groups, progress)?;
+    let mut assembly = assemble_hinted(scene, links, grown.groups, hinted, progress)?;
     for group in assembly.groups.iter().filter(|group| group.views.len() == 1) {
         assembly.ambiguous[group.views[0]] |= grown.ambiguous[group.views[0]];
     }

@@ -1,0 +1,125 @@
+//! Hints on their way through a run: regions are cut before anything else, and at the end it is said what became of
+//! picked points.
+
+use rayon::prelude::*;
+
+use super::{NamedScan, PipelineError};
+use crate::geometry::{Motion, Point3};
+use crate::registration::hinted::{Hinted, PickedPair};
+use crate::registration::hints::{HintError, Hints};
+use crate::registration::quality::{Quality, Verdict};
+use crate::registration::view::MIN_POINTS;
+
+/// The code of hints that can't be used.
+pub(super) const CODE: &str = "invalid_hints";
+/// A picked point lies no farther from its scan than this, in diagonals of the scan: picks miss holes and rims.
+const OFF_SURFACE: f64 = 0.1;
+
+impl From<HintError> for PipelineError {
+    fn from(HintError { scan, message, remedy }: HintError) -> Self {
+        PipelineError::Unusable { code: CODE, scan, message, hint: remedy.into() }
+    }
+}
+
+/// Holds picked points against the scans and cuts the scans to their regions; answers with the points left out of each.
+pub(super) fn apply(scans: &mut [NamedScan], hints: &Hints) -> Result<Vec<usize>, PipelineError> {
+    scans
+        .par_iter_mut()
+        .map(|scan| {
+            check_picks(scan, hints)?;
+            cut(scan, hints)
+        })
+        .collect()
+}
+
+fn cut(scan: &mut NamedScan, hints: &Hints) -> Result<usize, PipelineError> {
+    let Some(is_used) = hints.filter(&scan.name) else { return Ok(0) };
+    let kept: Vec<bool> = scan.surface.cloud.points.iter().map(is_used).collect();
+    let (all, left) = (kept.len(), kept.iter().filter(|kept| **kept).count());
+    if left < MIN_POINTS && left < all {
+        let message = format!("the regions leave {left} of the {all} points of {}, at least {MIN_POINTS}", scan.name);
+        let remedy = "regions are in the scan's own frame and unit: widen what is to be used, or leave less out";
+        let message = format!("{message} are needed");
+        return Err(HintError { scan: Some(scan.name.clone()), message, remedy }.into());
+    }
+    if left < all {
+        scan.surface = scan.surface.kept(&kept);
+    }
+    Ok(all - left)
+}
+
+/// Refuses picked points that lie off their scan.
+fn check_picks(scan: &NamedScan, hints: &Hints) -> Result<(), PipelineError> {
+    let of_scan = hints.points.iter().flat_map(|picked| {
+        let side = if picked.a == scan.name { Some(0) } else { (picked.b == scan.name).then_some(1) };
+        side.into_iter().flat_map(move |side| picked.pairs.iter().map(move |pair| Point3::from(pair[side])))
+    });
+    let points = &scan.surface.cloud.points;
+    let mut diagonal = None;
+    for place in of_scan {
+        let diagonal = *diagonal.get_or_insert_with(|| diagonal_of(points));
+        let nearest2 = points.iter().map(|point| (point - place).norm_squared()).fold(f64::INFINITY, f64::min);
+        if nearest2.sqrt() > OFF_SURFACE * diagonal {
+            let message = format!(
+                "a point picked in {} at {:?} lies {:.3} from the nearest point of the scan",
+                scan.name,
+                <[f64; 3]>::from(place.coords),
+                nearest2.sqrt()
+            );
+            let remedy = "picked points are in the scan's own frame and unit, first in a, then in b";
+            return Err(HintError { scan: Some(scan.name.clone()), message, remedy }.into());
+        }
+    }
+    Ok(())
+}
+
+fn diagonal_of(points: &[Point3]) -> f64 {
+    let far = |k: usize, start: f64, pick: fn(f64, f64) -> f64| points.iter().map(|p| p[k]).fold(start, pick);
+    let side = |k: usize| far(k, f64::NEG_INFINITY, f64::max) - far(k, f64::INFINITY, f64::min);
+    (0..3).map(|k| side(k).powi(2)).sum::<f64>().sqrt()
+}
+
+/// What became of the hints: of each pair of views whether they were brought together, and how far its picked points lie
+/// apart. Picked points that were not followed lower the verdict. `relative` tells the motion between two views that
+/// hang together. `None` if nothing was said of pairs.
+pub(super) fn report(
+    hinted: &Hinted,
+    relative: impl Fn(usize, usize) -> Option<Motion>,
+    names: &[String],
+    verdict: &mut Verdict,
+) -> Option<serde_json::Value> {
+    if hinted.picked.is_empty() && hinted.overlapping.is_empty() {
+        return None;
+    }
+    let picked = hinted.picked.iter().map(|pair| {
+        let distances = relative(pair.i, pair.j).map(|motion| (pair.is_met(&motion), pair.distances(&motion)));
+        let followed = distances.is_some_and(|(is_met, _)| is_met);
+        if !followed {
+            verdict.lower(Quality::Doubtful, not_followed(pair, distances.map(|(_, (rms, _))| rms), names));
+        }
+        serde_json::json!({
+            "a": names[pair.i], "b": names[pair.j], "pairs": pair.places.len(), "followed": followed,
+            "misfit": pair.fit.rms,
+            "residual": distances.map(|(_, (rms, _))| rms), "largest": distances.map(|(_, (_, largest))| largest),
+        })
+    });
+    let points: Vec<serde_json::Value> = picked.collect();
+    let together = |&(i, j): &(usize, usize)| serde_json::json!({"a": names[i], "b": names[j], "together": relative(i, j).is_some()});
+    let overlaps: Vec<serde_json::Value> = hinted.overlapping.iter().map(together).collect();
+    Some(serde_json::json!({"points": points, "overlaps": overlaps}))
+}
+
+fn not_followed(pair: &PickedPair, residual: Option<f64>, names: &[String]) -> String {
+    let (a, b) = (&names[pair.i], &names[pair.j]);
+    match residual {
+        Some(rms) => format!(
+            "the points picked in {a} and {b} lie {rms:.3} apart at the poses found (up to {:.3} would agree): the surfaces \
+             speak against them, pick them anew or look at the poses",
+            pair.tolerance
+        ),
+        None => format!(
+            "the points picked in {a} and {b} did not bring them together: laid so, their surfaces contradict each other or \
+             don't meet, pick them anew"
+        ),
+    }
+}
