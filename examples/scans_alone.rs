@@ -11,6 +11,7 @@ use rayon::prelude::*;
 use visage::geometry::neighbours::{IndexedPoints, LocalPoint};
 use visage::geometry::{Motion, Point3, Surface, Vector3};
 use visage::progress::Progress;
+use visage::registration::hinted::Hinted;
 use visage::registration::method::Method;
 use visage::registration::multiview::{self, MultiviewOptions};
 use visage::registration::rough::confidence::{FEATURES, MODEL, SURE, features};
@@ -76,7 +77,8 @@ fn measure(index: usize, seed: u64) -> String {
     let sensors: Vec<Option<Sensor>> = views.iter().map(|view| view.sensor).collect();
     let names: Vec<String> = (0..count).map(|view| view.to_string()).collect();
     let given = vec![None; count];
-    let set = Set { names: &names, views: &views, given: &given, sensors: &sensors };
+    let hinted = Hinted::default();
+    let set = Set { names: &names, views: &views, given: &given, sensors: &sensors, hinted: &hinted };
     let progress = Progress::silent();
     let refine_options = MultiviewOptions { min_overlap: 0.5, range_accuracy: None, max_rounds: 20 };
     let refine = |views: &[View], poses: &[Motion]| Method::Joint.register(views, poses, &refine_options, &progress);

@@ -108,10 +108,10 @@ fn places_on_a_nut_are_its_symmetries_and_picked_points_or_initial_poses_choose_
     let set = Set::of(&Scanner { views: 8, ..SCANNER }.scan_set(&nut.mesh(1), 1));
     let outcome = set.run(&Start::default()).expect("registers");
     let world = outcome.poses[0].1.expect("view 0 is placed") * set.truth[0].inverse();
-    let is_open = |view: &usize| outcome.poses[*view].1.is_none();
-    let open: Vec<usize> = (0..8).filter(is_open).collect();
-    assert!(!open.is_empty(), "a nut's views fit in several ways");
     let rows = outcome.report["alternatives"].as_array().expect("a list");
+    // a view that too little speaks for has no places at all
+    let open: Vec<usize> = (0..8).filter(|view| rows.iter().any(|row| row["name"] == *name(*view))).collect();
+    assert!(!open.is_empty(), "a nut's views fit in several ways");
     let mut start: BTreeMap<String, Motion> =
         outcome.poses.iter().filter_map(|(name, pose)| Some((name.clone(), (*pose)?))).collect();
     for view in open.iter().copied() {
@@ -131,7 +131,7 @@ fn places_on_a_nut_are_its_symmetries_and_picked_points_or_initial_poses_choose_
 
     // places sent as initial poses are a choice
     let chosen = set.run(&(&start).into()).expect("registers");
-    for (name, pose) in &chosen.poses {
+    for (name, pose) in chosen.poses.iter().filter(|(name, _)| start.contains_key(name)) {
         let (found, sent) = (pose.unwrap_or_else(|| panic!("{name} is placed")), start[name]);
         assert!(sent.rotation.angle_to(&found.rotation) < 0.02, "{name} stays where it was put");
     }

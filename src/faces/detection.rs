@@ -23,8 +23,6 @@ use crate::saliency::{CellGrid, Samples, Side};
 /// Expected inner-eye distances as shares of the bounding box's diagonal, for files of unknown unit: from a
 /// torso up to a mask from brow to mouth (the faces of the public set: 0.048 to 0.16).
 const LEVELS_OF_DIAGONAL: [f64; 6] = [0.045, 0.06, 0.08, 0.106, 0.141, 0.188];
-/// Smaller ones, down to a standing person's: searched only where the surface resolves such a face.
-const SMALL_LEVELS_OF_DIAGONAL: [f64; 3] = [0.019, 0.0255, 0.034];
 /// The same where the unit is known, as shares of the standard's inner-eye distance: people differ, and a nose or an
 /// eye corner that is missed at one scale is met at the next.
 const LEVELS_OF_TRUE_SIZE: [f64; 3] = [0.85, 1.0, 1.18];
@@ -142,20 +140,16 @@ pub fn detect(surface: &Oriented, unit: Unit, standard: &Standard, progress: &Pr
 /// Expected inner-eye distances in the file's unit, finest first, and the surface sampled for each.
 fn sampled_levels(surface: &Oriented, unit: Unit, progress: &Progress) -> Result<Vec<(f64, Samples)>, Canceled> {
     let diagonal = surface.bounds.diagonal();
-    let (small, usual): (Vec<f64>, Vec<f64>) = match unit.in_mm() {
-        Some(mm) => (Vec::new(), LEVELS_OF_TRUE_SIZE.iter().map(|share| share * INNER_EYE_DISTANCE_MM / mm).collect()),
-        None => {
-            let of_diagonal = |shares: &[f64]| shares.iter().map(|share| share * diagonal).collect();
-            (of_diagonal(&SMALL_LEVELS_OF_DIAGONAL), of_diagonal(&LEVELS_OF_DIAGONAL))
-        }
+    let expected: Vec<f64> = match unit.in_mm() {
+        Some(mm) => LEVELS_OF_TRUE_SIZE.iter().map(|share| share * INNER_EYE_DISTANCE_MM / mm).collect(),
+        None => LEVELS_OF_DIAGONAL.iter().map(|share| share * diagonal).collect(),
     };
     let area = surface.area();
     let resolved = POINTS_FROM_EYE_TO_EYE * (area / surface.points().count().max(1) as f64).sqrt();
-    let small = small.into_iter().map(|expected| (expected, 0));
     let mut levels: Vec<(f64, Samples)> = Vec::new();
-    for (expected, most) in small.chain(usual.into_iter().map(|expected| (expected, MOST_SAMPLES))) {
+    for expected in expected {
         progress.check()?;
-        let most = if expected >= resolved { MOST_RESOLVED_SAMPLES } else { most };
+        let most = if expected >= resolved { MOST_RESOLVED_SAMPLES } else { MOST_SAMPLES };
         let spacing = SPACING * expected;
         // a plane passes through at least area / spacing^2 cells: don't even start where that is too many
         let is_fine = area / (spacing * spacing) > most as f64 || diagonal / spacing > MOST_CELLS_ACROSS;

@@ -172,6 +172,7 @@ pub fn run_from(
     let Registered { result, mut verdict, placement } = registered;
     let positions: Vec<Option<Vector3>> = sensors.iter().map(|sensor| sensor.and_then(|s| s.position())).collect();
     verdict.look(&views, &positions, &result, &names);
+    verdict.look_from_one_place(&views, &positions, &result);
     let (all, at) = held.as_ref().map_or((&views, &result), |held| (&held.whole, &held.result));
     let known = covariance::of_result(all, at);
     let unit_length = resolution(all, at);

@@ -13,9 +13,9 @@ use super::resolution::resolution;
 use super::view::View;
 use super::walls::mixed_faces;
 use super::weak_axes::weak_axes;
-use crate::geometry::Vector3;
 use crate::geometry::neighbours::LocalPoint;
 use crate::geometry::normals;
+use crate::geometry::{Point3, Vector3};
 
 /// "Near" in spacings.
 pub const NEAR: f64 = 8.0;
@@ -120,6 +120,19 @@ impl Verdict {
         }
     }
 
+    /// Adds that the scanner did not move, where it did not: a background that stands still holds such scans together, also
+    /// when what stood before it was turned. `sensors` are positions in the views' local frames, where known.
+    pub fn look_from_one_place(&mut self, views: &[View], sensors: &[Option<Vector3>], result: &Multiview) {
+        if is_from_one_place(views, sensors, result) {
+            self.lower(
+                Quality::Doubtful,
+                "all scans were taken from one place and show the same: what stands still holds them together, and if an \
+                 object was turned before it, the object is not placed; cut the rest away or leave it out"
+                    .into(),
+            );
+        }
+    }
+
     /// Adds what colours say: views with texture that does not agree with that of any neighbour.
     pub fn compare_colours(&mut self, agreement: &[Option<f64>], names: &[String]) {
         for (agreement, name) in agreement.iter().zip(names) {
@@ -150,6 +163,24 @@ impl Verdict {
         self.quality = self.quality.max(quality);
         self.reasons.push(reason);
     }
+}
+
+/// Scanners stand at one place if they are no farther apart than this share of their distance from what they saw.
+const ONE_PLACE: f64 = 0.02;
+/// Scans show the same if this share of both overlaps: a scanner that is turned on its tripod sees other parts.
+const SAME_PICTURE: f64 = 0.5;
+
+/// Whether the placed views were all seen from one place and show the same.
+fn is_from_one_place(views: &[View], sensors: &[Option<Vector3>], result: &Multiview) -> bool {
+    let placed: Vec<usize> = (0..views.len()).filter(|view| result.placed[*view]).collect();
+    let seen_from =
+        |view: &usize| Some((result.local_poses[*view] * Point3::from(sensors[*view]?), sensors[*view]?.norm()));
+    let Some(places) = placed.iter().map(seen_from).collect::<Option<Vec<(Point3, f64)>>>() else { return false };
+    let Some(&(first, distance)) = places.first() else { return false };
+    let shows_the_same = |view: &usize| result.overlaps.mutual(placed[0], *view) >= SAME_PICTURE;
+    places.len() > 1
+        && places.iter().all(|(place, _)| (place - first).norm() <= ONE_PLACE * distance)
+        && placed[1..].iter().all(shows_the_same)
 }
 
 fn judge_placement(result: &Multiview, names: &[String], verdict: &mut Verdict) {

@@ -33,8 +33,6 @@ const LEAST: f64 = 12.0;
 const TRIED: usize = 64;
 /// Surfels of a view that are asked of a place.
 const SAMPLES: usize = 200;
-/// A surfel that contradicts counts as so many that agree.
-const CONTRADICTION: f64 = 2.0;
 /// Places nearer to each other than this, in edges, are one.
 const SAME: f64 = 4.0;
 /// Surfels that the placed ones hold lie within this distance of them, in edges.
@@ -209,7 +207,7 @@ impl<'a> Ground<'a> {
             }
         };
         let mut links: Vec<&Link> = self.search.links.iter().filter(|link| link.is_promising()).collect();
-        links.sort_by(|a, b| b.strength().total_cmp(&a.strength()).then((a.i, a.j).cmp(&(b.i, b.j))));
+        links.sort_by(|a, b| b.score().total_cmp(&a.score()).then((a.i, a.j).cmp(&(b.i, b.j))));
         let mut worlds: Vec<Motion> = self.own.into_iter().collect();
         for world in links.into_iter().filter_map(world) {
             if worlds.len() < TRIED && !worlds.iter().any(|other| self.is_same(other, &world)) {
@@ -264,11 +262,7 @@ impl<'a> Ground<'a> {
 
     /// How much speaks for a world of the piece.
     fn balance(&self, world: &Motion) -> f64 {
-        let say = |link: Link| {
-            let said = link.evidence;
-            said.agree() - CONTRADICTION * (said.conflict() - said.opposed())
-        };
-        self.measured(world).map(say).sum()
+        self.measured(world).map(|link| link.evidence.both().balance()).sum()
     }
 
     /// What all pairs of a placed view and one of the piece say of a world of the piece.
@@ -349,16 +343,14 @@ mod tests {
             let place = radius * out + Vector3::z() * height;
             (point + frame * place, frame * (out - slope * Vector3::z()).normalize())
         };
-        let cone: Vec<_> = (0..400)
-            .map(|k| f64::from(k))
-            .map(|k| on(0.01 * k, 0.3 * (k % 37.0), 9.0 + 0.15 * (k % 37.0), 0.5))
-            .collect();
+        let cone: Vec<_> =
+            (0..400).map(f64::from).map(|k| on(0.01 * k, 0.3 * (k % 37.0), 9.0 + 0.15 * (k % 37.0), 0.5)).collect();
         let Some(Freedom::Axis(found, direction)) = weakest(&cone) else { panic!("a cone turns about its axis") };
         assert!(direction.dot(&axis).abs() > 0.9999, "{direction}");
         assert!((found.coords - point).cross(&axis).norm() < 0.05, "{found}");
         let waves = |k: f64| 0.3 * (k % 37.0);
         let gutter: Vec<_> = (0..400)
-            .map(|k| f64::from(k))
+            .map(f64::from)
             .map(|k| {
                 let (x, slope) = (waves(k), waves(k).sin());
                 (Vector3::new(x, 1.0 - x.cos(), (k / 37.0).floor()), Vector3::new(-slope, 1.0, 0.0).normalize())

@@ -52,7 +52,7 @@ pub fn assemble(scene: &Scene, links: &[Link], begun: Vec<Group>, progress: &Pro
         groups[first] = Some(group);
     }
     let mut waiting: Vec<&Link> = links.iter().filter(|link| link.is_promising()).collect();
-    waiting.sort_by(|a, b| scene.strength(b).total_cmp(&scene.strength(a)).then((a.i, a.j).cmp(&(b.i, b.j))));
+    waiting.sort_by(|a, b| scene.score(b).total_cmp(&scene.score(a)).then((a.i, a.j).cmp(&(b.i, b.j))));
     let mut ambiguous = vec![false; sketches.len()];
     // a link that was refused is tried again when one of its groups has grown
     let mut refused_at = vec![(0, 0); waiting.len()];
@@ -110,12 +110,12 @@ fn try_join(scene: &Scene, left: &Group, right: &Group, link: &Link, waiting: &[
     let rivals = waiting.iter().filter(|other| {
         let same_pair = (other.i, other.j) == (link.i, link.j);
         let is_other = !alike(&other.motion_i_j, &link.motion_i_j, radius, DRIFT * edge);
-        same_pair && is_other && scene.strength(other) > RIVAL * scene.strength(link)
+        same_pair && is_other && scene.score(other) > RIVAL * scene.score(link)
     });
     for rival in rivals {
         let Some(motion) = implied(left, right, rival) else { continue };
         let other = Grounds::of(scene, &measure_all(sketches, left, right, &motion, edge));
-        grounds.rival = grounds.rival.max(other.strength / grounds.strength);
+        grounds.rival = grounds.rival.max(other.score / grounds.score);
     }
     if grounds.rival < RIVAL && slides(sketches, &measured, edge, SAMPLES) {
         grounds.rival = 1.0;
@@ -132,7 +132,7 @@ fn try_join(scene: &Scene, left: &Group, right: &Group, link: &Link, waiting: &[
 /// How well the strongest pairs of a join touch at full resolution.
 pub(super) fn touching(scene: &Scene, measured: &[Link]) -> f64 {
     let mut strongest: Vec<&Link> = measured.iter().collect();
-    strongest.sort_by(|a, b| scene.strength(b).total_cmp(&scene.strength(a)).then((a.i, a.j).cmp(&(b.i, b.j))));
+    strongest.sort_by(|a, b| scene.score(b).total_cmp(&scene.score(a)).then((a.i, a.j).cmp(&(b.i, b.j))));
     let shares: Vec<f64> = strongest
         .iter()
         .take(WITNESSES)
@@ -185,6 +185,5 @@ pub(super) fn measure(sketches: &[Sketch], i: usize, j: usize, implied: &Motion,
         return Some(raw);
     }
     let drawn = at(drawn);
-    let balance = |link: &Link| link.evidence.agree() - link.evidence.conflict();
-    Some(if balance(&drawn) > balance(&raw) { drawn } else { raw })
+    Some(if drawn.score() > raw.score() { drawn } else { raw })
 }

@@ -6,7 +6,7 @@
 
 use super::link::Link;
 use super::sketch::Sketch;
-use super::verification::Testimony;
+use super::votes::SurfelVotes;
 
 /// Surfels that have to agree before a link says something of pictures.
 const LEAST_AGREE: f64 = 60.0;
@@ -23,9 +23,9 @@ const FRAMES: f64 = 1.0 / 3.0;
 pub fn crop(sketches: &mut [Sketch], links: &[Link]) -> bool {
     let mut said: Vec<(f64, f64)> = vec![(0.0, 0.0); sketches.len()];
     for link in best_of_pairs(links) {
-        for (picture, testimony) in [(link.i, &link.evidence.j_in_i), (link.j, &link.evidence.i_in_j)] {
-            said[picture].0 += testimony.missed as f64;
-            said[picture].1 += testimony.agree as f64;
+        for (picture, votes) in [(link.i, &link.evidence.j_in_i), (link.j, &link.evidence.i_in_j)] {
+            said[picture].0 += votes.missed;
+            said[picture].1 += votes.agree;
         }
     }
     let is_cropped = |view: &usize| said[*view].0 > MISSED * (said[*view].0 + said[*view].1);
@@ -49,13 +49,9 @@ fn best_of_pairs(links: &[Link]) -> Vec<&Link> {
     best.into_values().collect()
 }
 
-fn contradicting(testimony: &Testimony) -> f64 {
-    (testimony.cross - testimony.opposed + testimony.in_sight) as f64
-}
-
 fn inside(link: &Link) -> (f64, f64) {
-    let e = &link.evidence;
-    (e.agree(), contradicting(&e.j_in_i) + contradicting(&e.i_in_j))
+    let votes: SurfelVotes = link.evidence.both();
+    (votes.agree, votes.contradict + votes.looked_through)
 }
 
 fn balance(link: &Link) -> f64 {

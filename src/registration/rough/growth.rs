@@ -13,7 +13,7 @@ use super::group::Group;
 use super::link::Link;
 use super::scene::Scene;
 use super::slide::slides;
-use super::verification::{Evidence, verify};
+use super::verification::verify;
 use crate::geometry::Motion;
 use crate::progress::{Canceled, Progress};
 
@@ -32,12 +32,6 @@ const RIVAL: f64 = 0.8;
 /// The agreement of one pair counts up to about so many surfels: views stacked on each other agree much, and a right
 /// set has many pairs that agree a little.
 const ENOUGH: f64 = 60.0;
-/// A surfel that crosses another surface counts as so many that agree. Those that look the opposite way don't count:
-/// they may be the other side of a thin wall.
-const CROSSING: f64 = 2.0;
-/// A surfel that another scanner looked through or missed counts as so many: on right motions there are next to none.
-const NOT_SEEN: f64 = 25.0;
-
 /// Views with their poses in a world of their own, in the order in which they came.
 type Placed = Vec<(usize, Motion)>;
 
@@ -189,9 +183,8 @@ impl Growth<'_> {
         if motion_i_j.translation.vector.norm() > a.radius + b.radius {
             return 0.0;
         }
-        let said = verify(a, b, motion_i_j, self.scene.edge, SAMPLES);
-        let agree = ENOUGH * (1.0 - (-said.agree() / self.scene.excess(&said) / ENOUGH).exp());
-        agree - CROSSING * (said.cross() - said.opposed()) - NOT_SEEN * not_seen(&said)
+        let votes = verify(a, b, motion_i_j, self.scene.edge, SAMPLES).both();
+        ENOUGH * (1.0 - (-votes.agree / self.scene.excess(&votes) / ENOUGH).exp()) - votes.against()
     }
 
     /// How much those that are placed speak for a view's pose.
@@ -264,10 +257,6 @@ fn clearest(waiting: &[Waiting]) -> Option<(usize, Motion)> {
         }
     }
     best.map(|(_, index, pose)| (index, pose))
-}
-
-fn not_seen(said: &Evidence) -> f64 {
-    said.in_sight() + said.missed()
 }
 
 #[cfg(test)]

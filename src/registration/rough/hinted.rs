@@ -38,13 +38,11 @@ const OVERRULED: f64 = 2.0;
 const CLEAR: f64 = 0.8;
 /// Poses that differ by less than this, in edges, are the same.
 const SAME: f64 = 4.0;
-/// Groups that are said to overlap are joined on half the strength that others need,
-const JOINED_STRENGTH: f64 = 0.04;
-/// on this share of agreement,
-const JOINED_CONSISTENT: f64 = 0.6;
+/// Groups that are said to overlap are joined on half the score that others need,
+const JOINED_SCORE: f64 = 0.08;
 /// and of contact.
 const JOINED_TOUCHING: f64 = 0.6;
-/// Another way to lay them on each other is a rival from this share of the strength on.
+/// Another way to lay them on each other is a rival from this share of the score on.
 const RIVAL: f64 = 0.85;
 /// Motions of a pair that is said to overlap, proposed by single matches.
 const PROPOSALS: usize = 12;
@@ -108,22 +106,23 @@ fn followed(scene: &Scene, links: &[Link], pair: &PickedPair) -> Option<Link> {
     let motion_i_j = if stays { drawn } else { picked };
     let link = Link { i, j, motion_i_j, evidence: verify(a, b, &motion_i_j, scene.edge, SAMPLES) };
     let touches = || contact(&scene.views[i], &scene.views[j], &motion_i_j, scene.resolution).map(|c| c.touching);
+    let consistency = link.evidence.both().consistency();
     let is_overruled = |other: &Link| {
         (other.i, other.j) == (i, j)
             && !alike(&other.motion_i_j, &motion_i_j, b.radius, SAME * scene.edge)
-            && other.evidence.consistency() >= link.evidence.consistency()
-            && scene.strength(other) > OVERRULED * scene.strength(&link)
+            && other.evidence.both().consistency() >= consistency
+            && scene.score(other) > OVERRULED * scene.score(&link)
     };
     let holds = link.evidence.overlap() >= LEAST_OVERLAP
-        && link.evidence.consistency() >= CONSISTENT
-        && (link.evidence.consistency() >= CLEAR || !links.iter().any(is_overruled))
+        && consistency >= CONSISTENT
+        && (consistency >= CLEAR || !links.iter().any(is_overruled))
         && touches().is_some_and(|touching| touching >= TOUCHING);
     holds.then_some(link)
 }
 
 /// The groups that links make by themselves.
 fn laid_out(scene: &Scene, mut links: Vec<Link>) -> Vec<Group> {
-    links.sort_by(|a, b| scene.strength(b).total_cmp(&scene.strength(a)).then((a.i, a.j).cmp(&(b.i, b.j))));
+    links.sort_by(|a, b| scene.score(b).total_cmp(&scene.score(a)).then((a.i, a.j).cmp(&(b.i, b.j))));
     let mut groups: Vec<Group> = Vec::new();
     let take = |groups: &mut Vec<Group>, view: usize| match groups.iter().position(|g| g.views.contains(&view)) {
         Some(index) => groups.swap_remove(index),
@@ -215,14 +214,14 @@ fn joined(scene: &Scene, links: &[Link], left: &Group, right: &Group, (i, j): (u
             let measured = measure_all(scene.sketches, left, right, &motion, scene.edge);
             (Grounds::of(scene, &measured), measured, motion)
         })
-        .filter(|(grounds, ..)| grounds.strongest >= JOINED_STRENGTH && grounds.consistency >= JOINED_CONSISTENT)
+        .filter(|(grounds, ..)| grounds.best >= JOINED_SCORE && grounds.score >= JOINED_SCORE)
         .collect();
-    found.sort_by(|a, b| b.0.strength.total_cmp(&a.0.strength));
+    found.sort_by(|a, b| b.0.score.total_cmp(&a.0.score));
     found.retain(|(_, measured, _)| touching(scene, measured) >= JOINED_TOUCHING);
     let (best, measured, motion) = found.first()?;
     let radius = right.views.iter().map(|view| scene.sketches[*view].radius).fold(0.0, f64::max);
     let is_rival = |(grounds, _, other): &(Grounds, Vec<Link>, Motion)| {
-        !alike(other, motion, radius, SAME * scene.edge) && grounds.strength > RIVAL * best.strength
+        !alike(other, motion, radius, SAME * scene.edge) && grounds.score > RIVAL * best.score
     };
     if found.iter().any(is_rival) || slides(scene.sketches, measured, scene.edge, SAMPLES) {
         return None;

@@ -20,15 +20,15 @@ pub struct Link {
 pub const LEAST_OVERLAP: f64 = 0.08;
 /// and this share of agreement among all that was said.
 const LEAST_CONSISTENCY: f64 = 0.6;
+
 impl Link {
-    /// How much speaks for it, to rank links: agreement counts, conflict counts more.
-    pub fn strength(&self) -> f64 {
-        let e = &self.evidence;
-        e.overlap() * (e.consistency() - 0.5).max(0.0)
+    /// How much speaks for it; see [`super::votes`].
+    pub fn score(&self) -> f64 {
+        self.evidence.both().score()
     }
 
     /// Whether it is worth trying.
     pub fn is_promising(&self) -> bool {
-        self.evidence.overlap() >= LEAST_OVERLAP && self.evidence.consistency() >= LEAST_CONSISTENCY
+        self.evidence.overlap() >= LEAST_OVERLAP && self.evidence.both().consistency() >= LEAST_CONSISTENCY
     }
 }

@@ -33,6 +33,7 @@ pub mod thorough;
 pub mod touch;
 pub mod turning;
 pub mod verification;
+pub mod votes;
 
 use rayon::prelude::*;
 
@@ -268,7 +269,7 @@ fn links_of(
         links.push(Link { i, j, motion_i_j, evidence });
     }
     let mut links = links.split_off(count);
-    links.sort_by(|a, b| b.strength().total_cmp(&a.strength()));
+    links.sort_by(|a, b| b.score().total_cmp(&a.score()));
     links.truncate(LINKS);
     links
 }

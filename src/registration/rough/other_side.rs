@@ -74,7 +74,7 @@ fn links_of_view(
 fn fit(links: &[Link], view: usize, n: usize) -> f64 {
     let best = |other: usize| {
         let between = links.iter().filter(|link| (link.i, link.j) == (view.min(other), view.max(other)));
-        between.map(Link::strength).fold(0.0, f64::max)
+        between.map(Link::score).fold(0.0, f64::max)
     };
     (0..n).filter(|other| *other != view).map(best).sum()
 }

@@ -2,7 +2,7 @@
 
 use super::link::Link;
 use super::sketch::Sketch;
-use super::verification::Evidence;
+use super::votes::SurfelVotes;
 use crate::registration::view::View;
 
 /// Distances up to this many times the set's noise are nothing to wonder at.
@@ -28,13 +28,14 @@ pub struct Scene<'a> {
 impl Scene<'_> {
     /// How much speaks for a link in this set: surfaces that are the same lie as near to each other as the noise lets
     /// them, like ones do not.
-    pub fn strength(&self, link: &Link) -> f64 {
-        link.strength() / self.excess(&link.evidence)
+    pub fn score(&self, link: &Link) -> f64 {
+        let votes = link.evidence.both();
+        SurfelVotes { agree: votes.agree / self.excess(&votes), ..votes }.score()
     }
 
     /// The mean square distance of surfels that agree, in what the set's noise explains; 1 if that explains it.
-    pub fn excess(&self, evidence: &Evidence) -> f64 {
-        let excess = evidence.rms() / (self.edge * TOLERATED_NOISE * self.noise);
+    pub fn excess(&self, votes: &SurfelVotes) -> f64 {
+        let excess = votes.rms() / (self.edge * TOLERATED_NOISE * self.noise);
         (excess * excess).max(1.0)
     }
 }
@@ -48,13 +49,20 @@ pub fn resolution(spacing: f64, noise: f64, edge: f64) -> f64 {
     spacing.max(WITHIN * noise * edge)
 }
 
-/// The noise of a set by its links: a low quantile of the best, since most of the rest may be wrong.
+/// A link says something of the noise from this score on.
+const TELLING: f64 = 0.1;
+
+/// The noise of a set by its links, in edges: for most views one of its links is right, and a right one lies nearer than
+/// wrong ones do.
 pub fn noise_level(links: &[Link], edge: f64) -> f64 {
-    let mut levels: Vec<f64> = links
-        .iter()
-        .filter(|link| link.evidence.overlap() > 0.2 && link.evidence.consistency() > 0.8)
-        .map(|link| link.evidence.rms() / edge)
-        .collect();
+    let mut nearest: std::collections::BTreeMap<usize, f64> = std::collections::BTreeMap::new();
+    for link in links.iter().filter(|link| link.score() > TELLING) {
+        for view in [link.i, link.j] {
+            let rms = nearest.entry(view).or_insert(f64::INFINITY);
+            *rms = rms.min(link.evidence.both().rms() / edge);
+        }
+    }
+    let mut levels: Vec<f64> = nearest.into_values().collect();
     levels.sort_by(f64::total_cmp);
-    levels.get(levels.len() / 4).copied().unwrap_or(0.0).max(LEAST_NOISE)
+    levels.get(levels.len() / 2).copied().unwrap_or(0.0).max(LEAST_NOISE)
 }

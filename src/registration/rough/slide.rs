@@ -4,7 +4,8 @@ use nalgebra::{Matrix6, Vector6};
 
 use super::link::Link;
 use super::sketch::Sketch;
-use super::verification::{Evidence, verify};
+use super::verification::verify;
+use super::votes::SurfelVotes;
 use crate::geometry::{Vector3, se3};
 use crate::registration::joint::normal_equations::PairSums;
 
@@ -21,46 +22,21 @@ const STILL_CLOSE: f64 = 1.5;
 
 /// Whether the pairs of a join, each by itself, still agree after a move along the direction that holds them least.
 pub fn slides(sketches: &[Sketch], measured: &[Link], edge: f64, samples: usize) -> bool {
-    let (mut before, mut after) = (Said::default(), Said::default());
-    for link in measured.iter().filter(|link| link.strength() > 0.0) {
+    let (mut before, mut after) = (SurfelVotes::default(), SurfelVotes::default());
+    for link in measured.iter().filter(|link| link.score() > 0.0) {
         let (i, j) = (&sketches[link.i], &sketches[link.j]);
         let slid = weakest_moves(i, j, link, edge)
             .into_iter()
-            .map(|twist| verify(i, j, &(se3::exp(&twist) * link.motion_i_j), edge, samples))
+            .map(|twist| verify(i, j, &(se3::exp(&twist) * link.motion_i_j), edge, samples).both())
             .max_by(|a, b| a.consistency().total_cmp(&b.consistency()));
         let Some(slid) = slid else { continue };
-        before.add(&link.evidence);
-        after.add(&slid);
+        (before, after) = (before + link.evidence.both(), after + slid);
     }
     let flat = (FLAT * edge).powi(2);
     before.agree > 0.0
         && after.agree > STILL_AGREE * before.agree
         && after.consistency() > STILL_CONSISTENT * before.consistency()
         && after.mean_square() < STILL_CLOSE * before.mean_square().max(flat)
-}
-
-/// Evidence of several pairs added up.
-#[derive(Default)]
-struct Said {
-    agree: f64,
-    conflict: f64,
-    squares: f64,
-}
-
-impl Said {
-    fn add(&mut self, evidence: &Evidence) {
-        self.agree += evidence.agree();
-        self.conflict += evidence.conflict();
-        self.squares += evidence.squares();
-    }
-
-    fn consistency(&self) -> f64 {
-        self.agree / (self.agree + self.conflict).max(1.0)
-    }
-
-    fn mean_square(&self) -> f64 {
-        self.squares / self.agree.max(1.0)
-    }
 }
 
 /// The move (to and fro) that changes the distances of the surfaces least, scaled to [`SLIDE`]; twists of view i's

@@ -9,6 +9,7 @@ use super::consensus::alike;
 use super::link::Link;
 use super::sketch::Sketch;
 use super::verification::{Evidence, verify};
+use super::votes::SurfelVotes;
 use crate::geometry::{Motion, Vector3};
 use crate::registration::joint::normal_equations::{PairSums, RIGID};
 
@@ -20,8 +21,6 @@ const RIVAL_SAMPLES: usize = 120;
 const RIVALS: usize = 6;
 /// A place farther off than this, in edges, is another one.
 const ELSEWHERE: f64 = 4.0;
-/// A surfel that contradicts counts as so many that agree when places are compared.
-const CONTRADICTION: f64 = 2.0;
 /// A surfel is held by another view's within this distance, in edges.
 const HELD: f64 = 0.6;
 
@@ -55,12 +54,16 @@ pub fn standings(sketches: &[&Sketch], local_poses: &[Motion], links: &[Link], e
         .par_iter()
         .map(|&(i, j)| verify(sketches[i], sketches[j], &local_poses[i].inv_mul(&local_poses[j]), edge, SAMPLES))
         .collect();
-    let mut whole = Said::default();
-    let mut own = vec![Said::default(); n];
+    let mut whole = SurfelVotes::default();
+    let mut own = vec![SurfelVotes::default(); n];
+    let mut overlap = vec![0.0f64; n];
     for (&(i, j), evidence) in pairs.iter().zip(&said) {
-        whole.add(evidence);
-        own[i].add(evidence);
-        own[j].add(evidence);
+        let votes = evidence.both();
+        whole = whole + votes;
+        for view in [i, j] {
+            own[view] = own[view] + votes;
+            overlap[view] = overlap[view].max(evidence.overlap());
+        }
     }
     let views = (0..n).into_par_iter().with_max_len(1);
     let rivals: Vec<f64> = views.map(|view| rival(sketches, local_poses, links, view, edge)).collect();
@@ -69,11 +72,11 @@ pub fn standings(sketches: &[&Sketch], local_poses: &[Motion], links: &[Link], e
         .into_par_iter()
         .with_max_len(1)
         .map(|view| Standing {
-            overlap: own[view].overlap,
-            through: own[view].share(own[view].through),
-            crossing: own[view].share(own[view].crossing),
-            group_crossing: whole.share(whole.crossing),
-            rms: (own[view].squares / own[view].agree.max(1.0)).sqrt() / (edge * noise),
+            overlap: overlap[view],
+            through: share(&own[view], own[view].unseen()),
+            crossing: share(&own[view], own[view].contradict),
+            group_crossing: share(&whole, whole.contradict),
+            rms: own[view].rms() / (edge * noise),
             group_rival,
             hold: hold(&held(sketches, local_poses, view, edge)),
             sharpness: 1.0,
@@ -81,34 +84,15 @@ pub fn standings(sketches: &[&Sketch], local_poses: &[Motion], links: &[Link], e
         .collect()
 }
 
-/// Evidence of several pairs added up.
-#[derive(Debug, Clone, Default)]
-struct Said {
-    agree: f64,
-    through: f64,
-    crossing: f64,
-    squares: f64,
-    overlap: f64,
-}
-
-impl Said {
-    fn add(&mut self, evidence: &Evidence) {
-        self.agree += evidence.agree();
-        self.through += evidence.missed() + evidence.in_sight();
-        self.crossing += evidence.cross() - evidence.opposed();
-        self.squares += evidence.squares();
-        self.overlap = self.overlap.max(evidence.overlap());
-    }
-
-    fn share(&self, part: f64) -> f64 {
-        part / (self.agree + self.through + self.crossing).max(1.0)
-    }
+/// Share of what all say that is this.
+fn share(votes: &SurfelVotes, part: f64) -> f64 {
+    part / votes.said().max(1.0)
 }
 
 /// How well the best other place of a view does that its candidates propose, in what its own place does.
 fn rival(sketches: &[&Sketch], local_poses: &[Motion], links: &[Link], view: usize, edge: f64) -> f64 {
     let mut proposing: Vec<&Link> = links.iter().filter(|link| link.i == view || link.j == view).collect();
-    proposing.sort_by(|a, b| b.strength().total_cmp(&a.strength()).then((a.i, a.j).cmp(&(b.i, b.j))));
+    proposing.sort_by(|a, b| b.score().total_cmp(&a.score()).then((a.i, a.j).cmp(&(b.i, b.j))));
     let mut places = vec![local_poses[view]];
     for link in proposing {
         let place = match link.j == view {
@@ -126,8 +110,7 @@ fn rival(sketches: &[&Sketch], local_poses: &[Motion], links: &[Link], view: usi
     let balance = |place: &Motion| -> f64 {
         let say = |other: &usize| {
             let motion = local_poses[*other].inv_mul(place);
-            let evidence = verify(sketches[*other], sketches[view], &motion, edge, RIVAL_SAMPLES);
-            evidence.agree() - CONTRADICTION * (evidence.conflict() - evidence.opposed())
+            verify(sketches[*other], sketches[view], &motion, edge, RIVAL_SAMPLES).both().balance()
         };
         others.iter().map(say).sum()
     };

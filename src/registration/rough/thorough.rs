@@ -13,6 +13,7 @@ use super::link::Link;
 use super::scene::Scene;
 use super::turning::turnings;
 use super::verification::verify;
+use super::votes::SurfelVotes;
 use super::{links_of, matching};
 use crate::progress::{Canceled, Progress};
 use crate::registration::hinted::Hinted;
@@ -32,7 +33,7 @@ const AGREE: f64 = 0.83;
 /// A link within a group that says something else, is as strong as this and stronger than what the group says instead,
 /// makes it unclear: on right registrations of real scans such links have 0.025 at most, and smooth pebbles laid on each
 /// other the wrong way have left right ones of 0.1 to 0.4 unused.
-const CONTRADICTING: f64 = 0.1;
+const CONTRADICTING: f64 = 0.2;
 /// Motions nearer to each other than this, in edges, say the same.
 const SAME: f64 = 4.0;
 
@@ -65,33 +66,30 @@ fn is_clear(scene: &Scene, links: &[Link], group: &Group) -> bool {
 
 /// Whether a strong link between two views of a group says something else than the group, and more clearly.
 fn contradicts(scene: &Scene, link: &Link, group: &Group) -> bool {
-    let strength = scene.strength(link);
+    let score = scene.score(link);
     let place = |view: usize| group.views.iter().position(|other| *other == view);
-    let Some((k, l)) = place(link.i).zip(place(link.j)).filter(|_| strength >= CONTRADICTING) else { return false };
+    let Some((k, l)) = place(link.i).zip(place(link.j)).filter(|_| score >= CONTRADICTING) else { return false };
     let implied = group.local_poses[k].inv_mul(&group.local_poses[l]);
     if alike(&implied, &link.motion_i_j, scene.sketches[link.j].radius, SAME * scene.edge) {
         return false;
     }
-    measure(scene.sketches, link.i, link.j, &implied, scene.edge).is_none_or(|own| strength > scene.strength(&own))
+    measure(scene.sketches, link.i, link.j, &implied, scene.edge).is_none_or(|own| score > scene.score(&own))
 }
 
 /// Whether the pairs of a group agree, and no scanner looked through what another saw.
 fn is_coherent(scene: &Scene, group: &Group) -> bool {
     let n = group.views.len();
     let pairs: Vec<(usize, usize)> = (0..n).flat_map(|i| (i + 1..n).map(move |j| (i, j))).collect();
-    let said: Vec<(f64, f64, f64)> = pairs
+    let votes: Vec<SurfelVotes> = pairs
         .par_iter()
         .map(|&(k, l)| {
             let (i, j) = (&scene.sketches[group.views[k]], &scene.sketches[group.views[l]]);
-            let said = verify(i, j, &group.local_poses[k].inv_mul(&group.local_poses[l]), scene.edge, SAMPLES);
-            (said.agree(), said.cross() - said.opposed(), said.in_sight() + said.missed())
+            let motion_i_j = group.local_poses[k].inv_mul(&group.local_poses[l]);
+            verify(i, j, &motion_i_j, scene.edge, SAMPLES).both()
         })
         .collect();
-    let agree: f64 = said.iter().map(|said| said.0).sum();
-    let cross: f64 = said.iter().map(|said| said.1).sum();
-    let not_seen: f64 = said.iter().map(|said| said.2).sum();
-    let all = agree + cross + not_seen;
-    n >= LEAST_VIEWS && not_seen <= NOT_SEEN * all && agree >= AGREE * all
+    let votes: SurfelVotes = votes.into_iter().sum();
+    n >= LEAST_VIEWS && votes.unseen() <= NOT_SEEN * votes.said() && votes.agree >= AGREE * votes.said()
 }
 
 /// Further links of all pairs but those within one clear group.
