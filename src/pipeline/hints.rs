@@ -37,9 +37,10 @@ fn cut(scan: &mut NamedScan, hints: &Hints) -> Result<usize, PipelineError> {
     let kept: Vec<bool> = scan.surface.cloud.points.iter().map(is_used).collect();
     let (all, left) = (kept.len(), kept.iter().filter(|kept| **kept).count());
     if left < MIN_POINTS && left < all {
-        let message = format!("the regions leave {left} of the {all} points of {}, at least {MIN_POINTS}", scan.name);
+        let name = &scan.name;
+        let message =
+            format!("the regions leave {left} of the {all} points of {name}, at least {MIN_POINTS} are needed");
         let remedy = "regions are in the scan's own frame and unit: widen what is to be used, or leave less out";
-        let message = format!("{message} are needed");
         return Err(HintError { scan: Some(scan.name.clone()), message, remedy }.into());
     }
     if left < all {
@@ -55,9 +56,8 @@ fn check_picks(scan: &NamedScan, hints: &Hints) -> Result<(), PipelineError> {
         side.into_iter().flat_map(move |side| picked.pairs.iter().map(move |pair| Point3::from(pair[side])))
     });
     let points = &scan.surface.cloud.points;
-    let mut diagonal = None;
+    let diagonal = scan.surface.cloud.bounds().map_or(0.0, |bounds| bounds.diagonal());
     for place in of_scan {
-        let diagonal = *diagonal.get_or_insert_with(|| diagonal_of(points));
         let nearest2 = points.iter().map(|point| (point - place).norm_squared()).fold(f64::INFINITY, f64::min);
         if nearest2.sqrt() > OFF_SURFACE * diagonal {
             let message = format!(
@@ -71,12 +71,6 @@ fn check_picks(scan: &NamedScan, hints: &Hints) -> Result<(), PipelineError> {
         }
     }
     Ok(())
-}
-
-fn diagonal_of(points: &[Point3]) -> f64 {
-    let far = |k: usize, start: f64, pick: fn(f64, f64) -> f64| points.iter().map(|p| p[k]).fold(start, pick);
-    let side = |k: usize| far(k, f64::NEG_INFINITY, f64::max) - far(k, f64::INFINITY, f64::min);
-    (0..3).map(|k| side(k).powi(2)).sum::<f64>().sqrt()
 }
 
 /// What became of the hints: of each pair of views whether they were brought together, and how far its picked points lie
