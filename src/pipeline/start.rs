@@ -189,8 +189,8 @@ impl Setting {
         Hinted::of(&self.hints, names, views)
     }
 
-    /// Lets what was said of a copy be said of its original, and the pose of the copy serve it if it has none; `motion_of_copy` maps the copy's frame into that
-    /// of the original.
+    /// Lets hints and the pose of a copy serve its original, the pose if that has none; `motion_of_copy` maps the copy's
+    /// frame into that of the original.
     pub fn adopt_pose(&mut self, original: &str, copy: &str, motion_of_copy: &Motion) {
         self.hints.adopt(original, copy, motion_of_copy);
         let Some(pose) = self.poses.get(copy).copied().filter(|_| !self.poses.contains_key(original)) else { return };

@@ -29,9 +29,9 @@ const HELD: f64 = 0.6;
 pub struct Standing {
     /// The largest overlap with another view, smaller share of both.
     pub overlap: f64,
-    /// Share of what all say that is: surface where a scanner saw nothing, or looked through.
+    /// Of all votes that say something, the share of surfels where a scanner saw nothing, or looked through.
     pub through: f64,
-    /// Share of what all say that is: surfaces that cross, but for those that may be the other side of a thin wall.
+    /// The share of surfels that cross a surface, but for those that may be the other side of a thin wall.
     pub crossing: f64,
     /// The same share, of the whole group.
     pub group_crossing: f64,
@@ -84,9 +84,9 @@ pub fn standings(sketches: &[&Sketch], local_poses: &[Motion], links: &[Link], e
         .collect()
 }
 
-/// Share of what all say that is this.
-fn share(votes: &SurfelVotes, part: f64) -> f64 {
-    part / votes.said().max(1.0)
+/// A count of votes as a share of all votes that say something.
+fn share(votes: &SurfelVotes, count: f64) -> f64 {
+    count / votes.said().max(1.0)
 }
 
 /// How well the best other place of a view does that its candidates propose, in what its own place does.
