@@ -70,19 +70,8 @@ pub fn scan(stage: &Stage, view: &Viewpoint, lens: Lens, has_colours: bool, rng:
 
 #[cfg(test)]
 mod tests {
-    use rand::SeedableRng;
-
-    use super::super::lens::Projection;
-    use super::super::stage::walls::{stage, view, wall};
+    use super::super::stage::walls::{lens, rng, stage, view, wall};
     use super::*;
-
-    fn rng() -> ChaCha8Rng {
-        ChaCha8Rng::seed_from_u64(1)
-    }
-
-    fn lens() -> Lens {
-        Lens::of(Projection::Pinhole { half_width: 0.4, half_height: 0.3 }, 6_000.0)
-    }
 
     #[test]
     fn depths_come_in_steps_that_grow_with_their_square() {

@@ -38,21 +38,10 @@ pub fn scan(stage: &Stage, view: &Viewpoint, lens: Lens, has_grid: bool, rng: &m
 
 #[cfg(test)]
 mod tests {
-    use rand::SeedableRng;
-
-    use super::super::lens::Projection;
-    use super::super::stage::walls::{stage, view, wall};
+    use super::super::stage::walls::{lens, rng, stage, view, wall};
     use super::*;
     use crate::geometry::{Motion, RangeGrid, Vector3};
     use crate::synthetic::solids::moved;
-
-    fn rng() -> ChaCha8Rng {
-        ChaCha8Rng::seed_from_u64(1)
-    }
-
-    fn lens() -> Lens {
-        Lens::of(Projection::Pinhole { half_width: 0.4, half_height: 0.3 }, 6_000.0)
-    }
 
     #[test]
     fn what_the_laser_does_not_reach_is_missing_and_so_are_dark_and_grazing_parts() {

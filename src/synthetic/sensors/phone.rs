@@ -79,19 +79,8 @@ fn smoothed(depths: &[Option<f64>], lens: &Lens, pixel: usize) -> Option<f64> {
 
 #[cfg(test)]
 mod tests {
-    use rand::SeedableRng;
-
-    use super::super::lens::Projection;
-    use super::super::stage::walls::{stage, view, wall};
+    use super::super::stage::walls::{lens, rng, stage, view, wall};
     use super::*;
-
-    fn rng() -> ChaCha8Rng {
-        ChaCha8Rng::seed_from_u64(1)
-    }
-
-    fn lens() -> Lens {
-        Lens::of(Projection::Pinhole { half_width: 0.4, half_height: 0.3 }, 6_000.0)
-    }
 
     #[test]
     fn edges_are_rounded_and_the_far_is_missing() {

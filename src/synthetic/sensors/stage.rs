@@ -168,6 +168,9 @@ pub fn normal(rng: &mut ChaCha8Rng) -> f64 {
 /// Walls to test sensors on.
 #[cfg(test)]
 pub(super) mod walls {
+    use rand::SeedableRng;
+
+    use super::super::lens::Projection;
     use super::*;
     use crate::geometry::Mesh;
     use crate::synthetic::scenery::Layout;
@@ -185,6 +188,15 @@ pub(super) mod walls {
         let center = Point3::origin();
         let scene = Scenery { mesh, still: None, layout: Layout::Around, extent, center, half_length: extent };
         Stage::new(&scene, 3)
+    }
+
+    /// A picture of six thousand pixels.
+    pub fn lens() -> Lens {
+        Lens::of(Projection::Pinhole { half_width: 0.4, half_height: 0.3 }, 6_000.0)
+    }
+
+    pub fn rng() -> ChaCha8Rng {
+        ChaCha8Rng::seed_from_u64(1)
     }
 
     /// At the origin.
