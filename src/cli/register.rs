@@ -174,7 +174,7 @@ fn read_base(model: &Path) -> anyhow::Result<PoseFile> {
 fn read_scans(dir: &Path, names: &[String], progress: &Progress) -> anyhow::Result<Vec<(NamedScan, Dropped)>> {
     use rayon::prelude::*;
     progress.report(Stage::Loading, 0.0);
-    names
+    let of_scans: Vec<anyhow::Result<(NamedScan, Dropped)>> = names
         .par_iter()
         .map(|name| {
             let path = dir.join(name);
@@ -189,7 +189,9 @@ fn read_scans(dir: &Path, names: &[String], progress: &Progress) -> anyhow::Resu
             }
             Ok((NamedScan { name: name.clone(), surface }, dropped))
         })
-        .collect()
+        .collect();
+    // of several errors the first scan's, whichever thread met its own first
+    of_scans.into_iter().collect()
 }
 
 fn with_hint(error: PipelineError) -> anyhow::Error {

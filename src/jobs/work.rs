@@ -188,7 +188,7 @@ impl Work {
             self.set.scans.iter().map(|scan| (scan.name.as_str(), scan)).collect();
         let views: Vec<&ScanRecord> = names.iter().filter_map(|name| stored.get(name.as_str()).copied()).collect();
         let loaded = AtomicUsize::new(0);
-        views
+        let of_scans: Vec<Result<(NamedScan, Dropped), WorkError>> = views
             .par_iter()
             .map(|scan| {
                 self.progress.check()?;
@@ -197,7 +197,9 @@ impl Work {
                 self.progress.report(Stage::Loading, count as f64 / views.len() as f64);
                 Ok(named)
             })
-            .collect()
+            .collect();
+        // of several errors the first scan's, whichever thread met its own first
+        of_scans.into_iter().collect()
     }
 
     fn load_one(&self, scan: &ScanRecord) -> Result<(NamedScan, Dropped), WorkError> {

@@ -23,13 +23,15 @@ impl From<HintError> for PipelineError {
 
 /// Holds picked points against the scans and cuts the scans to their regions; answers with the points left out of each.
 pub(super) fn apply(scans: &mut [NamedScan], hints: &Hints) -> Result<Vec<usize>, PipelineError> {
-    scans
+    let of_scans: Vec<Result<usize, PipelineError>> = scans
         .par_iter_mut()
         .map(|scan| {
             check_picks(scan, hints)?;
             cut(scan, hints)
         })
-        .collect()
+        .collect();
+    // of several errors the first scan's, whichever thread met its own first
+    of_scans.into_iter().collect()
 }
 
 fn cut(scan: &mut NamedScan, hints: &Hints) -> Result<usize, PipelineError> {

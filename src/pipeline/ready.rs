@@ -43,13 +43,15 @@ pub(super) fn readied(
             scan.surface.sensor = Some(sensor.into());
         }
     }
-    let ready: Vec<(View, Readied)> = scans
+    let ready: Vec<Result<(View, Readied), PipelineError>> = scans
         .par_iter_mut()
         .map(|scan| {
             progress.check()?;
             without_repetitions(scan)
         })
-        .collect::<Result<_, PipelineError>>()?;
+        .collect();
+    // of several errors the first scan's, whichever thread met its own first
+    let ready = ready.into_iter().collect::<Result<Vec<_>, _>>()?;
     let (mut views, mut readied): (Vec<View>, Vec<Readied>) = ready.into_iter().unzip();
     if options.sensor.is_none() {
         settle_sensors(scans, &mut views, &mut readied);
