@@ -35,8 +35,9 @@ use crate::progress::{Canceled, Progress, Stage};
 pub struct Pass {
     /// About how many surfels stand for a view: that fixes the edge of their voxels.
     pub surfels: f64,
-    /// The largest edge in spacings, however many points a scan has.
-    pub coarsest_edge: f64,
+    /// The largest edge in spacings, however many points a scan has. None for a pass that only has to bring poses near:
+    /// how far it reaches is a share of the object, whatever the scanner resolves.
+    pub coarsest_edge: Option<f64>,
     /// Tolerance of the overlap by which its pairs are chosen, in edges.
     pub tolerance: f64,
     /// Largest distance of a correspondence in the first step, in edges.
@@ -59,7 +60,7 @@ pub struct Pass {
 pub const PASSES: [Pass; 2] = [
     Pass {
         surfels: 500.0,
-        coarsest_edge: 14.0,
+        coarsest_edge: None,
         tolerance: 1.15,
         first_distance: 2.9,
         last_distance: 1.0,
@@ -69,7 +70,7 @@ pub const PASSES: [Pass; 2] = [
     },
     Pass {
         surfels: 4000.0,
-        coarsest_edge: 4.9,
+        coarsest_edge: Some(4.9),
         tolerance: 1.03,
         first_distance: 2.45,
         last_distance: 1.03,
@@ -89,7 +90,7 @@ impl Pass {
     fn edge(&self, views: &[View], spacing: f64) -> f64 {
         let points = views.iter().map(|view| view.points().len() as f64).sum::<f64>() / views.len() as f64;
         let edge = EDGE_FACTOR * (points / self.surfels).sqrt();
-        spacing * edge.clamp(FINEST_EDGE, self.coarsest_edge)
+        spacing * edge.min(self.coarsest_edge.unwrap_or(edge)).max(FINEST_EDGE)
     }
 }
 
@@ -265,5 +266,32 @@ impl Run<'_> {
             pair.icp = IcpResult { end: IcpEnd::Joint, ..icp_i_j };
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::{Cloud, Point3};
+
+    /// A ball of radius 100, points spread evenly (a Fibonacci lattice).
+    fn ball(points: usize) -> View {
+        let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
+        let point = |k: usize| {
+            let height = 1.0 - 2.0 * (k as f64 + 0.5) / points as f64;
+            let (radius, angle) = ((1.0 - height * height).sqrt(), golden * k as f64);
+            Point3::new(radius * angle.cos(), height, radius * angle.sin()) * 100.0
+        };
+        View::new(&Cloud::from_points((0..points).map(point).collect())).expect("a view")
+    }
+
+    #[test]
+    fn the_first_pass_reaches_as_far_in_dense_scans_as_in_sparse_ones() {
+        let reach = |points: usize| {
+            let views = [ball(points)];
+            PASSES[0].first_distance * PASSES[0].edge(&views, views[0].spacing)
+        };
+        let (sparse, dense) = (reach(4_000), reach(160_000));
+        assert!(sparse > 40.0 && (dense / sparse - 1.0).abs() < 0.1, "{sparse} {dense}");
     }
 }
