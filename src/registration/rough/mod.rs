@@ -44,13 +44,12 @@ use self::hinted::{Prior, assemble_hinted};
 use self::link::Link;
 use self::other_side::try_other_sides;
 use self::scene::{Scene, noise_level, resolution};
-use self::sketch::{Sketch, sketch_all};
+use self::sketch::{Sketch, count_voxels, sketch_all};
 use self::standing::Standing;
 use super::multiview;
 use super::sensor::Sensor;
 use super::view::View;
 use crate::geometry::Motion;
-use crate::geometry::thinning::thin;
 use crate::progress::{Canceled, Progress, Stage};
 
 /// About how many surfels stand for a view.
@@ -131,7 +130,7 @@ pub fn edge_of(views: &[View]) -> f64 {
     let count = views.len().max(1) as f64;
     let points = views.iter().map(|view| view.points().len() as f64).sum::<f64>() / count;
     let edge = multiview::common_spacing(views) * (EDGE_FACTOR * (points / SURFELS).sqrt()).max(FINEST_EDGE);
-    let voxels: usize = views.par_iter().map(|view| thin(view.points(), edge as f32).centroids.len()).sum();
+    let voxels: usize = views.par_iter().map(|view| count_voxels(view.points(), edge)).sum();
     edge * (voxels as f64 / count / MOST_SURFELS).sqrt().max(1.0)
 }
 

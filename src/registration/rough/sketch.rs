@@ -119,7 +119,7 @@ fn supported(view: &View, edge: f64, reach: f32) -> (Vec<LocalPoint>, Vec<Fitted
     let cells = thin(view.points(), (CELL * edge) as f32);
     let voxels = thin(&cells.centroids, edge as f32);
     let indexed = IndexedPoints::new(cells.centroids);
-    let least_in_voxel = STRAY_VOXEL * typical_count(&voxels.counts);
+    let least_in_voxel = least_in_voxel(&voxels.counts);
     let fitted: Vec<(LocalPoint, Fitted)> = voxels
         .centroids
         .into_iter()
@@ -130,6 +130,18 @@ fn supported(view: &View, edge: f64, reach: f32) -> (Vec<LocalPoint>, Vec<Fitted
     let around: Vec<u32> = fitted.iter().map(|f| f.1.cells as u32).collect();
     let least_around = STRAY_AROUND * typical_count(&around);
     fitted.into_iter().filter(|(_, f)| f.cells as f64 >= least_around).unzip()
+}
+
+/// How many voxels of this edge hold more of a scan than strays.
+pub fn count_voxels(points: &[LocalPoint], edge: f64) -> usize {
+    let counts = thin(points, edge as f32).counts;
+    let least = least_in_voxel(&counts);
+    counts.iter().filter(|count| f64::from(**count) >= least).count()
+}
+
+/// Voxels with fewer points are strays.
+fn least_in_voxel(counts: &[u32]) -> f64 {
+    STRAY_VOXEL * typical_count(counts)
 }
 
 /// The count of the voxel that the median point lies in: voxels of strays may be many, but hold few points.
@@ -155,4 +167,21 @@ fn fit(cells: &IndexedPoints, counts: &[u32], center: &LocalPoint, reach: f32) -
         None => (nalgebra::Vector3::z(), false),
     };
     Fitted { normal, is_inner, cells: count, points }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn points_anywhere_in_the_box_are_no_surface_that_needs_voxels() {
+        // a sheet of 200 x 200 points, and a tenth as many that lie anywhere in a cube about it
+        let mut points: Vec<LocalPoint> = (0..40_000).map(|k| [(k % 200) as f32, (k / 200) as f32, 0.0]).collect();
+        let of_sheet = count_voxels(&points, 5.0);
+        let anywhere = |k: u32, prime: u32| (k * prime % 4_001) as f32 * 0.05;
+        points.extend((1..4_001).map(|k| [anywhere(k, 1_231), anywhere(k, 2_111), anywhere(k, 3_137)]));
+        let with_strays = count_voxels(&points, 5.0);
+        assert!(thin(&points, 5.0).counts.len() > 2 * of_sheet);
+        assert!((0.9..1.05).contains(&(with_strays as f64 / of_sheet as f64)), "{of_sheet} {with_strays}");
+    }
 }
