@@ -9,6 +9,7 @@ use crate::geometry::viewpoint::{self, Facets};
 use crate::geometry::{Cloud, Point3};
 use crate::progress::{Progress, Stage};
 use crate::registration::cleaning::LeftOut;
+use crate::registration::sensor::Sensor;
 use crate::registration::view::{UnusableScan, View};
 
 /// What was found out about a scan on the way.
@@ -55,6 +56,7 @@ pub(super) fn readied(
     let (mut views, mut readied): (Vec<View>, Vec<Readied>) = ready.into_iter().unzip();
     if options.sensor.is_none() {
         settle_sensors(scans, &mut views, &mut readied);
+        settle_origins(scans, &mut views);
     }
     Ok((views, readied))
 }
@@ -131,7 +133,24 @@ fn settle_sensors(scans: &mut [NamedScan], views: &mut [View], readied: &mut [Re
     for k in told {
         readied[k].sensor_is_pose = true;
         scans[k].surface.sensor = Some(Point3::origin());
-        views[k].sensor = Some(crate::registration::sensor::Sensor::At(-views[k].center));
+        views[k].sensor = Some(Sensor::At(-views[k].center));
+    }
+}
+
+/// If so many of the scans without a told place of the scanner were plainly taken from their origins, all were.
+const MOST: f64 = 0.75;
+
+/// Takes scans for taken from their origins where most scans of the set plainly were: one program wrote them all, and a
+/// scan of much clutter does not show it by itself.
+fn settle_origins(scans: &mut [NamedScan], views: &mut [View]) {
+    let untold: Vec<usize> = (0..scans.len()).filter(|k| scans[*k].surface.sensor.is_none()).collect();
+    let plain = untold.iter().filter(|k| views[**k].sensor.is_some()).count();
+    if plain == untold.len() || (plain as f64) < MOST * untold.len() as f64 {
+        return;
+    }
+    for k in untold {
+        scans[k].surface.sensor = Some(Point3::origin());
+        views[k].sensor = Some(Sensor::At(-views[k].center));
     }
 }
 

@@ -184,21 +184,21 @@ fn rough_at_once(
     prior.hinted.cut.iter().for_each(|view| sketches[*view].sight.crop());
     progress.report(Stage::Registering, 0.05);
     let pairs: Vec<(usize, usize)> = (0..views.len()).flat_map(|i| (i + 1..views.len()).map(move |j| (i, j))).collect();
-    let links: Vec<Vec<Link>> = pairs
+    let drawn: Vec<Vec<Motion>> = pairs
         .par_iter()
         .with_max_len(1)
         .map(|&(i, j)| {
             progress.check()?;
-            Ok(pair_links(&sketches, i, j, prior, edge))
+            Ok(drawn_motions(&sketches, (i, j), hinted::proposed(&sketches, (i, j), prior, edge, PROPOSALS), &[], edge))
         })
         .collect::<Result<_, Canceled>>()?;
-    let mut links: Vec<Link> = links.into_iter().flatten().collect();
+    let mut links = best_links(&sketches, &pairs, &drawn, edge);
     let mut noise = noise_level(&links, edge);
     let spacing = multiview::common_spacing(views);
     let scene = Scene { views, sketches: &sketches, resolution: resolution(spacing, noise, edge), edge, noise };
     let mut assembly = assemble_hinted(&scene, &links, Vec::new(), prior.hinted, progress)?;
     if !thorough::is_settled(&scene, &links, &assembly) && crop(&mut sketches, &links) {
-        links = links_of_cropped(&sketches, prior, links, edge, progress)?;
+        links = best_links(&sketches, &pairs, &drawn, edge);
         noise = noise_level(&links, edge);
         let scene = Scene { views, sketches: &sketches, resolution: resolution(spacing, noise, edge), edge, noise };
         assembly = assemble_hinted(&scene, &links, Vec::new(), prior.hinted, progress)?;
@@ -218,56 +218,58 @@ fn rough_at_once(
     Ok(Rough { groups, ambiguous, searches: vec![search] })
 }
 
-/// The links of pairs with a cropped view, made anew; the others as they are.
-fn links_of_cropped(
-    sketches: &[Sketch],
-    prior: &Prior,
-    links: Vec<Link>,
-    edge: f64,
-    progress: &Progress,
-) -> Result<Vec<Link>, Canceled> {
-    let is_cropped = |i: usize, j: usize| sketches[i].sight.is_cropped() || sketches[j].sight.is_cropped();
-    let n = sketches.len();
-    let pairs: Vec<(usize, usize)> =
-        (0..n).flat_map(|i| (i + 1..n).map(move |j| (i, j))).filter(|&(i, j)| is_cropped(i, j)).collect();
-    let found: Vec<Vec<Link>> = pairs
-        .par_iter()
-        .with_max_len(1)
-        .map(|&(i, j)| {
-            progress.check()?;
-            Ok(pair_links(sketches, i, j, prior, edge))
-        })
-        .collect::<Result<_, Canceled>>()?;
-    let kept = links.into_iter().filter(|link| !is_cropped(link.i, link.j));
-    Ok(kept.chain(found.into_iter().flatten()).collect())
-}
-
 /// The best ways to lay two views on each other.
 fn pair_links(sketches: &[Sketch], i: usize, j: usize, prior: &Prior, edge: f64) -> Vec<Link> {
     let proposed = hinted::proposed(sketches, (i, j), prior, edge, PROPOSALS);
-    links_of(sketches, (i, j), proposed, Vec::new(), edge)
+    links_of(sketches, (i, j), proposed, &[], edge)
 }
 
 /// The best of the proposed motions of a pair, drawn onto the surface; those that are `known` already are left out.
 fn links_of(
     sketches: &[Sketch],
-    (i, j): (usize, usize),
+    pair: (usize, usize),
     proposed: impl IntoIterator<Item = Motion>,
-    known: Vec<Link>,
+    known: &[Link],
     edge: f64,
 ) -> Vec<Link> {
+    best_of_pair(sketches, pair, &drawn_motions(sketches, pair, proposed, known, edge), edge)
+}
+
+/// The proposed motions of a pair drawn onto the surface, no two of them alike, and none like one that is `known`.
+fn drawn_motions(
+    sketches: &[Sketch],
+    (i, j): (usize, usize),
+    proposed: impl IntoIterator<Item = Motion>,
+    known: &[Link],
+    edge: f64,
+) -> Vec<Motion> {
     let (a, b) = (&sketches[i], &sketches[j]);
-    let mut links = known;
-    let count = links.len();
+    let is_same = |other: &Motion, motion: &Motion| consensus::alike(other, motion, b.radius, 2.0 * edge);
+    let mut drawn: Vec<Motion> = Vec::new();
     for motion in proposed {
-        let motion_i_j = alignment::align(a, b, &motion, edge);
-        if links.iter().any(|link| consensus::alike(&link.motion_i_j, &motion_i_j, b.radius, 2.0 * edge)) {
-            continue;
+        let motion = alignment::align(a, b, &motion, edge);
+        let is_known = known.iter().any(|link| is_same(&link.motion_i_j, &motion));
+        if !is_known && !drawn.iter().any(|other| is_same(other, &motion)) {
+            drawn.push(motion);
         }
-        let evidence = verification::verify(a, b, &motion_i_j, edge, SAMPLES);
-        links.push(Link { i, j, motion_i_j, evidence });
     }
-    let mut links = links.split_off(count);
+    drawn
+}
+
+/// The best links of all pairs, of the motions by which each may lie.
+fn best_links(sketches: &[Sketch], pairs: &[(usize, usize)], drawn: &[Vec<Motion>], edge: f64) -> Vec<Link> {
+    let of_pair = |(pair, motions): (&(usize, usize), &Vec<Motion>)| best_of_pair(sketches, *pair, motions, edge);
+    let found: Vec<Vec<Link>> = pairs.par_iter().zip(drawn).map(of_pair).collect();
+    found.into_iter().flatten().collect()
+}
+
+/// Those of some motions of a pair that the surfaces bear out best.
+fn best_of_pair(sketches: &[Sketch], (i, j): (usize, usize), motions: &[Motion], edge: f64) -> Vec<Link> {
+    let link = |motion_i_j: &Motion| {
+        let evidence = verification::verify(&sketches[i], &sketches[j], motion_i_j, edge, SAMPLES);
+        Link { i, j, motion_i_j: *motion_i_j, evidence }
+    };
+    let mut links: Vec<Link> = motions.iter().map(link).collect();
     links.sort_by(|a, b| b.score().total_cmp(&a.score()));
     links.truncate(LINKS);
     links

@@ -107,8 +107,8 @@ fn more_links(scene: &Scene, known: &[Link], groups: &[Group], progress: &Progre
             progress.check()?;
             let matches = matching::matches(&scene.sketches[i], &scene.sketches[j], scene.edge);
             let proposed = turnings(&glanced[i], &glanced[j], &matches, scene.edge, PROPOSALS);
-            let known = known.iter().filter(|link| (link.i, link.j) == (i, j)).copied().collect();
-            Ok(links_of(scene.sketches, (i, j), proposed, known, scene.edge))
+            let known: Vec<Link> = known.iter().filter(|link| (link.i, link.j) == (i, j)).copied().collect();
+            Ok(links_of(scene.sketches, (i, j), proposed, &known, scene.edge))
         })
         .collect::<Result<_, Canceled>>()?;
     Ok(found.into_iter().flatten().collect())

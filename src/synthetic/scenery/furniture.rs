@@ -116,7 +116,7 @@ pub fn yard(dice: &mut Dice) -> Mesh {
 }
 
 /// Seat, back and legs.
-fn chair(dice: &mut Dice) -> Vec<Mesh> {
+pub fn chair(dice: &mut Dice) -> Vec<Mesh> {
     let (half, high, back) = (dice.about(0.21), dice.about(0.45), dice.about(0.45));
     let mut parts = vec![
         cuboid([-half, high - 0.04, -half], [half, high, half]),
@@ -129,7 +129,7 @@ fn chair(dice: &mut Dice) -> Vec<Mesh> {
 }
 
 /// Sides, boards, and books of many sizes.
-fn shelf(dice: &mut Dice) -> Vec<Mesh> {
+pub fn shelf(dice: &mut Dice) -> Vec<Mesh> {
     let (half, high, deep) = (dice.about(0.5), dice.about(1.8), 0.15);
     let mut parts = vec![
         cuboid([-half - 0.03, 0.0, -deep], [-half, high, deep]),
@@ -150,7 +150,7 @@ fn shelf(dice: &mut Dice) -> Vec<Mesh> {
 }
 
 /// Seat, back and arms with round cushions.
-fn sofa(dice: &mut Dice) -> Vec<Mesh> {
+pub fn sofa(dice: &mut Dice) -> Vec<Mesh> {
     let half = dice.about(0.8);
     let cushion = |x: f64| ball([x, 0.55, 0.0], |way| 0.2 / (way.x.abs().max(way.y.abs()) + 0.4));
     vec![

@@ -1,6 +1,7 @@
-//! Scenes of eight kinds to scan, each by seed: things, rooms, streets, people and land. In metres as they are in life, y up,
-//! the ground at y = 0.
+//! Scenes of eight kinds to scan, each by seed: things, rooms, streets, people and land; and buildings to walk through. In
+//! metres as they are in life, y up, the ground at y = 0.
 
+mod building;
 mod furniture;
 mod land;
 mod person;
@@ -11,6 +12,7 @@ use super::shapes::{Dice, catalogue};
 use super::solids::{append, moved, scaled, together};
 use crate::geometry::{Bounds, Mesh, Motion, Point3, Vector3};
 
+pub use building::{Building, Stop};
 pub use person::body;
 
 /// What is scanned.

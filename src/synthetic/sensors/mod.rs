@@ -6,6 +6,7 @@
 //! - [`vehicle`]: rings all the way round, drawn while the vehicle rolls on
 //! - [`panorama`]: a scanner on a tripod: the full sphere but for the tripod, mixed pixels at edges
 //! - [`carried`]: merged while carried: in the hand, a fragment of many trembling frames; aloft, a strip in float32 coordinates
+//! - [`walk`](mod@walk): a depth camera carried through a building, frame by frame
 //! - [`lens`], [`stage`]: rays, and what they meet; [`tour`]: where sensors stand; [`set`]: whole sets
 //!
 //! Lengths are in the unit that the sensor's files have: millimetres for the laser, metres for the others. Scenes are scaled
@@ -21,8 +22,10 @@ mod set;
 mod stage;
 mod tour;
 mod vehicle;
+mod walk;
 
 pub use set::{SensorSet, sensor_set};
+pub use walk::walk;
 
 use super::scenery::Layout;
 use lens::Projection;
