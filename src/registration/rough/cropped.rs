@@ -16,11 +16,22 @@ const COHERENT: f64 = 0.75;
 /// is, whatever the scanner.
 const MISSED: f64 = 0.12;
 
-/// Frames come in sets: fewer than this share of cropped pictures are whole objects that were laid on each other wrongly.
+/// Frames come in sets: fewer than this share of cropped pictures are whole objects that were laid on each other wrongly,
 const FRAMES: f64 = 1.0 / 3.0;
+/// and where this share is cropped all are: one scanner took them, and of some the best link shows it by chance not.
+const ALL_FRAMES: f64 = 2.0 / 3.0;
+
+/// How many sketches of a set have to be cropped.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Frames {
+    /// As many as come in sets.
+    Some,
+    /// So many that all are: plain enough before anything is laid together.
+    All,
+}
 
 /// Marks the sketches that are cropped by what the best links of their pairs say together; whether any is.
-pub fn crop(sketches: &mut [Sketch], links: &[Link]) -> bool {
+pub fn crop(sketches: &mut [Sketch], links: &[Link], wanted: Frames) -> bool {
     let mut said: Vec<(f64, f64)> = vec![(0.0, 0.0); sketches.len()];
     for link in best_of_pairs(links) {
         for (picture, votes) in [(link.i, &link.evidence.j_in_i), (link.j, &link.evidence.i_in_j)] {
@@ -30,10 +41,15 @@ pub fn crop(sketches: &mut [Sketch], links: &[Link]) -> bool {
     }
     let is_cropped = |view: &usize| said[*view].0 > MISSED * (said[*view].0 + said[*view].1);
     let cropped: Vec<usize> = (0..sketches.len()).filter(is_cropped).collect();
-    if cropped.is_empty() || (cropped.len() as f64) < FRAMES * sketches.len() as f64 {
+    let is_share = |share: f64| cropped.len() as f64 >= share * sketches.len() as f64;
+    if cropped.is_empty() || !is_share(if wanted == Frames::All { ALL_FRAMES } else { FRAMES }) {
         return false;
     }
-    cropped.into_iter().for_each(|view| sketches[view].sight.crop());
+    if is_share(ALL_FRAMES) {
+        sketches.iter_mut().for_each(|sketch| sketch.sight.crop());
+    } else {
+        cropped.into_iter().for_each(|view| sketches[view].sight.crop());
+    }
     true
 }
 

@@ -32,6 +32,18 @@ impl Descriptors {
         std::array::from_fn(|column| self.columns[column * self.len + index])
     }
 
+    /// How many they are.
+    pub fn len(&self) -> usize {
+        self.len
+    }
+
+    /// At most `count` of them, spread evenly over the view.
+    pub fn spread(&self, count: usize) -> Descriptors {
+        let step = self.len.div_ceil(count.max(1)).max(1);
+        let rows: Vec<Descriptor> = (0..self.len).step_by(step).map(|index| self.get(index)).collect();
+        Descriptors::new(&rows)
+    }
+
     /// The squared distances of some descriptions from each of these: one row of `len` for each asked.
     pub fn distances2<const ASKED: usize>(&self, asked: &[Descriptor; ASKED], rows: &mut [Vec<f32>; ASKED]) {
         for row in rows.iter_mut() {

@@ -29,6 +29,15 @@ impl Group {
         self.views.iter().position(|v| *v == view).map(|k| self.local_poses[k])
     }
 
+    /// Those of its views that stand at these places of it, which rise.
+    pub fn among(&self, places: &[usize]) -> Group {
+        let views: Vec<usize> = places.iter().map(|k| self.views[*k]).collect();
+        let local_poses = places.iter().map(|k| self.local_poses[*k]).collect();
+        let holds = |link: &&Link| views.binary_search(&link.i).is_ok() && views.binary_search(&link.j).is_ok();
+        let links = self.links.iter().filter(holds).copied().collect();
+        Group { views, local_poses, links, search: self.search }
+    }
+
     /// The group with view k called `names[k]`, which rise, and its search called `search`.
     pub fn renamed(mut self, names: &[usize], search: usize) -> Group {
         self.search = search;

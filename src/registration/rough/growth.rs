@@ -58,13 +58,24 @@ pub struct Grown {
     pub ambiguous: Vec<bool>,
 }
 
-/// Grows groups from the best links and from those groups that are `known`, until nothing is left that speaks for more.
-pub fn grow(scene: &Scene, links: &[Link], known: &[Group], progress: &Progress) -> Result<Grown, Canceled> {
-    let growth = Growth { scene, links };
+/// Groups that are known before anything grows.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Known<'a> {
+    /// Those that are clear: they stay as they are, and take in views that are in none of them.
+    pub clear: &'a [Group],
+    /// Others, to begin from.
+    pub open: &'a [Group],
+}
+
+/// Grows groups from the best links and from those that are known, until nothing is left that speaks for more.
+pub fn grow(scene: &Scene, links: &[Link], known: &Known, progress: &Progress) -> Result<Grown, Canceled> {
+    let mut is_clear = vec![false; scene.sketches.len()];
+    known.clear.iter().flat_map(|group| &group.views).for_each(|view| is_clear[*view] = true);
+    let growth = Growth { scene, links, is_clear };
     let mut free: Vec<usize> = (0..scene.sketches.len()).collect();
     let mut grown = Grown { groups: Vec::new(), ambiguous: vec![false; free.len()] };
     while let Some(best) = growth.best(&free, known, progress)? {
-        let settled = growth.settle(&best);
+        let settled = growth.settle(&best, known.clear);
         settled.ambiguous.iter().for_each(|view| grown.ambiguous[*view] = true);
         let is_done = |view: &usize| match &settled.group {
             Some(group) => group.views.contains(view) || settled.ambiguous.contains(view),
@@ -85,18 +96,19 @@ struct Settled {
 struct Growth<'a> {
     scene: &'a Scene<'a>,
     links: &'a [Link],
+    /// For each view whether it is of a clear group.
+    is_clear: Vec<bool>,
 }
 
 impl Growth<'_> {
     /// The group of free views that most speaks for.
-    fn best(&self, free: &[usize], known: &[Group], progress: &Progress) -> Result<Option<Placed>, Canceled> {
+    fn best(&self, free: &[usize], known: &Known, progress: &Progress) -> Result<Option<Placed>, Canceled> {
+        let groups = known.clear.iter().chain(known.open);
         let seeds: Vec<Placed> = self
             .seeds(free)
             .into_iter()
             .map(|link| vec![(link.i, Motion::identity()), (link.j, link.motion_i_j)])
-            .chain(
-                known.iter().map(|group| group.views.iter().copied().zip(group.local_poses.iter().copied()).collect()),
-            )
+            .chain(groups.map(|group| group.views.iter().copied().zip(group.local_poses.iter().copied()).collect()))
             .filter(|seed: &Placed| seed.len() > 1 && seed.iter().all(|(view, _)| free.contains(view)))
             .collect();
         let grown: Vec<(f64, Placed)> = seeds
@@ -112,9 +124,10 @@ impl Growth<'_> {
         Ok(best.filter(|(total, _)| *total >= LEAST).map(|(_, placed)| placed))
     }
 
-    /// The links between free views that most speaks for.
+    /// The links between free views that most speaks for. Clear groups are beginnings themselves.
     fn seeds(&self, free: &[usize]) -> Vec<&Link> {
-        let between_free = self.links.par_iter().filter(|link| free.contains(&link.i) && free.contains(&link.j));
+        let is_free = |view: &usize| free.contains(view) && !self.is_clear[*view];
+        let between_free = self.links.par_iter().filter(|link| is_free(&link.i) && is_free(&link.j));
         let mut seeds: Vec<(f64, &Link)> = between_free
             .map(|link| (self.balance(link.i, link.j, &link.motion_i_j), link))
             .filter(|(balance, _)| *balance >= LEAST)
@@ -126,7 +139,7 @@ impl Growth<'_> {
 
     /// Takes in free views one by one, the clearest first.
     fn grown(&self, seed: Placed, free: &[usize]) -> Placed {
-        let is_waiting = |view: &&usize| seed.iter().all(|(placed, _)| placed != *view);
+        let is_waiting = |view: &&usize| !self.is_clear[**view] && seed.iter().all(|(placed, _)| placed != *view);
         let mut waiting: Vec<Waiting> =
             free.iter().filter(is_waiting).map(|view| Waiting { view: *view, places: Vec::new() }).collect();
         let mut placed = Placed::new();
@@ -198,12 +211,14 @@ impl Growth<'_> {
     }
 
     /// Leaves out the views that could as well stand elsewhere or slide, and those that don't touch the others at full
-    /// resolution.
-    fn settle(&self, placed: &[(usize, Motion)]) -> Settled {
+    /// resolution; those of clear groups stay.
+    fn settle(&self, placed: &[(usize, Motion)], clear: &[Group]) -> Settled {
         let Scene { sketches, edge, .. } = *self.scene;
         let mut placed = placed.to_vec();
         placed.sort_by_key(|(view, _)| *view);
-        let pairs: Vec<(usize, usize)> = (0..placed.len()).flat_map(|k| (0..k).map(move |l| (l, k))).collect();
+        let is_open = |(k, l): &(usize, usize)| !(self.is_clear[placed[*k].0] && self.is_clear[placed[*l].0]);
+        let pairs = (0..placed.len()).flat_map(|k| (0..k).map(move |l| (l, k)));
+        let pairs: Vec<(usize, usize)> = pairs.filter(is_open).collect();
         let measured: Vec<Link> = pairs
             .par_iter()
             .with_max_len(1)
@@ -214,6 +229,10 @@ impl Growth<'_> {
             .collect();
         let (mut kept, mut ambiguous) = (Placed::new(), Vec::new());
         for (index, &(view, pose)) in placed.iter().enumerate() {
+            if self.is_clear[view] {
+                kept.push((view, pose));
+                continue;
+            }
             let others: Placed = [&placed[..index], &placed[index + 1..]].concat();
             let own: Vec<Link> = measured.iter().filter(|link| link.i == view || link.j == view).copied().collect();
             if self.has_rival(&others, view, &pose) || slides(sketches, &own, edge, SLIDE_SAMPLES) {
@@ -222,7 +241,8 @@ impl Growth<'_> {
                 kept.push((view, pose));
             }
         }
-        let group = (kept.len() > 1).then(|| self.group(kept, measured));
+        let clear_links = clear.iter().flat_map(|group| &group.links).copied();
+        let group = (kept.len() > 1).then(|| self.group(kept, measured.into_iter().chain(clear_links)));
         Settled { group, ambiguous }
     }
 
@@ -234,10 +254,10 @@ impl Growth<'_> {
         elsewhere.any(|rival| self.balance_at(others, view, &rival) > limit)
     }
 
-    fn group(&self, kept: Placed, measured: Vec<Link>) -> Group {
+    fn group(&self, kept: Placed, measured: impl Iterator<Item = Link>) -> Group {
         let (views, local_poses): (Vec<usize>, Vec<Motion>) = kept.into_iter().unzip();
         let holds = |link: &Link| link.is_promising() && views.contains(&link.i) && views.contains(&link.j);
-        let links = measured.into_iter().filter(holds).collect();
+        let links = measured.filter(holds).collect();
         let mut group = Group { views, local_poses, links, search: 0 };
         group.average(self.scene.sketches, self.scene.edge);
         group
@@ -300,12 +320,12 @@ mod tests {
         let between = |i: usize, j: usize| views[j].center - views[i].center;
         // the first and the last laid on each other, and two pairs as they are
         let links = [link(0, 2, Vector3::zeros()), link(0, 1, between(0, 1)), link(1, 2, between(1, 2))];
-        let grown = grow(&scene, &links, &[], &Progress::silent()).expect("not cancelled");
+        let grown = grow(&scene, &links, &Known::default(), &Progress::silent()).expect("not cancelled");
         assert_eq!(grown.groups.len(), 1);
         assert_eq!((grown.groups[0].views.clone(), grown.ambiguous), (vec![0, 1, 2], vec![false; 3]));
         let group = &grown.groups[0];
         let found = group.local_poses[0].inv_mul(&group.local_poses[2]).translation.vector;
         assert!((found - between(0, 2)).norm() < 0.5 * EDGE, "{found} {}", between(0, 2));
-        assert!(grow(&scene, &[], &[], &Progress::silent()).expect("not cancelled").groups.is_empty());
+        assert!(grow(&scene, &[], &Known::default(), &Progress::silent()).expect("not cancelled").groups.is_empty());
     }
 }

@@ -21,6 +21,7 @@ pub mod link;
 pub mod matching;
 pub mod onto;
 pub mod other_side;
+pub mod partners;
 pub mod placement;
 pub mod report;
 pub mod scan_set;
@@ -38,7 +39,7 @@ pub mod votes;
 use rayon::prelude::*;
 
 use self::assembly::Assembly;
-use self::cropped::crop;
+use self::cropped::{Frames, crop};
 use self::group::Group;
 use self::hinted::{Prior, assemble_hinted};
 use self::link::Link;
@@ -46,6 +47,7 @@ use self::other_side::try_other_sides;
 use self::scene::{Scene, noise_level, resolution};
 use self::sketch::{Sketch, count_voxels, sketch_all};
 use self::standing::Standing;
+use self::thorough::Cores;
 use super::multiview;
 use super::sensor::Sensor;
 use super::view::View;
@@ -183,7 +185,7 @@ fn rough_at_once(
     let mut sketches = sketch_all(views, edge, sensors);
     prior.hinted.cut.iter().for_each(|view| sketches[*view].sight.crop());
     progress.report(Stage::Registering, 0.05);
-    let pairs: Vec<(usize, usize)> = (0..views.len()).flat_map(|i| (i + 1..views.len()).map(move |j| (i, j))).collect();
+    let pairs = partners::likely_pairs(&sketches, prior);
     let drawn: Vec<Vec<Motion>> = pairs
         .par_iter()
         .with_max_len(1)
@@ -193,25 +195,32 @@ fn rough_at_once(
         })
         .collect::<Result<_, Canceled>>()?;
     let mut links = best_links(&sketches, &pairs, &drawn, edge);
+    let is_framed = partners::is_large(views.len()) && crop(&mut sketches, &links, Frames::All);
+    if is_framed {
+        links = best_links(&sketches, &pairs, &drawn, edge);
+    }
     let mut noise = noise_level(&links, edge);
     let spacing = multiview::common_spacing(views);
     let scene = Scene { views, sketches: &sketches, resolution: resolution(spacing, noise, edge), edge, noise };
     let mut assembly = assemble_hinted(&scene, &links, Vec::new(), prior.hinted, progress)?;
-    if !thorough::is_settled(&scene, &links, &assembly) && crop(&mut sketches, &links) {
+    let mut cores = Cores::of(&scene, &links, &assembly);
+    if !cores.hold_all() && !is_framed && crop(&mut sketches, &links, Frames::Some) {
         links = best_links(&sketches, &pairs, &drawn, edge);
         noise = noise_level(&links, edge);
         let scene = Scene { views, sketches: &sketches, resolution: resolution(spacing, noise, edge), edge, noise };
         assembly = assemble_hinted(&scene, &links, Vec::new(), prior.hinted, progress)?;
+        cores = Cores::of(&scene, &links, &assembly);
     }
-    let scene = Scene { views, sketches: &sketches, resolution: resolution(spacing, noise, edge), edge, noise };
-    if !thorough::is_settled(&scene, &links, &assembly) {
-        let is_changed = try_other_sides(views, prior, &mut sketches, &mut links, edge, progress)?;
+    if !cores.hold_all() {
+        let is_changed = try_other_sides(views, prior, &pairs, &mut sketches, &mut links, edge, progress)?;
         noise = noise_level(&links, edge);
         let scene = Scene { views, sketches: &sketches, resolution: resolution(spacing, noise, edge), edge, noise };
         if is_changed {
             assembly = assemble_hinted(&scene, &links, Vec::new(), prior.hinted, progress)?;
+            cores = Cores::of(&scene, &links, &assembly);
         }
-        assembly = thorough::assemble_thoroughly(&scene, &mut links, &assembly, prior.hinted, progress)?;
+        assembly =
+            thorough::assemble_thoroughly(&scene, &mut links, &pairs, (&assembly, cores), prior.hinted, progress)?;
     }
     let Assembly { groups, ambiguous } = assembly;
     let search = Search { views: (0..views.len()).collect(), sketches, links, edge, noise };

@@ -17,10 +17,11 @@ const UNCLEAR: f64 = 0.5;
 const BETTER: f64 = 1.2;
 
 /// Tries the other side of unclear views, one after the other, and puts the better sketch and its links in the place of
-/// the old. Whether any was better.
+/// the old. Whether any was better. `pairs` are those that are matched.
 pub fn try_other_sides(
     views: &[View],
     prior: &Prior,
+    pairs: &[(usize, usize)],
     sketches: &mut [Sketch],
     links: &mut Vec<Link>,
     edge: f64,
@@ -37,7 +38,7 @@ pub fn try_other_sides(
             reversed.sight.crop();
         }
         let before = std::mem::replace(&mut sketches[view], Sketch { side_clarity: clarity, ..reversed });
-        let found = links_of_view(sketches, prior, view, edge, progress)?;
+        let found = links_of_view(sketches, prior, pairs, view, edge, progress)?;
         if fit(&found, view, views.len()) > BETTER * fit(links, view, views.len()) {
             links.retain(|link| link.i != view && link.j != view);
             links.extend(found);
@@ -49,21 +50,21 @@ pub fn try_other_sides(
     Ok(is_changed)
 }
 
-/// The links of a view to all others.
+/// The links of a view to all others that it is matched with.
 fn links_of_view(
     sketches: &[Sketch],
     prior: &Prior,
+    pairs: &[(usize, usize)],
     view: usize,
     edge: f64,
     progress: &Progress,
 ) -> Result<Vec<Link>, Canceled> {
-    let found: Vec<Vec<Link>> = (0..sketches.len())
-        .into_par_iter()
+    let found: Vec<Vec<Link>> = pairs
+        .par_iter()
         .with_max_len(1)
-        .filter(|other| *other != view)
-        .map(|other| {
+        .filter(|(i, j)| *i == view || *j == view)
+        .map(|&(i, j)| {
             progress.check()?;
-            let (i, j) = (view.min(other), view.max(other));
             Ok(pair_links(sketches, i, j, prior, edge))
         })
         .collect::<Result<_, Canceled>>()?;
