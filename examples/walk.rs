@@ -83,7 +83,10 @@ fn measure(set: ScanSet, unit: Unit) -> anyhow::Result<()> {
     let outcome = pipeline::run_from(scans, &Start::default(), unit, &options, &Progress::silent())?;
     let (after, peak) = spent()?;
     let placed: Vec<Option<Motion>> = outcome.poses.iter().map(|(_, pose)| *pose).collect();
-    let (right, worst) = right(&placed, &set.poses, &samples).context("nothing is placed")?;
+    let errors = errors(&placed, &set.poses, &samples).context("nothing is placed")?;
+    let is_right = |(off, degrees): (f64, f64)| off <= OFF && degrees <= OFF_DEGREES;
+    let right = errors.iter().flatten().filter(|error| is_right(**error)).count();
+    let worst = errors.iter().flatten().map(|(off, _)| *off).fold(0.0, f64::max);
     println!(
         "{count} scans of {points} points: {} placed, {right} right, worst {:.2} %, {}, confidence {:.2}, {:.1} CPU s, {peak:.0} MiB \
          (making the scans {making:.0})",
@@ -93,15 +96,20 @@ fn measure(set: ScanSet, unit: Unit) -> anyhow::Result<()> {
         outcome.report["confidence"].as_f64().unwrap_or(f64::NAN),
         after - before,
     );
+    let wrong: Vec<String> =
+        (0..count).filter(|k| errors[*k].is_some_and(|e| !is_right(e))).map(|k| k.to_string()).collect();
+    if !wrong.is_empty() {
+        println!("  wrong: {}", wrong.join(", "));
+    }
     for reason in outcome.report["verdict"]["reasons"].as_array().into_iter().flatten().take(12) {
         println!("  {reason}");
     }
     Ok(())
 }
 
-/// How many placed views are right, in the frame of the placed view by which most are, and how far the farthest of the placed
-/// is off, as a share of the set's size.
-fn right(placed: &[Option<Motion>], truth: &[Motion], samples: &[Vec<Point3>]) -> Option<(usize, f64)> {
+/// How far each placed view is off, as a share of the set's size, and by which angle, in the frame of the placed view by which
+/// most are right.
+fn errors(placed: &[Option<Motion>], truth: &[Motion], samples: &[Vec<Point3>]) -> Option<Vec<Option<(f64, f64)>>> {
     let world: Vec<Point3> =
         samples.iter().zip(truth).flat_map(|(points, pose)| points.iter().map(move |p| pose * p)).collect();
     let size = visage::geometry::Bounds::of(&world)?.diagonal();
@@ -113,11 +121,11 @@ fn right(placed: &[Option<Motion>], truth: &[Motion], samples: &[Vec<Point3>]) -
             let angle = se3::rotation_angle(&(found.rotation.inverse() * truth[view].rotation)).to_degrees();
             Some(((squares / samples[view].len() as f64).sqrt() / size, angle))
         };
-        let errors: Vec<(f64, f64)> = placed.iter().enumerate().filter_map(error).collect();
-        let right = errors.iter().filter(|(off, degrees)| *off <= OFF && *degrees <= OFF_DEGREES).count();
-        Some((right, errors.iter().map(|(off, _)| *off).fold(0.0, f64::max)))
+        let errors: Vec<Option<(f64, f64)>> = placed.iter().enumerate().map(error).collect();
+        let right = errors.iter().flatten().filter(|(off, degrees)| *off <= OFF && *degrees <= OFF_DEGREES).count();
+        Some((right, errors))
     };
-    (0..placed.len()).filter_map(by_reference).max_by(|a, b| a.0.cmp(&b.0).then(b.1.total_cmp(&a.1)))
+    (0..placed.len()).filter_map(by_reference).max_by_key(|(right, _)| *right).map(|(_, errors)| errors)
 }
 
 /// Writes a set as a folder of PLY files and `gt.json`.

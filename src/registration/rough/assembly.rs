@@ -30,8 +30,6 @@ const DRIFT: f64 = 4.0;
 const SAMPLES: usize = 200;
 /// Another way to lay two groups on each other is a rival from this share of the strength on.
 const RIVAL: f64 = 0.85;
-/// Links of other pairs that are asked what they say of a join.
-const OTHER_LINKS: usize = 6;
 /// Groups are joined if of the points of their strongest pairs that come near each other this share touches,
 pub(super) const TOUCHING: f64 = 0.75;
 /// looking at this many pairs.
@@ -119,12 +117,6 @@ fn try_join(scene: &Scene, left: &Group, right: &Group, link: &Link, waiting: &[
         let other = Grounds::of(scene, &measure_all(sketches, left, right, &motion, edge));
         grounds.rival = grounds.rival.max(other.score / grounds.score);
     }
-    for motion in others_say(scene, left, right, (link, &motion), waiting) {
-        let other = Grounds::of(scene, &measure_all(sketches, left, right, &motion, edge));
-        if other.suffice() && other.score > RIVAL * grounds.score {
-            grounds.rival = 1.0;
-        }
-    }
     if grounds.rival < RIVAL && slides(sketches, &measured, edge, SAMPLES) {
         grounds.rival = 1.0;
     }
@@ -135,30 +127,6 @@ fn try_join(scene: &Scene, left: &Group, right: &Group, link: &Link, waiting: &[
     union.links.extend(measured.into_iter().filter(Link::is_promising));
     union.average(sketches, edge);
     Attempt::Joined(union)
-}
-
-/// The motions from the right group's world into the left one's that the strongest links of other pairs stand for, as far as
-/// they differ from that of `link` and from each other.
-fn others_say(
-    scene: &Scene,
-    left: &Group,
-    right: &Group,
-    (link, motion): (&Link, &Motion),
-    waiting: &[&Link],
-) -> Vec<Motion> {
-    let is_same = |a: &Motion, b: &Motion| {
-        right.views.first().zip(right.local_poses.first()).is_none_or(|(view, pose)| {
-            alike(&(a * pose), &(b * pose), scene.sketches[*view].radius, DRIFT * scene.edge)
-        })
-    };
-    let mut found = vec![*motion];
-    let between = waiting.iter().filter(|other| (other.i, other.j) != (link.i, link.j));
-    for other in between.filter_map(|other| implied(left, right, other)).take(OTHER_LINKS) {
-        if !found.iter().any(|known| is_same(known, &other)) {
-            found.push(other);
-        }
-    }
-    found.split_off(1)
 }
 
 /// How well the strongest pairs of a join touch at full resolution.

@@ -68,12 +68,12 @@ fn chosen_partners(sketches: &[Sketch]) -> Vec<Vec<usize>> {
 /// How many surfels of a view find what looks most like them in each of the others.
 fn votes_of(view: usize, voters: &Descriptors, others: &[Descriptors]) -> Vec<u32> {
     // for each voter how far the most alike in each view is
-    let mut nearest = vec![vec![f32::INFINITY; others.len()]; voters.len()];
+    let mut nearest = vec![vec![f32::INFINITY; others.len()]; voters.count()];
     let mut rows: [Vec<f32>; TOGETHER] = Default::default();
     for (other, looked_at) in others.iter().enumerate().filter(|(other, _)| *other != view) {
-        for first in (0..voters.len()).step_by(TOGETHER) {
+        for first in (0..voters.count()).step_by(TOGETHER) {
             // a last few that are not full ask the last one again
-            let at: [usize; TOGETHER] = std::array::from_fn(|k| (first + k).min(voters.len() - 1));
+            let at: [usize; TOGETHER] = std::array::from_fn(|k| (first + k).min(voters.count() - 1));
             looked_at.distances2(&at.map(|k| voters.get(k)), &mut rows);
             for (voter, row) in at.iter().zip(&rows) {
                 nearest[*voter][other] = row.iter().copied().fold(f32::INFINITY, f32::min);

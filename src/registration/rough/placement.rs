@@ -96,6 +96,9 @@ pub fn place(set: &Set, refine: &Refine, progress: &Progress) -> Result<Placemen
 /// Of a set of which the other places of a view do as well as its own, as a mean, views may lie elsewhere.
 const SYMMETRIC: f64 = 0.5;
 
+/// Pieces whose other places are told: where more are open, the set is in doubt, and not they.
+const MOST_PIECES: usize = 24;
+
 /// What may lie in several ways: ambiguous views and groups without a place, and placed views that are not sure in a set
 /// that looks the same from several sides.
 fn open_pieces(
@@ -113,6 +116,7 @@ fn open_pieces(
         None => ambiguous[*view] && !result.placed[*view],
     };
     pieces.extend((0..ambiguous.len()).filter(is_single).filter(may_lie_elsewhere).map(Piece::of_view));
+    pieces.truncate(MOST_PIECES);
     pieces
 }
 
