@@ -123,9 +123,11 @@ fn errors(placed: &[Option<Motion>], truth: &[Motion], samples: &[Vec<Point3>]) 
         };
         let errors: Vec<Option<(f64, f64)>> = placed.iter().enumerate().map(error).collect();
         let right = errors.iter().flatten().filter(|(off, degrees)| *off <= OFF && *degrees <= OFF_DEGREES).count();
-        Some((right, errors))
+        let sum: f64 = errors.iter().flatten().map(|(off, _)| off).sum();
+        Some((right, sum, errors))
     };
-    (0..placed.len()).filter_map(by_reference).max_by_key(|(right, _)| *right).map(|(_, errors)| errors)
+    let all = (0..placed.len()).filter_map(by_reference);
+    all.max_by(|a, b| a.0.cmp(&b.0).then(b.1.total_cmp(&a.1))).map(|(_, _, errors)| errors)
 }
 
 /// Writes a set as a folder of PLY files and `gt.json`.
