@@ -319,3 +319,32 @@ fn encounter(others: &[(&View, nalgebra::Isometry3<f32>)], sample: &LocalPoint, 
         Encounter::Misses
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::{Cloud, Motion, Point3};
+
+    #[test]
+    fn a_pair_without_a_point_that_touches_has_no_distance() {
+        let sheet = || (0..400).map(|k| Point3::new(f64::from(k % 20), f64::from(k / 20), 0.0));
+        let views = [(); 2].map(|()| View::new(&Cloud::from_points(sheet().collect())).expect("a sound sheet"));
+        let result = Multiview {
+            placed: vec![true; 2],
+            pairs: vec![PairOutcome::unmeasured(0, 1, Motion::identity())],
+            ..Multiview::alone(2)
+        };
+        let verdict = judge(&views, &result, &["a.ply".into(), "b.ply".into()]);
+        assert_eq!(verdict.quality, Quality::Doubtful);
+        assert!(verdict.reasons.iter().any(|reason| reason.contains("hardly a point")), "{:?}", verdict.reasons);
+        assert!(!verdict.reasons.iter().any(|reason| reason.contains("inf")), "{:?}", verdict.reasons);
+    }
+
+    #[test]
+    fn what_moved_before_a_background_is_named() {
+        let mut verdict = Verdict { quality: Quality::Good, reasons: Vec::new(), sharpness: Vec::new() };
+        verdict.doubt_what_stands_still(&[0.02, 0.071], &["a.ply".into(), "b.ply".into()]);
+        assert_eq!(verdict.quality, Quality::Doubtful);
+        assert!(verdict.reasons[0].contains("8 % of b.ply"), "{}", verdict.reasons[0]);
+    }
+}

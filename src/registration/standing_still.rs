@@ -372,3 +372,61 @@ fn parts(points: &[LocalPoint], chosen: &[usize], link: f32) -> Vec<Vec<usize>> 
     }
     parts
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Cloud;
+
+    /// What a scanner at `eye` sees of a wall with a ledge, and of a box of side 20 before it: rays on a grid of angles.
+    fn scan(eye: Point3, box_at: [f64; 2]) -> View {
+        let mut points = Vec::new();
+        for (row, column) in (0..90).flat_map(|row| (0..90).map(move |column| (row, column))) {
+            let way = Vector3::new(f64::from(column) / 90.0 - 0.5, f64::from(row) / 90.0 - 0.5, 1.0);
+            let ledge = (0..90).contains(&row) && row % 40 < 12;
+            let to_wall = (if ledge { 180.0 } else { 200.0 } - eye.z) / way.z;
+            let to_box = (120.0 - eye.z) / way.z;
+            let at = eye + way * to_box;
+            let is_on_box = (at.x - box_at[0]).abs() < 10.0 && (at.y - box_at[1]).abs() < 10.0;
+            points.push(eye.coords + way * if is_on_box { to_box } else { to_wall });
+        }
+        View::new(&Cloud::from_points(points.into_iter().map(|p| Point3::from(p - eye.coords)).collect()))
+            .expect("a sound scan")
+    }
+
+    /// Views at the places where the wall has them.
+    fn still(views: &[View], eyes: &[Point3]) -> Option<Still> {
+        let pose = |(view, eye): (&View, &Point3)| view.local_pose(&Motion::translation(eye.x, eye.y, eye.z));
+        let poses: Vec<Motion> = views.iter().zip(eyes).map(pose).collect();
+        let everywhere = vec![vec![1.0; views.len()]; views.len()];
+        let result = Multiview {
+            overlaps: super::super::overlap::OverlapMatrix::from_rows(everywhere),
+            ..Multiview::at(&poses)
+        };
+        from_one_place(views, &vec![None; views.len()], &result, 2.0)
+    }
+
+    #[test]
+    fn of_scans_from_one_place_the_box_moved_and_the_wall_did_not() {
+        let eye = Point3::new(3.0, -2.0, 5.0);
+        let views = [[-30.0, 0.0], [0.0, 20.0], [25.0, -15.0]].map(|at| scan(eye, at));
+        let still = still(&views, &[eye; 3]).expect("they are from one place");
+        for (view, moved) in views.iter().zip(still.moved(&views, &views, &[Vector3::zeros(); 3])) {
+            let is_on_box = |point: &LocalPoint| f64::from(point[2]) + view.center.z + eye.z < 150.0;
+            let (mut on_box, mut right, mut wrong) = (0, 0, 0);
+            for (point, moved) in view.points().iter().zip(moved) {
+                on_box += usize::from(is_on_box(point));
+                right += usize::from(is_on_box(point) && moved);
+                wrong += usize::from(!is_on_box(point) && moved);
+            }
+            assert!(on_box > 80 && right * 10 > on_box * 9 && wrong * 3 < on_box, "{right} and {wrong} of {on_box}");
+        }
+    }
+
+    #[test]
+    fn scans_from_other_places_are_not_from_one() {
+        let eyes = [Point3::new(3.0, -2.0, 5.0), Point3::new(-60.0, -2.0, 5.0), Point3::new(50.0, 30.0, 15.0)];
+        let views = eyes.map(|eye| scan(eye, [0.0, 0.0]));
+        assert!(still(&views, &eyes).is_none());
+    }
+}
