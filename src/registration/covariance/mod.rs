@@ -200,6 +200,13 @@ impl Moving<'_> {
         };
         let misfit = |poses: &[Motion]| misfit(self.surfels, poses, &pairs, self.reach);
         let parted = 0.5 * (misfit(&moved(1.0))? + misfit(&moved(-1.0))?) - misfit(self.poses)?;
+            eprintln!(
+                "REAL view {} parted {parted:.4e} expected {:.4e} size {size:.3e} edge {:.3}",
+                self.view,
+                expected / weight,
+                self.edge
+            );
+        }
         (expected > 0.0).then(|| parted * weight / expected)
     }
 }
