@@ -57,8 +57,6 @@ pub struct PairEvidence {
 const LEAST_COSINE: f64 = 0.5;
 /// The robust kernel's scale in root mean square residuals, as in the refinement.
 const KERNEL: f64 = 3.0;
-/// Fewer correspondences have no misfit.
-const LEAST_FOUND: usize = 30;
 /// The scale follows from the residuals and the weights from the scale: settled after so many rounds.
 const SCALE_ROUNDS: usize = 3;
 
@@ -74,15 +72,6 @@ pub fn gather(
     let found: Vec<Vec<Match>> = pairs.par_iter().map(|pair| between(pair).matches(distance)).collect();
     let scale2 = robust_scale2(&found, distance);
     pairs.par_iter().zip(&found).map(|pair| between(pair.0).summed(*pair.0, pair.1, scale2, cell)).collect()
-}
-
-/// The mean squared residual of the correspondences of the directed `pairs`, sought anew at `poses`; `None` of too few.
-pub fn misfit(surfels: &[Surfels], poses: &[Motion], pairs: &[(usize, usize)], distance: f64) -> Option<f64> {
-    let between = |&(a, b): &(usize, usize)| Between { a: (&surfels[a], &poses[a]), b: (&surfels[b], &poses[b]) };
-    let found: Vec<Vec<Match>> = pairs.par_iter().map(|pair| between(pair).matches(distance)).collect();
-    let count = found.iter().map(Vec::len).sum::<usize>();
-    let squares: f64 = found.iter().flatten().map(|found| found.residual * found.residual).sum();
-    (count >= LEAST_FOUND).then(|| squares / count as f64)
 }
 
 /// Two views at their poses: the first asks, the second answers.

@@ -21,7 +21,7 @@ use nalgebra::{DMatrix, Matrix6, Vector6};
 use nalgebra_sparse::factorization::CscCholesky;
 use nalgebra_sparse::{CooMatrix, CscMatrix};
 
-use self::evidence::{Cell, PairEvidence, gather, misfit};
+use self::evidence::{Cell, PairEvidence, gather};
 use super::joint;
 use super::joint::surfels::{FineSurfels, Surfels};
 use super::multiview::Multiview;
@@ -112,11 +112,7 @@ fn covariances(
         let (meat, step) = pulls(&clusters, &blocks);
         let count = clusters.iter().filter(|cluster| cluster.1 == view).count();
         let extent = extent(&surfels[view], &poses[view]);
-        let mut reality = Reality::new(&evidence, &blocks, &blocks[view])?;
-        let moving =
-            Moving { surfels, poses: &poses, evidence: &evidence, blocks: &blocks, view, reach: *reach, edge: *edge };
-        let displaced = extent_about_origin(&extent, &about_center);
-        reality.hear(|twist| moving.real_share(twist, &displaced));
+        let reality = Reality::new(&evidence, &blocks, &blocks[view])?;
         let spread = about_center * reality.stretch();
         let sandwich = spread * meat * spread.transpose() * (share * small_sample(count) / (slope * slope));
         let weight: f64 = evidence.iter().filter(|e| e.a == view || e.b == view).map(|e| e.weight).sum();
@@ -163,60 +159,8 @@ struct Reality {
     shares: Vector6<f64>,
 }
 
-/// Motions of a view, the others yielding, along which its surface is laid on theirs anew.
-struct Moving<'a> {
-    surfels: &'a [Surfels],
-    poses: &'a [Motion],
-    evidence: &'a [PairEvidence],
-    blocks: &'a [Matrix6<f64>],
-    view: usize,
-    reach: f64,
-    edge: f64,
-}
-
-/// How far a view is moved to see whether its surface leaves the others', in edges: so far that other surfels meet, whose
-/// normals have noise of their own.
-const MOVED: f64 = 1.0;
-
-impl Moving<'_> {
-    /// Of the squared distance by which surfaces should part when the view moves along a twist, the share that they do part
-    /// by when correspondences are sought anew. On what slides in itself the nearest surface is always as near.
-    fn real_share(&self, twist: &Twist, extent: &Matrix6<f64>) -> Option<f64> {
-        let size = twist.dot(&(extent * twist)).max(0.0).sqrt();
-        let twist = twist * (MOVED * self.edge / size.max(f64::MIN_POSITIVE));
-        let pull = self.blocks[self.view].lu().solve(&twist)?;
-        let own: Vec<&PairEvidence> =
-            self.evidence.iter().filter(|pair| pair.a == self.view || pair.b == self.view).collect();
-        let pairs: Vec<(usize, usize)> = own.iter().map(|pair| (pair.a, pair.b)).collect();
-        let (mut expected, mut weight) = (0.0, 0.0);
-        for pair in own {
-            let apart = (self.blocks[pair.a] - self.blocks[pair.b]).transpose() * pull;
-            expected += apart.dot(&(pair.information * apart));
-            weight += pair.weight;
-        }
-        let moved = |sign: f64| -> Vec<Motion> {
-            let step = |(block, pose): (&Matrix6<f64>, &Motion)| se3::exp(&(block.transpose() * pull * sign)) * pose;
-            self.blocks.iter().zip(self.poses).map(step).collect()
-        };
-        let misfit = |poses: &[Motion]| misfit(self.surfels, poses, &pairs, self.reach);
-        let parted = 0.5 * (misfit(&moved(1.0))? + misfit(&moved(-1.0))?) - misfit(self.poses)?;
-            eprintln!(
-                "REAL view {} parted {parted:.4e} expected {:.4e} size {size:.3e} edge {:.3}",
-                self.view,
-                expected / weight,
-                self.edge
-            );
-        }
-        (expected > 0.0).then(|| parted * weight / expected)
-    }
-}
-
 /// Below this share the covariance grows no more: the motion is free, and that is said by naming it.
 const LEAST_SHARE: f64 = 0.1;
-
-/// Shares below this are asked anew: normals a surfel's edge apart are not alike on bent surface either, so their product
-/// takes relief for noise where things are as thin as that.
-const DOUBTED: f64 = 0.6;
 
 impl Reality {
     fn new(evidence: &[PairEvidence], blocks: &[Matrix6<f64>], looseness: &Matrix6<f64>) -> Option<Self> {
@@ -230,17 +174,6 @@ impl Reality {
         let inverse = root.try_inverse()?;
         let eigen = (inverse * clean * inverse.transpose()).symmetric_eigen();
         Some(Reality { root, inverse, axes: eigen.eigenvectors, shares: eigen.eigenvalues })
-    }
-
-    /// Asks anew for the share along twists of which little seems to be real.
-    fn hear(&mut self, real_share: impl Fn(&Twist) -> Option<f64>) {
-        for (k, (share, twist)) in self.twists().into_iter().enumerate() {
-            if share < DOUBTED
-                && let Some(asked) = real_share(&twist)
-            {
-                self.shares[k] = share.max(asked);
-            }
-        }
     }
 
     /// Twists that were divided by information that is not real, undone.
@@ -336,11 +269,6 @@ fn clusters(evidence: &[PairEvidence]) -> Vec<Cluster> {
         }
     }
     merged.into_iter().map(|((cell, view), gradient)| (cell, view, gradient)).collect()
-}
-
-/// The extent for twists about the origin of the world.
-fn extent_about_origin(extent: &Matrix6<f64>, about_center: &Matrix6<f64>) -> Matrix6<f64> {
-    about_center.transpose() * extent * about_center
 }
 
 /// `q' extent q`: the mean squared displacement of the view's surfels by a twist q about its centroid.
