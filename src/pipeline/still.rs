@@ -115,7 +115,12 @@ fn follow_what_moved(
     let shares: Vec<f64> = moved.iter().map(share).collect();
     let placed: Vec<usize> = (0..set.views.len()).filter(|view| registered.result.placed[*view]).collect();
     let count = placed.iter().filter(|view| shares[**view] >= MOVED).count();
-    if !set.setting.may_be_refined(options) || options.keep_all || (count as f64) < MOVED_SCANS * placed.len() as f64 {
+    let has_moved = count as f64 >= MOVED_SCANS * placed.len() as f64 && still.is_compact(set.views, &shifts, &moved);
+    if !has_moved {
+        let nothing = vec![0.0; shares.len()];
+        return Ok(if still.is_known { Stillness::Holds(nothing) } else { Stillness::None });
+    }
+    if !set.setting.may_be_refined(options) || options.keep_all {
         return Ok(Stillness::Holds(shares));
     }
     let without_support = before.map(|registered| Followed {

@@ -26,6 +26,8 @@ const NEAR: f32 = 1.6;
 
 /// Scanners stand at one place if they are no farther apart than this share of their distance from what they saw,
 const ONE_PLACE: f64 = 0.02;
+/// the origin of a scan can be such a place within so many radii of the scan,
+const FAR: f64 = 10.0;
 /// and if that is only read off the density of their points.
 const GUESSED_PLACE: f64 = 0.15;
 /// Scans from one place show the same if this share of both is the same surface: a scanner that is turned on its tripod sees
@@ -58,6 +60,8 @@ const TOGETHER: usize = 20;
 const LOOKED_THROUGH: f32 = 0.2;
 /// What moved hangs together over gaps of this many spacings,
 const LINK: f64 = 5.0;
+/// is spread over less than this share of what all points are spread over,
+const COMPACT: f64 = 0.7;
 /// and parts of fewer points than this, or than this share of the largest part, are noise at edges.
 const LEAST_POINTS: usize = 15;
 const LEAST_SHARE: f64 = 0.05;
@@ -68,6 +72,8 @@ pub struct Still {
     poses: Vec<Option<Motion>>,
     /// The place in the world, if it is known.
     eye: Option<Point3>,
+    /// Whether it is known of each scanner that it stood there, not guessed.
+    pub is_known: bool,
     /// What the set resolves.
     resolution: f64,
     /// The views' surfaces, coarsely.
@@ -90,8 +96,10 @@ pub fn from_one_place(
         return None;
     }
     let known = |view: usize| sensors[view].and_then(|sensor| sensor.position());
-    let origin = |view: usize| Some(-views[view].center);
-    let mut eye = common_place(&placed, &poses, &known, ONE_PLACE).or_else(|| {
+    // from far off rays are parallel, and the origin of a map is no scanner
+    let origin = |view: usize| Some(-views[view].center).filter(|eye| eye.norm() <= FAR * views[view].radius);
+    let known_eye = common_place(&placed, &poses, &known, ONE_PLACE);
+    let mut eye = known_eye.or_else(|| {
         let can_be = |view: &usize| is_single(views[*view].points(), &-views[*view].center);
         common_place(&placed, &poses, &origin, ONE_PLACE).filter(|_| placed.iter().all(can_be))
     });
@@ -110,7 +118,7 @@ pub fn from_one_place(
             views.par_iter().map(|view| viewpoint::find(&view.indexed, view.radius)).collect();
         eye = place_of_most(&placed, &poses, &|view| found[view]);
     }
-    Some(Still { poses, eye, resolution, surfels })
+    Some(Still { poses, eye, is_known: known_eye.is_some(), resolution, surfels })
 }
 
 /// Where the scanners of all views stood and how far from what they saw, by the places in their local frames.
@@ -291,6 +299,23 @@ impl Still {
             large_parts(points, &moved, LINK * views[view].spacing)
         };
         (0..views.len()).into_par_iter().with_max_len(1).map(moved).collect()
+    }
+
+    /// Whether what `moved` of the views stands in one part of the scene, as a thing does: noise is everywhere.
+    pub fn is_compact(&self, views: &[View], shifts: &[Vector3], moved: &[Vec<bool>]) -> bool {
+        let spread = |only_moved: bool| {
+            let (mut count, mut sum, mut squares) = (0.0, Vector3::zeros(), 0.0);
+            for (view, (points, moved)) in views.iter().map(|view| view.points()).zip(moved).enumerate() {
+                let Some(pose) = self.poses[view] else { continue };
+                let pose = pose * nalgebra::Translation3::from(shifts[view]);
+                for (point, _) in points.iter().zip(moved).filter(|(_, moved)| !only_moved || **moved) {
+                    let place = (pose * nalgebra::Point3::from(*point).cast::<f64>()).coords;
+                    (count, sum, squares) = (count + 1.0, sum + place, squares + place.norm_squared());
+                }
+            }
+            (squares / f64::max(count, 1.0) - (sum / f64::max(count, 1.0)).norm_squared()).max(0.0).sqrt()
+        };
+        spread(true) < COMPACT * spread(false)
     }
 
     /// For each surfel of a view whether, around it, more of what it meets in the others is another surface than the same.
