@@ -5,6 +5,7 @@ mod copies;
 mod hints;
 mod ready;
 mod start;
+mod still;
 mod supports;
 
 use std::collections::BTreeMap;
@@ -28,6 +29,7 @@ use crate::registration::{self, covariance};
 
 use self::start::Setting;
 pub use self::start::{PoseMatrix, Scale, Start};
+use self::still::{Settled, Taken};
 
 /// One scan with the name by which poses and reports speak of it.
 #[derive(Debug, Clone)]
@@ -162,17 +164,16 @@ pub fn run_from(
     let (views, sensors, registered) = setting.register(&scans, views, &names, options, progress)?;
     let has_support = left_out.iter().flatten().any(|left_out| left_out.support > 0);
     let whole = whole.filter(|_| has_support && setting.may_be_refined(options));
-    let (registered, held) = match whole {
-        Some(whole) => {
-            let set = supports::Set { setting: &setting, scans: &scans, names: &names, views: &views };
-            set.consult(whole, registered, options, progress)?
-        }
-        None => (registered, None),
-    };
+    let taken = Taken { scans, views, sensors, registered };
+    let settled = still::settle(&setting, &names, taken, whole, options, progress)?;
+    let Settled { taken: Taken { scans, views, sensors, registered }, held, still, moved } = settled;
+    readied.iter_mut().zip(still).for_each(|(readied, count)| readied.still = count);
     let Registered { result, mut verdict, placement } = registered;
     let positions: Vec<Option<Vector3>> = sensors.iter().map(|sensor| sensor.and_then(|s| s.position())).collect();
     verdict.look(&views, &positions, &result, &names);
-    verdict.look_from_one_place(&views, &positions, &result);
+    if let Some(moved) = moved {
+        verdict.doubt_what_stands_still(&moved, &names);
+    }
     let (all, at) = held.as_ref().map_or((&views, &result), |held| (&held.whole, &held.result));
     let known = covariance::of_result(all, at);
     let unit_length = resolution(all, at);

@@ -17,6 +17,8 @@ use crate::registration::view::{UnusableScan, View};
 pub(super) struct Readied {
     /// Points that hints left out.
     pub regions: usize,
+    /// Points of what stands still in a set whose object moved.
+    pub still: usize,
     /// Points where nothing was seen.
     pub no_return: usize,
     /// Points that repeat another one.
@@ -160,6 +162,9 @@ impl Readied {
         let mut row = serde_json::json!({"no_return": self.no_return, "repeated": self.repeated});
         if self.regions > 0 {
             row["regions"] = self.regions.into();
+        }
+        if self.still > 0 {
+            row["still"] = self.still.into();
         }
         if let Some(cleaning) = cleaning {
             row["support"] = cleaning.support.into();

@@ -138,6 +138,7 @@ fn check_base(in_base: usize, count: usize, options: &Options) -> Result<(), Pip
 }
 
 /// A start held against the scans and the options.
+#[derive(Clone)]
 pub(super) struct Setting {
     /// `pose_world` by scan name, of the base model where it has one.
     pub poses: BTreeMap<String, Motion>,
@@ -145,9 +146,16 @@ pub(super) struct Setting {
     base: BTreeMap<String, PoseMatrix>,
     /// What a person said of the scans.
     pub hints: Hints,
+    /// Whether all scans were cut, so that it says nothing that nothing is there.
+    is_cut: bool,
 }
 
 impl Setting {
+    /// The same of scans of which parts were cut away.
+    pub fn cut(&self) -> Setting {
+        Setting { is_cut: true, ..self.clone() }
+    }
+
     /// Checks the start, and brings the reference to the front: view 0 fixes the world.
     pub fn new(start: &Start, scans: &mut [NamedScan], options: &Options) -> Result<Self, PipelineError> {
         let names: Vec<&str> = scans.iter().map(|scan| scan.name.as_str()).collect();
@@ -157,7 +165,7 @@ impl Setting {
             scans[..=place].rotate_right(1);
         }
         let Start { poses, scales, base, hints } = start.clone();
-        let mut setting = Setting { poses, scales, base, hints };
+        let mut setting = Setting { poses, scales, base, hints, is_cut: false };
         for (name, matrix) in &start.base {
             let (pose, scale) = se3::from_scaled_rows(matrix).map_err(|error| PipelineError::Unusable {
                 code: "wrong_base",
@@ -186,7 +194,11 @@ impl Setting {
 
     /// What was said of the views.
     pub fn hinted(&self, names: &[String], views: &[View]) -> Hinted {
-        Hinted::of(&self.hints, names, views)
+        let mut hinted = Hinted::of(&self.hints, names, views);
+        if self.is_cut {
+            hinted.cut = (0..views.len()).collect();
+        }
+        hinted
     }
 
     /// Lets hints and the pose of a copy serve its original, the pose if that has none; `motion_of_copy` maps the copy's

@@ -26,6 +26,7 @@ pub mod resolution;
 pub mod rigid_fit;
 pub mod rough;
 pub mod sensor;
+pub mod standing_still;
 pub mod threshold;
 pub mod trimmed_icp;
 pub mod view;

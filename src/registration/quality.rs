@@ -13,9 +13,9 @@ use super::resolution::resolution;
 use super::view::View;
 use super::walls::mixed_faces;
 use super::weak_axes::weak_axes;
+use crate::geometry::Vector3;
 use crate::geometry::neighbours::LocalPoint;
 use crate::geometry::normals;
-use crate::geometry::{Point3, Vector3};
 
 /// "Near" in spacings.
 pub const NEAR: f64 = 8.0;
@@ -120,17 +120,24 @@ impl Verdict {
         }
     }
 
-    /// Adds that the scanner did not move, where it did not: a background that stands still holds such scans together, also
-    /// when what stood before it was turned. `sensors` are positions in the views' local frames, where known.
-    pub fn look_from_one_place(&mut self, views: &[View], sensors: &[Option<Vector3>], result: &Multiview) {
-        if is_from_one_place(views, sensors, result) {
-            self.lower(
-                Quality::Doubtful,
-                "all scans were taken from one place and show the same: what stands still holds them together, and if an \
-                 object was turned before it, the object is not placed; cut the rest away or leave it out"
-                    .into(),
-            );
-        }
+    /// Adds that the scanner did not move: a background that stands still holds such scans together, also when what stood
+    /// before it was turned. `moved` is the share of each scan that is not where it is in the others.
+    pub fn doubt_what_stands_still(&mut self, moved: &[f64], names: &[String]) {
+        let most = moved.iter().zip(names).max_by(|a, b| a.0.total_cmp(b.0)).filter(|(share, _)| **share > 0.0);
+        let seen = match most {
+            Some((share, name)) => {
+                let percent = (100.0 * share).ceil();
+                format!("what moved before it, up to {percent:.0} % of {name}, could not be placed")
+            }
+            None => "if an object was turned before it, the object is not placed".into(),
+        };
+        self.lower(
+            Quality::Doubtful,
+            format!(
+                "all scans were taken from one place and show the same: what stands still holds them together, and {seen}; \
+                 cut the rest away (`regions` of the hints) or leave it out"
+            ),
+        );
     }
 
     /// Adds what colours say: views with texture that does not agree with that of any neighbour.
@@ -163,24 +170,6 @@ impl Verdict {
         self.quality = self.quality.max(quality);
         self.reasons.push(reason);
     }
-}
-
-/// Scanners stand at one place if they are no farther apart than this share of their distance from what they saw.
-const ONE_PLACE: f64 = 0.02;
-/// Scans show the same if this share of both overlaps: a scanner that is turned on its tripod sees other parts.
-const SAME_PICTURE: f64 = 0.5;
-
-/// Whether the placed views were all seen from one place and show the same.
-fn is_from_one_place(views: &[View], sensors: &[Option<Vector3>], result: &Multiview) -> bool {
-    let placed: Vec<usize> = (0..views.len()).filter(|view| result.placed[*view]).collect();
-    let seen_from =
-        |view: &usize| Some((result.local_poses[*view] * Point3::from(sensors[*view]?), sensors[*view]?.norm()));
-    let Some(places) = placed.iter().map(seen_from).collect::<Option<Vec<(Point3, f64)>>>() else { return false };
-    let Some(&(first, distance)) = places.first() else { return false };
-    let shows_the_same = |view: &usize| result.overlaps.mutual(placed[0], *view) >= SAME_PICTURE;
-    places.len() > 1
-        && places.iter().all(|(place, _)| (place - first).norm() <= ONE_PLACE * distance)
-        && placed[1..].iter().all(shows_the_same)
 }
 
 fn judge_placement(result: &Multiview, names: &[String], verdict: &mut Verdict) {
@@ -225,9 +214,15 @@ fn judge_pairs(result: &Multiview, spacing: f64, names: &[String], verdict: &mut
         );
     }
     for pair in &result.pairs {
+        let (a, b) = (&names[pair.i], &names[pair.j]);
+        // too few points that touch have no distance
+        if pair.icp.correspondences == 0 {
+            verdict
+                .lower(Quality::Doubtful, format!("{a} and {b} were laid on each other, and hardly a point touches"));
+            continue;
+        }
         let residual = pair.icp.mean_distance2.sqrt() / spacing;
         if residual > limits::RESIDUAL && !apart(pair) {
-            let (a, b) = (&names[pair.i], &names[pair.j]);
             verdict.lower(Quality::Doubtful, format!("{a} and {b} lie {residual:.1} spacings apart"));
         }
     }
@@ -322,5 +317,34 @@ fn encounter(others: &[(&View, nalgebra::Isometry3<f32>)], sample: &LocalPoint, 
         Encounter::Touches
     } else {
         Encounter::Misses
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::{Cloud, Motion, Point3};
+
+    #[test]
+    fn a_pair_without_a_point_that_touches_has_no_distance() {
+        let sheet = || (0..400).map(|k| Point3::new(f64::from(k % 20), f64::from(k / 20), 0.0));
+        let views = [(); 2].map(|()| View::new(&Cloud::from_points(sheet().collect())).expect("a sound sheet"));
+        let result = Multiview {
+            placed: vec![true; 2],
+            pairs: vec![PairOutcome::unmeasured(0, 1, Motion::identity())],
+            ..Multiview::alone(2)
+        };
+        let verdict = judge(&views, &result, &["a.ply".into(), "b.ply".into()]);
+        assert_eq!(verdict.quality, Quality::Doubtful);
+        assert!(verdict.reasons.iter().any(|reason| reason.contains("hardly a point")), "{:?}", verdict.reasons);
+        assert!(!verdict.reasons.iter().any(|reason| reason.contains("inf")), "{:?}", verdict.reasons);
+    }
+
+    #[test]
+    fn what_moved_before_a_background_is_named() {
+        let mut verdict = Verdict { quality: Quality::Good, reasons: Vec::new(), sharpness: Vec::new() };
+        verdict.doubt_what_stands_still(&[0.02, 0.071], &["a.ply".into(), "b.ply".into()]);
+        assert_eq!(verdict.quality, Quality::Doubtful);
+        assert!(verdict.reasons[0].contains("8 % of b.ply"), "{}", verdict.reasons[0]);
     }
 }

@@ -3,4 +3,5 @@
 mod additions;
 mod faces;
 mod registration;
+mod turntables;
 mod unsound;
