@@ -68,7 +68,11 @@ impl Sketch {
         }
         let inner: Vec<u32> = (0..is_inner.len() as u32).filter(|index| is_inner[*index as usize]).collect();
         let radius = centroids.iter().map(|c| nalgebra::Vector3::from(*c).norm()).fold(0.0f32, f32::max).into();
-        let sight = SightMap::new(&centroids, &sensor, SIGHT_CELL * edge);
+        let mut sight = SightMap::new(&centroids, &sensor, SIGHT_CELL * edge);
+        // a scanner that looks all the way round has its picture end where its rays do, not where an object does
+        if sensor.is_round(view.points()) {
+            sight.crop();
+        }
         let indexed = IndexedPoints::new(centroids);
         let descriptors = describe(&indexed, &normals, &inner, edge);
         Sketch { indexed, normals, is_inner, inner, sensor, side_clarity, radius, descriptors, sight }
