@@ -217,6 +217,19 @@ mod tests {
     }
 
     #[test]
+    fn who_stands_on_the_ground_looks_all_round_and_a_wide_lens_does_not() {
+        let seen_within = |half_angle: f64| -> Vec<LocalPoint> {
+            let rays = half_sphere(3000).filter(|ray| ray.z > half_angle.cos());
+            rays.map(|ray| (ray * 3.0).cast::<f32>().into()).collect()
+        };
+        let at = Sensor::At(Vector3::zeros());
+        // rays to flat ground go to all sides and none upward
+        assert!(at.is_round(&seen_within(f64::to_radians(85.0))));
+        assert!(!at.is_round(&seen_within(f64::to_radians(60.0))));
+        assert!(!Sensor::Toward(Vector3::z()).is_round(&seen_within(f64::to_radians(85.0))));
+    }
+
+    #[test]
     fn a_cap_was_seen_from_its_outer_side() {
         for direction in [Vector3::x(), Vector3::new(1.0, -2.0, 0.5).normalize(), -Vector3::z()] {
             let cap = cap(&direction);

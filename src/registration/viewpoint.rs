@@ -177,9 +177,7 @@ pub fn find(indexed: &IndexedPoints, radius: f64) -> Option<Vector3> {
     let seen = |eye: &Vector3| -> Vec<PointShare> {
         places.iter().filter_map(|(place, near)| PointShare::of(points, place, near, eye)).collect()
     };
-    let cost = |eye: &Vector3| {
-        spreads(&seen(eye)).map_or(f64::INFINITY, |[(region, _), (step, _)]| region.min(step))
-    };
+    let cost = |eye: &Vector3| spreads(&seen(eye)).map_or(f64::INFINITY, |[(region, _), (step, _)]| region.min(step));
     let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
     let direction = |k: usize| {
         let z = 1.0 - (2.0 * k as f64 + 1.0) / AROUND as f64;
@@ -237,8 +235,8 @@ mod tests {
     use crate::registration::sensor::Sensor;
     use crate::registration::view::View;
 
-    /// A room of 6 by 5 by 3 m with a box in it, as a scanner sees it that stands at `eye` and looks along `forward`; in
-    /// the room's frame.
+    /// A room of 6 by 5 by 3 m with a box in it, as a camera sees it that stands at `eye` and looks along `forward`; in the
+    /// room's frame.
     fn room_from(eye: Point3, forward: Vector3) -> Vec<Point3> {
         let across = forward.cross(&Vector3::z()).normalize();
         let upward = across.cross(&forward);
@@ -250,6 +248,11 @@ mod tests {
             let aside = (1.0 - along * along).sqrt();
             forward * along + across * (aside * cosine) + upward * (aside * sine)
         });
+        seen_along(eye, rays)
+    }
+
+    /// The room as it is seen along these rays.
+    fn seen_along(eye: Point3, rays: impl Iterator<Item = Vector3>) -> Vec<Point3> {
         let boxes = [([0.0, 0.0, 0.0], [6.0, 5.0, 3.0], true), ([3.5, 1.5, 0.0], [4.5, 2.6, 1.1], false)];
         let hit = |ray: Vector3| {
             let reach = |(low, high, from_inside): &([f64; 3], [f64; 3], bool)| {
@@ -275,6 +278,33 @@ mod tests {
         assert!(matches!(view.sensor, Some(Sensor::At(place)) if (place + view.center).norm() < 1e-9));
         let elsewhere = Cloud::from_points(points.iter().map(|p| p + Vector3::new(4.0, -3.0, 1.0)).collect());
         assert_eq!(View::new(&elsewhere).expect("a sound scan").sensor, None);
+    }
+
+    /// Rays in rows of one latitude (radians), `columns` each; the axis is not one of the frame.
+    fn rows(latitudes: impl Iterator<Item = f64>, columns: u32) -> impl Iterator<Item = Vector3> {
+        let turned = nalgebra::Rotation3::from_euler_angles(0.4, -0.7, 0.2);
+        latitudes.flat_map(move |latitude| {
+            (0..columns).map(move |k| {
+                let (sine, cosine) = (std::f64::consts::TAU * f64::from(k) / f64::from(columns)).sin_cos();
+                turned * Vector3::new(latitude.cos() * cosine, latitude.cos() * sine, latitude.sin())
+            })
+        })
+    }
+
+    #[test]
+    fn rings_and_panoramas_were_taken_from_their_origin() {
+        let eye = Point3::new(1.0, 1.2, 1.5);
+        // 16 rings 2 degrees apart, and a panorama of 100 rows from pole to pole
+        let rings: Vec<Vector3> = rows((0..16).map(|k| f64::to_radians(2.0 * f64::from(k) - 15.0)), 900).collect();
+        let panorama: Vec<Vector3> = rows((0..100).map(|k| f64::to_radians(1.8 * f64::from(k) - 89.1)), 200).collect();
+        for rays in [rings, panorama] {
+            let points = seen_along(eye, rays.into_iter());
+            let own = Cloud::from_points(points.iter().map(|p| Point3::from(p - eye)).collect());
+            let view = View::new(&own).expect("a sound scan");
+            assert!(matches!(view.sensor, Some(Sensor::At(place)) if (place + view.center).norm() < 1e-9));
+            let elsewhere = Cloud::from_points(points.iter().map(|p| p + Vector3::new(4.0, -3.0, 1.0)).collect());
+            assert_eq!(View::new(&elsewhere).expect("a sound scan").sensor, None);
+        }
     }
 
     #[test]

@@ -25,6 +25,10 @@ const DISTANCE_TOLERANCE: f32 = 1.0;
 const LEAST_DISTANCE: f32 = 4.0;
 /// Cosine's tolerance of compatible angles.
 const ANGLE_TOLERANCE: f32 = 0.25;
+/// Two places lie on one plane if the cosine of their normals is more than this (18 degrees)
+const PARALLEL: f32 = 0.95;
+/// and the sine of the line between them against the plane less than this (12 degrees).
+const LEVEL: f32 = 0.2;
 /// Matches that a motion is first fitted to.
 const FIRST_FIT: usize = 24;
 /// Seeds tried.
@@ -138,9 +142,19 @@ fn compatible(a: &Oriented, b: &Oriented, edge: f32) -> bool {
     if (length - other).abs() > DISTANCE_TOLERANCE * edge || length.min(other) < LEAST_DISTANCE * edge {
         return false;
     }
+    if is_on_one_plane(a, b, &d) {
+        return false;
+    }
     (a.n.dot(&b.n) - a.m.dot(&b.m)).abs() < ANGLE_TOLERANCE
         && (a.n.dot(&d) / length - a.m.dot(&e) / other).abs() < ANGLE_TOLERANCE
         && (b.n.dot(&d) / length - b.m.dot(&e) / other).abs() < ANGLE_TOLERANCE
+}
+
+/// Whether both places of view i lie on one plane, `d` apart. Any two places of a plane fit any two as far apart, so such
+/// matches say next to nothing of each other; but where ground or walls are most of a view they are most of the matches.
+#[inline]
+fn is_on_one_plane(a: &Oriented, b: &Oriented, d: &nalgebra::Vector3<f32>) -> bool {
+    a.n.dot(&b.n) > PARALLEL && a.n.dot(d).abs() < LEVEL * d.norm()
 }
 
 /// The matches that belong together with most others, the best first.
@@ -178,4 +192,24 @@ fn explained(oriented: &[Oriented], motion: &Motion, edge: f32) -> Vec<usize> {
         (rotation * o.q + shift - o.p).norm_squared() < limit2 && (rotation * o.m).dot(&o.n) > EXPLAINED_COSINE
     };
     (0..oriented.len()).filter(|k| is_explained(&oriented[*k])).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn places_of_one_plane_say_nothing_of_each_other() {
+        let place = |x: f32, z: f32, n: [f32; 3]| {
+            let (p, n) = (nalgebra::Vector3::new(x, 0.0, z), nalgebra::Vector3::from(n));
+            Oriented { p, n, q: p, m: n }
+        };
+        let (up, ahead) = ([0.0, 0.0, 1.0], [-1.0, 0.0, 0.0]);
+        let floor = place(0.0, 0.0, up);
+        assert!(!compatible(&floor, &place(9.0, 0.2, up), 1.0));
+        // a wall, a step, and a slope
+        assert!(compatible(&floor, &place(9.0, 2.0, ahead), 1.0));
+        assert!(compatible(&floor, &place(9.0, 3.0, up), 1.0));
+        assert!(compatible(&floor, &place(9.0, 0.0, [0.6, 0.0, 0.8]), 1.0));
+    }
 }
