@@ -60,8 +60,8 @@ pub struct Patch {
     pub mean: nalgebra::Vector3<f32>,
     /// Unit normal, its sign arbitrary; `None` with fewer than three points.
     pub normal: Option<nalgebra::Vector3<f64>>,
-    /// The deviation along the normal, in that along the direction across it in which the points spread least: 0 for a plane, up
-    /// to 1 for points along a line, that have no normal; 1 without one.
+    /// The deviation along the normal, in that along the direction across it in which the points spread least: 0 for a
+    /// plane, up to 1 for points along a line, that have no normal; 1 without one.
     pub flatness: f64,
 }
 

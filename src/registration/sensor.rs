@@ -31,7 +31,7 @@ impl Sensor {
         }
     }
 
-    /// Whether it looks all the way round, as no lens does: many of its rays go far off from where it looks on the whole.
+    /// Whether it looks all the way round, as no lens does: many of its rays go far off from where it looks as a whole.
     pub fn is_round(&self, points: &[LocalPoint]) -> bool {
         let Sensor::At(position) = self else { return false };
         let step = points.len().div_ceil(ROUND_SAMPLES).max(1);

@@ -80,8 +80,8 @@ fn unevenness(mut solid_angles: Vec<f64>) -> Option<f64> {
 
 /// What a point of a scan stands for, by its nearest points: of the rays from a viewpoint, and of the surface.
 ///
-/// Each is measured twice: by the region that the nearest points take up, and by the square of the step to the nearest of
-/// them. Rings of a rotating scanner lie far apart, with points close together along them. The nearest points are then
+/// Each is measured twice: by the region that the nearest points take up, and by the square of the step to the nearest
+/// of them. Rings of a rotating scanner lie far apart, with points close together along them. The nearest points are then
 /// those of one ring, which take up no region; but the step along the ring is the same everywhere.
 #[derive(Debug, Clone, Copy)]
 pub struct PointShare {
@@ -92,7 +92,7 @@ pub struct PointShare {
 }
 
 impl PointShare {
-    /// At `place`, which `near` surrounds, for rays from `eye`; `None` for a place at the eye itself, or with no neighbour.
+    /// At `place`, which `near` surrounds, for rays from `eye`; `None` at the eye itself, or without a neighbour.
     pub fn of(points: &[LocalPoint], place: &LocalPoint, near: &[Neighbour], eye: &Vector3) -> Option<Self> {
         let ray = |p: &LocalPoint| (nalgebra::Vector3::from(*p).cast::<f64>() - eye).try_normalize(f64::MIN_POSITIVE);
         let own = ray(place)?;
@@ -120,8 +120,8 @@ const NEAR_POLE: f64 = 0.15;
 /// So even rays have to be when they are allowed an axis.
 const EVEN_ABOUT_AXIS: f64 = 1.25;
 
-/// How uneven the rays of a panorama are, whose rows and columns are latitudes and longitudes: towards its poles they come
-/// closer by the sine of the angle from the axis, which is not known.
+/// How uneven the rays of a panorama are, whose rows and columns are latitudes and longitudes: towards its poles they
+/// come closer by the sine of the angle from the axis, which is not known.
 fn unevenness_about_axis(shares: &[PointShare]) -> Option<f64> {
     let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
     let about = |k: usize| {
@@ -133,7 +133,7 @@ fn unevenness_about_axis(shares: &[PointShare]) -> Option<f64> {
     (0..AXES).filter_map(about).min_by(f64::total_cmp)
 }
 
-/// Whether rays are spread as evenly as a scanner's, by one of the measures. Of points that were thinned it can't be said.
+/// Whether rays are spread as evenly as a scanner's, by one of the measures. Of thinned points it can't be said.
 pub fn is_even(shares: &[PointShare]) -> bool {
     let is_sampled = |(rays, surface): (f64, f64)| surface >= THINNED * rays;
     let Some(spreads) = spreads(shares) else { return false };
@@ -235,8 +235,8 @@ mod tests {
     use crate::registration::sensor::Sensor;
     use crate::registration::view::View;
 
-    /// A room of 6 by 5 by 3 m with a box in it, as a camera sees it that stands at `eye` and looks along `forward`; in the
-    /// room's frame.
+    /// A room of 6 by 5 by 3 m with a box in it, as a camera sees it that stands at `eye` and looks along `forward`; in
+    /// the room's frame.
     fn room_from(eye: Point3, forward: Vector3) -> Vec<Point3> {
         let across = forward.cross(&Vector3::z()).normalize();
         let upward = across.cross(&forward);

@@ -40,8 +40,8 @@ const NORMAL_REACH: f64 = 1.2;
 /// A surfel lies on a rim if the mean of its neighbourhood is farther off than this share of its radius: half a disc
 /// has its mean at 0.42.
 const RIM_OFFSET: f32 = 0.3;
-/// A surfel has a normal if its neighbourhood spreads along it by less than this share of the lesser spread across it. On a fold of
-/// 90 degrees the share is 0.53; along a single ring or a thin rod noise alone says which of the two is the normal.
+/// A surfel has a normal if its neighbourhood spreads along it by less than this share of the lesser spread across it.
+/// On a fold of 90 degrees the share is 0.53; along a single ring or a thin rod noise alone says which is the normal.
 const FLAT: f64 = 0.55;
 /// Side of the cells of a depth picture, in edges.
 const SIGHT_CELL: f64 = 1.3;
