@@ -31,6 +31,20 @@ impl Sensor {
         }
     }
 
+    /// Whether it looks all the way round, as no lens does: many of its rays go far off from where it looks as a whole.
+    pub fn is_round(&self, points: &[LocalPoint]) -> bool {
+        let Sensor::At(position) = self else { return false };
+        let step = points.len().div_ceil(ROUND_SAMPLES).max(1);
+        let rays: Vec<Vector3> = points
+            .iter()
+            .step_by(step)
+            .filter_map(|p| (nalgebra::Vector3::from(*p).cast::<f64>() - position).try_normalize(f64::MIN_POSITIVE))
+            .collect();
+        let ahead = rays.iter().sum::<Vector3>().try_normalize(f64::MIN_POSITIVE).unwrap_or_else(Vector3::z);
+        let aside = rays.iter().filter(|ray| ray.dot(&ahead) < WIDEST_LENS).count();
+        aside as f64 > ROUND * rays.len() as f64
+    }
+
     /// In a frame in which all places are shifted by `shift`.
     pub fn moved(self, shift: &Vector3) -> Self {
         match self {
@@ -47,6 +61,13 @@ impl Sensor {
         }
     }
 }
+
+/// Points whose rays are looked at.
+const ROUND_SAMPLES: usize = 1000;
+/// The cosine of half the angle that a lens sees at most, 120 degrees,
+const WIDEST_LENS: f64 = 0.5;
+/// and the share of rays beyond it from which on a scanner looks all the way round.
+const ROUND: f64 = 0.1;
 
 /// A piece of a view's surface, as far as it tells from where it was seen.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -193,6 +214,19 @@ mod tests {
         let seen = half_sphere(1500).flat_map(|n| [n, -n]).filter(|n| n.dot(direction) > 0.15);
         let facet = |n: &Vector3| Facet { normal: -n.cast::<f32>(), density: 7.0 * n.dot(direction) as f32 };
         seen.map(|n| (n * 50.0, facet(&n))).collect()
+    }
+
+    #[test]
+    fn who_stands_on_the_ground_looks_all_round_and_a_wide_lens_does_not() {
+        let seen_within = |half_angle: f64| -> Vec<LocalPoint> {
+            let rays = half_sphere(3000).filter(|ray| ray.z > half_angle.cos());
+            rays.map(|ray| (ray * 3.0).cast::<f32>().into()).collect()
+        };
+        let at = Sensor::At(Vector3::zeros());
+        // rays to flat ground go to all sides and none upward
+        assert!(at.is_round(&seen_within(f64::to_radians(85.0))));
+        assert!(!at.is_round(&seen_within(f64::to_radians(60.0))));
+        assert!(!Sensor::Toward(Vector3::z()).is_round(&seen_within(f64::to_radians(85.0))));
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::sensor::Sensor;
-use super::viewpoint;
+use super::viewpoint::{self, PointShare};
 use crate::geometry::neighbours::{IndexedPoints, LocalPoint};
 use crate::geometry::normals;
 use crate::geometry::thinning::representatives;
@@ -70,11 +70,10 @@ impl View {
         let indexed = IndexedPoints::new(points);
         let samples = evenly_sampled(&indexed.points, SAMPLES);
         let origin = -center;
-        let Measured { mut distances2, mut residuals, solid_angles, areas } =
-            neighbourhoods(&indexed, &samples, &origin);
+        let Measured { mut distances2, mut residuals, shares } = neighbourhoods(&indexed, &samples, &origin);
         let spacing = f64::from(median(&mut distances2).ok_or(UnusableScan::NoExtent)?).sqrt();
         let range_accuracy = f64::from(median(&mut residuals).unwrap_or(0.0));
-        let is_viewpoint = viewpoint::is_even(solid_angles, areas) && viewpoint::is_single(&indexed.points, &origin);
+        let is_viewpoint = viewpoint::is_even(&shares) && viewpoint::is_single(&indexed.points, &origin);
         let sensor = is_viewpoint.then_some(Sensor::At(origin));
         Ok(View { indexed, center, spacing, range_accuracy, radius, scale: 1.0, resolution: None, sensor })
     }
@@ -157,15 +156,13 @@ struct Measured {
     distances2: Vec<f32>,
     /// Residuals of the local planes.
     residuals: Vec<f32>,
-    /// The solid angle that a point stands for, seen from an eye,
-    solid_angles: Vec<f64>,
-    /// and the area of surface.
-    areas: Vec<f64>,
+    /// What a point stands for, seen from an eye.
+    shares: Vec<PointShare>,
 }
 
 /// Measures the surroundings of samples: all from one search.
 fn neighbourhoods(indexed: &IndexedPoints, samples: &[LocalPoint], eye: &Vector3) -> Measured {
-    let measured: Vec<(Option<f32>, f32, Option<f64>, f64)> = samples
+    let measured: Vec<(Option<f32>, f32, Option<PointShare>)> = samples
         .par_chunks(CHUNK)
         .flat_map_iter(|samples| {
             // most of a scan is about as dense: a good guess, the same for any threads
@@ -175,17 +172,15 @@ fn neighbourhoods(indexed: &IndexedPoints, samples: &[LocalPoint], eye: &Vector3
                 let distances2 = || found.iter().map(|n| n.distance2);
                 guess2 = GUESS * distances2().fold(0.0, f32::max);
                 let nearest2 = distances2().filter(|d| *d > 0.0).min_by(f32::total_cmp);
-                let solid_angle = viewpoint::solid_angle(&indexed.points, sample, &found, eye);
-                let area = viewpoint::area(&indexed.points, &found);
-                (nearest2, normals::plane_through(&indexed.points, &found).rms, solid_angle, area)
+                let share = PointShare::of(&indexed.points, sample, &found, eye);
+                (nearest2, normals::plane_through(&indexed.points, &found).rms, share)
             })
         })
         .collect();
     Measured {
         distances2: measured.iter().filter_map(|(nearest2, ..)| *nearest2).collect(),
-        residuals: measured.iter().map(|(_, residual, ..)| *residual).collect(),
-        solid_angles: measured.iter().filter_map(|(_, _, solid_angle, _)| *solid_angle).collect(),
-        areas: measured.iter().map(|(.., area)| *area).collect(),
+        residuals: measured.iter().map(|(_, residual, _)| *residual).collect(),
+        shares: measured.iter().filter_map(|(.., share)| *share).collect(),
     }
 }
 

@@ -8,7 +8,7 @@ use crate::geometry::Vector3;
 use crate::geometry::neighbours::{IndexedPoints, LocalPoint, Neighbour};
 
 /// Places at which the spread of the rays is measured.
-pub const LEAST_PLACES: usize = 50;
+const LEAST_PLACES: usize = 50;
 /// The quartiles of the solid angle that a point stands for differ by no more than this factor: 1.1 for a laser, 1.3 for
 /// a depth camera; places that are no viewpoint mostly have 2 and more.
 const EVEN: f64 = 1.5;
@@ -33,7 +33,7 @@ const BETWEEN: f64 = 0.06;
 /// How evenly rays from `eye` are spread: the solid angle a point stands for at some places, by its nearest points.
 ///
 /// `None` for a place at the eye itself.
-pub fn solid_angle(points: &[LocalPoint], place: &LocalPoint, near: &[Neighbour], eye: &Vector3) -> Option<f64> {
+fn solid_angle(points: &[LocalPoint], place: &LocalPoint, near: &[Neighbour], eye: &Vector3) -> Option<f64> {
     let ray = nalgebra::Vector3::from(*place).cast::<f64>() - eye;
     let distance = ray.norm();
     let forward = ray.try_normalize(f64::MIN_POSITIVE)?;
@@ -55,7 +55,7 @@ pub fn solid_angle(points: &[LocalPoint], place: &LocalPoint, near: &[Neighbour]
 }
 
 /// The area of surface that a point stands for, by the nearest points, up to a factor that is the same for all.
-pub fn area(points: &[LocalPoint], near: &[Neighbour]) -> f64 {
+fn area(points: &[LocalPoint], near: &[Neighbour]) -> f64 {
     let at = |n: &Neighbour| nalgebra::Vector3::from(points[n.index as usize]).cast::<f64>();
     let mean = near.iter().map(at).sum::<Vector3>() / near.len().max(1) as f64;
     let scatter: nalgebra::Matrix3<f64> = near.iter().map(|n| (at(n) - mean) * (at(n) - mean).transpose()).sum();
@@ -65,7 +65,7 @@ pub fn area(points: &[LocalPoint], near: &[Neighbour]) -> f64 {
 
 /// How unevenly rays are spread: the factor between the quartiles of solid angles; `None` of fewer than
 /// [`LEAST_PLACES`].
-pub fn unevenness(mut solid_angles: Vec<f64>) -> Option<f64> {
+fn unevenness(mut solid_angles: Vec<f64>) -> Option<f64> {
     if solid_angles.len() < LEAST_PLACES {
         return None;
     }
@@ -78,11 +78,68 @@ pub fn unevenness(mut solid_angles: Vec<f64>) -> Option<f64> {
     Some(high / low.max(f64::MIN_POSITIVE))
 }
 
-/// Whether rays are spread as evenly as a scanner's: `solid_angles` and `areas` are what points stand for at the same
-/// places. Of points that were thinned it can't be said.
-pub fn is_even(solid_angles: Vec<f64>, areas: Vec<f64>) -> bool {
-    let Some((rays, surface)) = unevenness(solid_angles).zip(unevenness(areas)) else { return false };
-    rays <= EVEN && surface >= THINNED * rays
+/// What a point of a scan stands for, by its nearest points: of the rays from a viewpoint, and of the surface.
+///
+/// Each is measured twice: by the region that the nearest points take up, and by the square of the step to the nearest
+/// of them. Rings of a rotating scanner lie far apart, with points close together along them. The nearest points are then
+/// those of one ring, which take up no region; but the step along the ring is the same everywhere.
+#[derive(Debug, Clone, Copy)]
+pub struct PointShare {
+    /// Unit direction of the ray.
+    ray: Vector3,
+    rays: [f64; 2],
+    surface: [f64; 2],
+}
+
+impl PointShare {
+    /// At `place`, which `near` surrounds, for rays from `eye`; `None` at the eye itself, or without a neighbour.
+    pub fn of(points: &[LocalPoint], place: &LocalPoint, near: &[Neighbour], eye: &Vector3) -> Option<Self> {
+        let ray = |p: &LocalPoint| (nalgebra::Vector3::from(*p).cast::<f64>() - eye).try_normalize(f64::MIN_POSITIVE);
+        let own = ray(place)?;
+        let others = || near.iter().filter(|n| n.distance2 > 0.0);
+        let angles2 = others().filter_map(|n| Some((ray(&points[n.index as usize])? - own).norm_squared()));
+        let rays = [solid_angle(points, place, near, eye)?, angles2.min_by(f64::total_cmp)?];
+        let distances2 = others().map(|n| f64::from(n.distance2));
+        Some(PointShare { ray: own, rays, surface: [area(points, near), distances2.min_by(f64::total_cmp)?] })
+    }
+}
+
+/// How unevenly rays are spread, and points over the surface, by each of the measures; `None` of too few places.
+fn spreads(shares: &[PointShare]) -> Option<[(f64, f64); 2]> {
+    let by = |measure: usize| {
+        let rays = unevenness(shares.iter().map(|share| share.rays[measure]).collect())?;
+        Some((rays, unevenness(shares.iter().map(|share| share.surface[measure]).collect())?))
+    };
+    Some([by(0)?, by(1)?])
+}
+
+/// Axes that a panorama's grid may have,
+const AXES: usize = 300;
+/// and how close to its poles rays are looked at, as a sine.
+const NEAR_POLE: f64 = 0.15;
+/// So even rays have to be when they are allowed an axis.
+const EVEN_ABOUT_AXIS: f64 = 1.25;
+
+/// How uneven the rays of a panorama are, whose rows and columns are latitudes and longitudes: towards its poles they
+/// come closer by the sine of the angle from the axis, which is not known.
+fn unevenness_about_axis(shares: &[PointShare]) -> Option<f64> {
+    let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
+    let about = |k: usize| {
+        let z = (k as f64 + 0.5) / AXES as f64;
+        let (sine, cosine) = (golden * k as f64).sin_cos();
+        let axis = Vector3::new((1.0 - z * z).sqrt() * cosine, (1.0 - z * z).sqrt() * sine, z);
+        unevenness(shares.iter().map(|share| share.rays[0] / share.ray.cross(&axis).norm().max(NEAR_POLE)).collect())
+    };
+    (0..AXES).filter_map(about).min_by(f64::total_cmp)
+}
+
+/// Whether rays are spread as evenly as a scanner's, by one of the measures. Of thinned points it can't be said.
+pub fn is_even(shares: &[PointShare]) -> bool {
+    let is_sampled = |(rays, surface): (f64, f64)| surface >= THINNED * rays;
+    let Some(spreads) = spreads(shares) else { return false };
+    let is_even = |spread: (f64, f64)| spread.0 <= EVEN && is_sampled(spread);
+    let is_panorama = || is_sampled(spreads[0]) && unevenness_about_axis(shares).is_some_and(|u| u <= EVEN_ABOUT_AXIS);
+    spreads.into_iter().any(is_even) || is_panorama()
 }
 
 /// Places with their neighbours, at which viewpoints are tried.
@@ -117,10 +174,10 @@ pub fn find(indexed: &IndexedPoints, radius: f64) -> Option<Vector3> {
             (*place, found.clone())
         })
         .collect();
-    let cost = |eye: &Vector3| {
-        let angles = places.iter().filter_map(|(place, near)| solid_angle(points, place, near, eye)).collect();
-        unevenness(angles).unwrap_or(f64::INFINITY)
+    let seen = |eye: &Vector3| -> Vec<PointShare> {
+        places.iter().filter_map(|(place, near)| PointShare::of(points, place, near, eye)).collect()
     };
+    let cost = |eye: &Vector3| spreads(&seen(eye)).map_or(f64::INFINITY, |[(region, _), (step, _)]| region.min(step));
     let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
     let direction = |k: usize| {
         let z = 1.0 - (2.0 * k as f64 + 1.0) / AROUND as f64;
@@ -144,10 +201,8 @@ pub fn find(indexed: &IndexedPoints, radius: f64) -> Option<Vector3> {
         }
     }
     let far = (0..AROUND).map(|k| cost(&(direction(k) * FAR * radius))).fold(f64::INFINITY, f64::min);
-    let areas = places.iter().map(|(_, near)| area(points, near)).collect();
-    let is_thinned = unevenness(areas).is_none_or(|unevenness| unevenness < THINNED * best.0);
     let is_plain = cost(&-best.1).min(far) > SIDED * best.0;
-    (is_plain && !is_thinned).then_some(best.1)
+    (is_plain && is_even(&seen(&best.1)) && is_single(points, &best.1)).then_some(best.1)
 }
 
 /// Whether one surface only is seen from `eye` in each direction.
@@ -180,7 +235,7 @@ mod tests {
     use crate::registration::sensor::Sensor;
     use crate::registration::view::View;
 
-    /// A room of 6 by 5 by 3 m with a box in it, as a scanner sees it that stands at `eye` and looks along `forward`; in
+    /// A room of 6 by 5 by 3 m with a box in it, as a camera sees it that stands at `eye` and looks along `forward`; in
     /// the room's frame.
     fn room_from(eye: Point3, forward: Vector3) -> Vec<Point3> {
         let across = forward.cross(&Vector3::z()).normalize();
@@ -193,6 +248,11 @@ mod tests {
             let aside = (1.0 - along * along).sqrt();
             forward * along + across * (aside * cosine) + upward * (aside * sine)
         });
+        seen_along(eye, rays)
+    }
+
+    /// The room as it is seen along these rays.
+    fn seen_along(eye: Point3, rays: impl Iterator<Item = Vector3>) -> Vec<Point3> {
         let boxes = [([0.0, 0.0, 0.0], [6.0, 5.0, 3.0], true), ([3.5, 1.5, 0.0], [4.5, 2.6, 1.1], false)];
         let hit = |ray: Vector3| {
             let reach = |(low, high, from_inside): &([f64; 3], [f64; 3], bool)| {
@@ -218,6 +278,33 @@ mod tests {
         assert!(matches!(view.sensor, Some(Sensor::At(place)) if (place + view.center).norm() < 1e-9));
         let elsewhere = Cloud::from_points(points.iter().map(|p| p + Vector3::new(4.0, -3.0, 1.0)).collect());
         assert_eq!(View::new(&elsewhere).expect("a sound scan").sensor, None);
+    }
+
+    /// Rays in rows of one latitude (radians), `columns` each; the axis is not one of the frame.
+    fn rows(latitudes: impl Iterator<Item = f64>, columns: u32) -> impl Iterator<Item = Vector3> {
+        let turned = nalgebra::Rotation3::from_euler_angles(0.4, -0.7, 0.2);
+        latitudes.flat_map(move |latitude| {
+            (0..columns).map(move |k| {
+                let (sine, cosine) = (std::f64::consts::TAU * f64::from(k) / f64::from(columns)).sin_cos();
+                turned * Vector3::new(latitude.cos() * cosine, latitude.cos() * sine, latitude.sin())
+            })
+        })
+    }
+
+    #[test]
+    fn rings_and_panoramas_were_taken_from_their_origin() {
+        let eye = Point3::new(1.0, 1.2, 1.5);
+        // 16 rings 2 degrees apart, and a panorama of 100 rows from pole to pole
+        let rings: Vec<Vector3> = rows((0..16).map(|k| f64::to_radians(2.0 * f64::from(k) - 15.0)), 900).collect();
+        let panorama: Vec<Vector3> = rows((0..100).map(|k| f64::to_radians(1.8 * f64::from(k) - 89.1)), 200).collect();
+        for rays in [rings, panorama] {
+            let points = seen_along(eye, rays.into_iter());
+            let own = Cloud::from_points(points.iter().map(|p| Point3::from(p - eye)).collect());
+            let view = View::new(&own).expect("a sound scan");
+            assert!(matches!(view.sensor, Some(Sensor::At(place)) if (place + view.center).norm() < 1e-9));
+            let elsewhere = Cloud::from_points(points.iter().map(|p| p + Vector3::new(4.0, -3.0, 1.0)).collect());
+            assert_eq!(View::new(&elsewhere).expect("a sound scan").sensor, None);
+        }
     }
 
     #[test]

@@ -25,6 +25,10 @@ const DISTANCE_TOLERANCE: f32 = 1.0;
 const LEAST_DISTANCE: f32 = 4.0;
 /// Cosine's tolerance of compatible angles.
 const ANGLE_TOLERANCE: f32 = 0.25;
+/// Two places lie on one plane if the cosine of their normals is more than this (18 degrees)
+const PARALLEL: f32 = 0.95;
+/// and the sine of the line between them against the plane less than this (12 degrees).
+const LEVEL: f32 = 0.2;
 /// Matches that a motion is first fitted to.
 const FIRST_FIT: usize = 24;
 /// Seeds tried.
@@ -71,8 +75,25 @@ impl Relation {
     }
 }
 
+/// Which matches may support each other.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Support {
+    /// All that a rigid motion can make both.
+    Any,
+    /// Of these, those whose places don't lie on one plane: any two places of a plane fit any two as far apart, so they
+    /// say next to nothing of each other. Where ground or walls are most of a view, they are most of the matches.
+    AcrossPlanes,
+}
+
 /// The `count` motions that explain most matches, no two of them alike; the best first.
-pub fn proposals(i: &Sketch, j: &Sketch, matches: &[Match], edge: f64, count: usize) -> Vec<Proposal> {
+pub fn proposals(
+    i: &Sketch,
+    j: &Sketch,
+    matches: &[Match],
+    support: Support,
+    edge: f64,
+    count: usize,
+) -> Vec<Proposal> {
     let oriented: Vec<Oriented> = matches
         .iter()
         .map(|m| {
@@ -80,7 +101,7 @@ pub fn proposals(i: &Sketch, j: &Sketch, matches: &[Match], edge: f64, count: us
             Oriented { p: i.position(a), n: i.normals[a], q: j.position(b), m: j.normals[b] }
         })
         .collect();
-    let relation = compatibility(&oriented, edge as f32);
+    let relation = compatibility(&oriented, support, edge as f32);
     let mut kept: Vec<Proposal> = Vec::new();
     let mut used = vec![false; oriented.len()];
     for seed in seeds(&relation, oriented.len()) {
@@ -117,12 +138,13 @@ pub fn alike(a: &Motion, b: &Motion, radius: f64, tolerance: f64) -> bool {
     difference.translation.vector.norm() + difference.rotation.angle() * radius * 0.7 < tolerance
 }
 
-fn compatibility(oriented: &[Oriented], edge: f32) -> Relation {
+fn compatibility(oriented: &[Oriented], support: Support, edge: f32) -> Relation {
     let words = oriented.len().div_ceil(64);
     let mut relation = Relation { words, bits: vec![0; words * oriented.len()] };
     for k in 0..oriented.len() {
         for l in k + 1..oriented.len() {
-            if compatible(&oriented[k], &oriented[l], edge) {
+            let (a, b) = (&oriented[k], &oriented[l]);
+            if compatible(a, b, edge) && (support == Support::Any || !is_on_one_plane(a, b)) {
                 relation.bits[k * words + l / 64] |= 1 << (l % 64);
                 relation.bits[l * words + k / 64] |= 1 << (k % 64);
             }
@@ -141,6 +163,13 @@ fn compatible(a: &Oriented, b: &Oriented, edge: f32) -> bool {
     (a.n.dot(&b.n) - a.m.dot(&b.m)).abs() < ANGLE_TOLERANCE
         && (a.n.dot(&d) / length - a.m.dot(&e) / other).abs() < ANGLE_TOLERANCE
         && (b.n.dot(&d) / length - b.m.dot(&e) / other).abs() < ANGLE_TOLERANCE
+}
+
+/// Whether both places of view i lie on one plane.
+#[inline]
+fn is_on_one_plane(a: &Oriented, b: &Oriented) -> bool {
+    let d = b.p - a.p;
+    a.n.dot(&b.n) > PARALLEL && a.n.dot(&d).abs() < LEVEL * d.norm()
 }
 
 /// The matches that belong together with most others, the best first.
@@ -178,4 +207,26 @@ fn explained(oriented: &[Oriented], motion: &Motion, edge: f32) -> Vec<usize> {
         (rotation * o.q + shift - o.p).norm_squared() < limit2 && (rotation * o.m).dot(&o.n) > EXPLAINED_COSINE
     };
     (0..oriented.len()).filter(|k| is_explained(&oriented[*k])).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn places_of_one_plane_may_be_asked_not_to_support_each_other() {
+        let place = |x: f32, z: f32, n: [f32; 3]| {
+            let (p, n) = (nalgebra::Vector3::new(x, 0.0, z), nalgebra::Vector3::from(n));
+            Oriented { p, n, q: p, m: n }
+        };
+        let (up, ahead) = ([0.0, 0.0, 1.0], [-1.0, 0.0, 0.0]);
+        let floor = place(0.0, 0.0, up);
+        // more floor, a wall, a step, and a slope
+        let others =
+            [place(9.0, 0.2, up), place(9.0, 2.0, ahead), place(9.0, 3.0, up), place(9.0, 0.0, [0.6, 0.0, 0.8])];
+        let oriented: Vec<Oriented> = std::iter::once(floor).chain(others).collect();
+        let supporting = |support: Support| compatibility(&oriented, support, 1.0).members(0).collect::<Vec<usize>>();
+        assert_eq!(supporting(Support::Any), [1, 2, 3, 4]);
+        assert_eq!(supporting(Support::AcrossPlanes), [2, 3, 4]);
+    }
 }

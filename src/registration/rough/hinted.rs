@@ -7,7 +7,7 @@
 use super::alignment::align;
 use super::assembly::{Assembly, assemble, implied, measure_all, touching};
 use super::confidence::Grounds;
-use super::consensus::{self, alike};
+use super::consensus::{self, Support, alike};
 use super::glance::Glanced;
 use super::group::Group;
 use super::link::Link;
@@ -236,7 +236,7 @@ fn joined(scene: &Scene, links: &[Link], left: &Group, right: &Group, (i, j): (u
 /// single ones.
 pub fn proposed(sketches: &[Sketch], (i, j): (usize, usize), prior: &Prior, edge: f64, count: usize) -> Vec<Motion> {
     let matches = super::matching::matches(&sketches[i], &sketches[j], edge);
-    let proposals = consensus::proposals(&sketches[i], &sketches[j], &matches, edge, count);
+    let proposals = consensus::proposals(&sketches[i], &sketches[j], &matches, Support::Any, edge, count);
     prior
         .proposed(i, j)
         .chain(proposals.into_iter().map(|proposal| proposal.motion_i_j))

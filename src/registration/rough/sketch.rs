@@ -40,6 +40,9 @@ const NORMAL_REACH: f64 = 1.2;
 /// A surfel lies on a rim if the mean of its neighbourhood is farther off than this share of its radius: half a disc
 /// has its mean at 0.42.
 const RIM_OFFSET: f32 = 0.3;
+/// A surfel has a normal if its neighbourhood spreads along it by less than this share of the lesser spread across it.
+/// On a fold of 90 degrees the share is 0.53; along a single ring or a thin rod noise alone says which is the normal.
+const FLAT: f64 = 0.55;
 /// Side of the cells of a depth picture, in edges.
 const SIGHT_CELL: f64 = 1.3;
 /// Voxels with less than this share of the median number of points, or with a neighbourhood of less than the second
@@ -68,7 +71,11 @@ impl Sketch {
         }
         let inner: Vec<u32> = (0..is_inner.len() as u32).filter(|index| is_inner[*index as usize]).collect();
         let radius = centroids.iter().map(|c| nalgebra::Vector3::from(*c).norm()).fold(0.0f32, f32::max).into();
-        let sight = SightMap::new(&centroids, &sensor, SIGHT_CELL * edge);
+        let mut sight = SightMap::new(&centroids, &sensor, SIGHT_CELL * edge);
+        // a scanner that looks all the way round has its picture end where its rays do, not where an object does
+        if sensor.is_round(view.points()) {
+            sight.crop();
+        }
         let indexed = IndexedPoints::new(centroids);
         let descriptors = describe(&indexed, &normals, &inner, edge);
         Sketch { indexed, normals, is_inner, inner, sensor, side_clarity, radius, descriptors, sight }
@@ -159,11 +166,11 @@ fn typical_count(counts: &[u32]) -> f64 {
 
 /// Fits the surface at `center` to the cells around, which hold so many points each.
 fn fit(cells: &IndexedPoints, counts: &[u32], center: &LocalPoint, reach: f32) -> Fitted {
-    let Patch { count, mean, normal } = patch_within(cells, center, reach);
+    let Patch { count, mean, normal, flatness } = patch_within(cells, center, reach);
     let mut points = 0;
     cells.tree.for_each_within(center, reach * reach, |n| points += counts[n.index as usize]);
     let (normal, is_inner) = match normal {
-        Some(normal) => (normal.cast::<f32>(), mean.norm() < RIM_OFFSET * reach),
+        Some(normal) => (normal.cast::<f32>(), flatness < FLAT && mean.norm() < RIM_OFFSET * reach),
         None => (nalgebra::Vector3::z(), false),
     };
     Fitted { normal, is_inner, cells: count, points }
@@ -172,6 +179,7 @@ fn fit(cells: &IndexedPoints, counts: &[u32], center: &LocalPoint, reach: f32) -
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::{Cloud, Point3};
 
     #[test]
     fn points_anywhere_in_the_box_are_no_surface_that_needs_voxels() {
@@ -183,5 +191,42 @@ mod tests {
         let with_strays = count_voxels(&points, 5.0);
         assert!(thin(&points, 5.0).counts.len() > 2 * of_sheet);
         assert!((0.9..1.05).contains(&(with_strays as f64 / of_sheet as f64)), "{of_sheet} {with_strays}");
+    }
+
+    fn view(points: impl IntoIterator<Item = Point3>) -> View {
+        View::new(&Cloud::from_points(points.into_iter().collect())).expect("a scan that can be used")
+    }
+
+    /// A floor of 40 by 40, and a wire over it that is hardly thick.
+    fn floor_and_wire() -> View {
+        let floor = (0..6400).map(|k| Point3::new(f64::from(k % 80) * 0.5, f64::from(k / 80) * 0.5, 0.0));
+        let wire = (0..800).map(|k| {
+            let (sine, cosine) = (2.4 * f64::from(k)).sin_cos();
+            Point3::new(f64::from(k) * 0.05, 20.0 + 0.05 * cosine, 12.0 + 0.05 * sine)
+        });
+        view(floor.chain(wire))
+    }
+
+    #[test]
+    fn what_has_no_normal_has_no_vote() {
+        let view = floor_and_wire();
+        let sketch = Sketch::new(&view, 2.0, Some(Sensor::Toward(Vector3::z())));
+        let height = |k: usize| f64::from(sketch.position(k).z) + view.center.z;
+        let share = |low: f64, high: f64| {
+            let there: Vec<usize> =
+                (0..sketch.indexed.points.len()).filter(|k| (low..high).contains(&height(*k))).collect();
+            there.iter().filter(|k| sketch.is_inner[**k]).count() as f64 / there.len() as f64
+        };
+        assert!(share(-1.0, 1.0) > 0.7, "{}", share(-1.0, 1.0));
+        assert_eq!(share(11.0, 13.0), 0.0);
+    }
+
+    #[test]
+    fn who_looks_all_round_saw_only_what_there_is_and_a_camera_missed_the_rest() {
+        let view = floor_and_wire();
+        let above = |height: f64| Sensor::At(Vector3::new(20.0, 20.0, height) - view.center);
+        let is_cropped = |height: f64| Sketch::new(&view, 2.0, Some(above(height))).sight.is_cropped();
+        assert!(is_cropped(5.0));
+        assert!(!is_cropped(100.0));
     }
 }

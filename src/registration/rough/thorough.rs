@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use rayon::prelude::*;
 
 use super::assembly::{Assembly, measure};
-use super::consensus::alike;
+use super::consensus::{Support, alike, proposals};
 use super::glance::Glanced;
 use super::group::Group;
 use super::growth::{Known, grow};
@@ -21,7 +21,7 @@ use crate::geometry::Motion;
 use crate::progress::{Canceled, Progress};
 use crate::registration::hinted::Hinted;
 
-/// Motions of a pair that are proposed by single matches.
+/// Motions of a pair that are proposed by single matches, and by matches that are not on one plane.
 const PROPOSALS: usize = 12;
 /// Surfels of a view that are asked of a group.
 const SAMPLES: usize = 100;
@@ -188,7 +188,10 @@ fn more_links(
         .map(|&(i, j)| {
             progress.check()?;
             let matches = matching::matches(&scene.sketches[i], &scene.sketches[j], scene.edge);
-            let proposed = turnings(&glanced[i], &glanced[j], &matches, scene.edge, PROPOSALS);
+            let (a, b) = (&scene.sketches[i], &scene.sketches[j]);
+            let agreed = proposals(a, b, &matches, Support::AcrossPlanes, scene.edge, PROPOSALS);
+            let turned = turnings(&glanced[i], &glanced[j], &matches, scene.edge, PROPOSALS);
+            let proposed = agreed.into_iter().map(|proposal| proposal.motion_i_j).chain(turned);
             let known: Vec<Link> = known.iter().filter(|link| (link.i, link.j) == (i, j)).copied().collect();
             Ok(links_of(scene.sketches, (i, j), proposed, &known, scene.edge))
         })
