@@ -22,7 +22,6 @@ const ON: f32 = 0.5;
 const LIKE: f32 = 0.8;
 /// A surfel meets surface within this distance, in edges.
 const NEAR: f32 = 1.6;
-
 /// Scanners stand at one place if they are no farther apart than this share of their distance from what they saw,
 const ONE_PLACE: f64 = 0.02;
 /// the origin of a scan can be such a place within so many radii of the scan,
@@ -39,7 +38,6 @@ const SAME_ALL_OVER: f64 = 0.7;
 const SAME_RIMS: f64 = 0.53;
 /// Pairs of views that share less of what they show than this, as it was measured already, need not be compared.
 const LEAST_OVERLAP: f64 = 0.25;
-
 /// What is said of a surfel is what is said within this distance of it, in edges: wider than edges of things and noise are.
 const AROUND: f32 = 2.5;
 /// Rays of another picture that are asked about a point: surface seen from the side has depths of its own at each.
