@@ -1,9 +1,8 @@
 //! What stands still while an object turns before the scanner.
 //!
-//! A turntable has a background: floor, wall, whatever stands about. It is mostly larger than the object, it looks the same
-//! in every scan, and it fits perfectly. But scans that were taken from one place and show the same were taken because
-//! something moved, and of that a background says nothing. So where the scanner stood still, only what did not may tell how
-//! the views lie. What that is, pictures of depth from one place show ray by ray.
+//! A turntable's background is mostly larger than the object, looks the same in every scan, and fits perfectly. But scans
+//! that were taken from one place and show the same were taken because something moved, and of that a background says
+//! nothing. So where the scanner stood still, only what did not may tell how the views lie: pictures of depth show it ray by ray.
 
 use rayon::prelude::*;
 
@@ -23,7 +22,6 @@ const ON: f32 = 0.5;
 const LIKE: f32 = 0.8;
 /// A surfel meets surface within this distance, in edges.
 const NEAR: f32 = 1.6;
-
 /// Scanners stand at one place if they are no farther apart than this share of their distance from what they saw,
 const ONE_PLACE: f64 = 0.02;
 /// the origin of a scan can be such a place within so many radii of the scan,
@@ -40,7 +38,6 @@ const SAME_ALL_OVER: f64 = 0.7;
 const SAME_RIMS: f64 = 0.53;
 /// Pairs of views that share less of what they show than this, as it was measured already, need not be compared.
 const LEAST_OVERLAP: f64 = 0.25;
-
 /// What is said of a surfel is what is said within this distance of it, in edges: wider than edges of things and noise are.
 const AROUND: f32 = 2.5;
 /// Rays of another picture that are asked about a point: surface seen from the side has depths of its own at each.
@@ -110,18 +107,15 @@ pub fn from_one_place(
         Some(_) => common.same >= SAME_PICTURE,
         None => common.same >= SAME_ALL_OVER && common.rims >= SAME_RIMS,
     };
-    if !is_same {
-        return None;
-    }
-    if eye.is_none() {
+    if eye.is_none() && is_same {
         let found: Vec<Option<Vector3>> =
             views.par_iter().map(|view| viewpoint::find(&view.indexed, view.radius)).collect();
         eye = place_of_most(&placed, &poses, &|view| found[view]);
     }
-    Some(Still { poses, eye, is_known: known_eye.is_some(), resolution, surfels })
+    is_same.then(|| Still { poses, eye, is_known: known_eye.is_some(), resolution, surfels })
 }
 
-/// Where the scanners of all views stood and how far from what they saw, by the places in their local frames.
+/// Where the scanners stood and how far from what they saw, by the places in their local frames.
 fn places(
     placed: &[usize],
     poses: &[Option<Motion>],
@@ -153,8 +147,8 @@ fn place_of_most(placed: &[usize], poses: &[Option<Motion>], eye: &dyn Fn(usize)
         near.map(|(other, _)| other.coords).collect()
     };
     let most = places.iter().map(near).max_by_key(Vec::len)?;
-    let is_believed = most.len() >= 2 && 2 * most.len() > placed.len();
-    is_believed.then(|| Point3::from(most.iter().sum::<Vector3>() / most.len() as f64))
+    (most.len() >= 2 && 2 * most.len() > placed.len())
+        .then(|| Point3::from(most.iter().sum::<Vector3>() / most.len() as f64))
 }
 
 /// What the placed views have in common with the first.
@@ -335,9 +329,9 @@ impl Still {
         let around = |place: &LocalPoint| {
             let mut sum = 0.0;
             own.indexed.tree.for_each_within(place, (AROUND * edge).powi(2), |n| sum += balance[n.index as usize]);
-            sum
+            sum < 0.0
         };
-        own.indexed.points.iter().map(|place| around(place) < 0.0).collect()
+        own.indexed.points.iter().map(around).collect()
     }
 
     /// For each point of a view whether the others' pictures look through it and what is about it.
@@ -402,14 +396,14 @@ fn parts(points: &[LocalPoint], chosen: &[usize], link: f32) -> Vec<Vec<usize>> 
 mod tests {
     use super::*;
     use crate::geometry::Cloud;
+    use crate::registration::overlap::OverlapMatrix;
 
     /// What a scanner at `eye` sees of a wall with a ledge, and of a box of side 20 before it: rays on a grid of angles.
     fn scan(eye: Point3, box_at: [f64; 2]) -> View {
         let mut points = Vec::new();
         for (row, column) in (0..90).flat_map(|row| (0..90).map(move |column| (row, column))) {
             let way = Vector3::new(f64::from(column) / 90.0 - 0.5, f64::from(row) / 90.0 - 0.5, 1.0);
-            let ledge = (0..90).contains(&row) && row % 40 < 12;
-            let to_wall = (if ledge { 180.0 } else { 200.0 } - eye.z) / way.z;
+            let to_wall = (if row % 40 < 12 { 180.0 } else { 200.0 } - eye.z) / way.z;
             let to_box = (120.0 - eye.z) / way.z;
             let at = eye + way * to_box;
             let is_on_box = (at.x - box_at[0]).abs() < 10.0 && (at.y - box_at[1]).abs() < 10.0;
@@ -424,10 +418,8 @@ mod tests {
         let pose = |(view, eye): (&View, &Point3)| view.local_pose(&Motion::translation(eye.x, eye.y, eye.z));
         let poses: Vec<Motion> = views.iter().zip(eyes).map(pose).collect();
         let everywhere = vec![vec![1.0; views.len()]; views.len()];
-        let result = Multiview {
-            overlaps: super::super::overlap::OverlapMatrix::from_rows(everywhere),
-            ..Multiview::at(&poses)
-        };
+        let overlaps = OverlapMatrix::from_rows(everywhere);
+        let result = Multiview { overlaps, ..Multiview::at(&poses) };
         from_one_place(views, &vec![None; views.len()], &result, 2.0)
     }
 
