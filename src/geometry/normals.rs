@@ -60,9 +60,6 @@ pub struct Patch {
     pub mean: nalgebra::Vector3<f32>,
     /// Unit normal, its sign arbitrary; `None` with fewer than three points.
     pub normal: Option<nalgebra::Vector3<f64>>,
-    /// The deviation along the normal, in that along the direction across it in which the points spread least: 0 for a
-    /// plane, up to 1 for points along a line, that have no normal; 1 without one.
-    pub flatness: f64,
 }
 
 /// The patch of the points of `indexed` within `reach` of `center`, all in one unit.
@@ -76,13 +73,8 @@ pub fn patch_within(indexed: &IndexedPoints, center: &LocalPoint, reach: f32) ->
         squares += d * d.transpose();
     });
     let mean: nalgebra::Vector3<f32> = sum / count.max(1) as f32;
-    if count < 3 {
-        return Patch { count, mean, normal: None, flatness: 1.0 };
-    }
-    let scatter = (squares / count as f32 - mean * mean.transpose()).cast::<f64>();
-    let (normal, least) = least_spread(&scatter);
-    let flatness = (least.max(0.0) / second_spread(&scatter, least).max(f64::MIN_POSITIVE)).sqrt().min(1.0);
-    Patch { count, mean, normal: Some(normal), flatness }
+    let spread = || least_spread(&(squares / count as f32 - mean * mean.transpose()).cast::<f64>()).0;
+    Patch { count, mean, normal: (count >= 3).then(spread) }
 }
 
 /// The unit direction of least spread of a symmetric 3x3 scatter matrix, and the spread along it.
@@ -111,14 +103,6 @@ pub fn least_spread(scatter: &nalgebra::Matrix3<f64>) -> (nalgebra::Vector3<f64>
     let eigen = scatter.symmetric_eigen();
     let least = eigen.eigenvalues.imin();
     (eigen.eigenvectors.column(least).into_owned(), eigen.eigenvalues[least])
-}
-
-/// The middle spread of a symmetric 3x3 scatter matrix of which the least is known.
-fn second_spread(scatter: &nalgebra::Matrix3<f64>, least: f64) -> f64 {
-    // the sum of the other two, and their product by the sum of all products of two
-    let sum = scatter.trace() - least;
-    let product = 0.5 * (scatter.trace().powi(2) - scatter.norm_squared()) - least * sum;
-    0.5 * (sum - (sum * sum - 4.0 * product).max(0.0).sqrt())
 }
 
 /// How far apart eigenvalues are, in their deviation, if the closed form is to tell their directions.
@@ -154,26 +138,6 @@ mod tests {
         for spreads in [[1.0, 0.0, 0.0], [1.0, 1.0, 1.0], [0.0; 3]] {
             let (direction, spread) = least_spread(&nalgebra::Matrix3::from_diagonal(&spreads.into()));
             assert!((direction.norm() - 1.0).abs() < 1e-9 && (spread - spreads[2]).abs() < 1e-12, "{spreads:?}");
-        }
-    }
-
-    #[test]
-    fn flatness_compares_the_two_lesser_spreads() {
-        let turn = nalgebra::Rotation3::from_euler_angles(0.3, -1.1, 2.0);
-        // the corners of a box of these half edges spread by them
-        let patch = |edges: [f32; 3]| {
-            let corner = |k: usize| {
-                turn.cast::<f32>()
-                    * nalgebra::Vector3::from_fn(
-                        |axis, _| {
-                            if k & (1 << axis) == 0 { edges[axis] } else { -edges[axis] }
-                        },
-                    )
-            };
-            patch_within(&IndexedPoints::new((0..8).map(|k| corner(k).into()).collect()), &[0.0; 3], 10.0)
-        };
-        for (edges, flatness) in [([3.0, 2.0, 1.0], 0.5), ([3.0, 2.0, 0.0], 0.0), ([3.0, 0.1, 0.1], 1.0)] {
-            assert!((patch(edges).flatness - flatness).abs() < 0.01, "{edges:?}: {}", patch(edges).flatness);
         }
     }
 

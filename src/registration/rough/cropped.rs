@@ -18,7 +18,8 @@ const MISSED: f64 = 0.12;
 
 /// Frames come in sets: fewer than this share of cropped pictures are whole objects that were laid on each other wrongly,
 const FRAMES: f64 = 1.0 / 3.0;
-/// and where this share is cropped all are: one scanner took them, and of some the best link shows it by chance not.
+/// and where this share of a large set is cropped all are: one scanner took them, and of some the best link shows it by
+/// chance not.
 const ALL_FRAMES: f64 = 2.0 / 3.0;
 
 /// How many sketches of a set have to be cropped.
@@ -45,7 +46,7 @@ pub fn crop(sketches: &mut [Sketch], links: &[Link], wanted: Frames) -> bool {
     if cropped.is_empty() || !is_share(if wanted == Frames::All { ALL_FRAMES } else { FRAMES }) {
         return false;
     }
-    if is_share(ALL_FRAMES) {
+    if wanted == Frames::All {
         sketches.iter_mut().for_each(|sketch| sketch.sight.crop());
     } else {
         cropped.into_iter().for_each(|view| sketches[view].sight.crop());

@@ -40,9 +40,6 @@ const NORMAL_REACH: f64 = 1.2;
 /// A surfel lies on a rim if the mean of its neighbourhood is farther off than this share of its radius: half a disc
 /// has its mean at 0.42.
 const RIM_OFFSET: f32 = 0.3;
-/// A surfel has a normal if its neighbourhood spreads along it by less than this share of the lesser spread across it.
-/// On a fold of 90 degrees the share is 0.53; along a single ring or a thin rod noise alone says which is the normal.
-const FLAT: f64 = 0.55;
 /// Side of the cells of a depth picture, in edges.
 const SIGHT_CELL: f64 = 1.3;
 /// Voxels with less than this share of the median number of points, or with a neighbourhood of less than the second
@@ -166,11 +163,11 @@ fn typical_count(counts: &[u32]) -> f64 {
 
 /// Fits the surface at `center` to the cells around, which hold so many points each.
 fn fit(cells: &IndexedPoints, counts: &[u32], center: &LocalPoint, reach: f32) -> Fitted {
-    let Patch { count, mean, normal, flatness } = patch_within(cells, center, reach);
+    let Patch { count, mean, normal } = patch_within(cells, center, reach);
     let mut points = 0;
     cells.tree.for_each_within(center, reach * reach, |n| points += counts[n.index as usize]);
     let (normal, is_inner) = match normal {
-        Some(normal) => (normal.cast::<f32>(), flatness < FLAT && mean.norm() < RIM_OFFSET * reach),
+        Some(normal) => (normal.cast::<f32>(), mean.norm() < RIM_OFFSET * reach),
         None => (nalgebra::Vector3::z(), false),
     };
     Fitted { normal, is_inner, cells: count, points }
@@ -205,20 +202,6 @@ mod tests {
             Point3::new(f64::from(k) * 0.05, 20.0 + 0.05 * cosine, 12.0 + 0.05 * sine)
         });
         view(floor.chain(wire))
-    }
-
-    #[test]
-    fn what_has_no_normal_has_no_vote() {
-        let view = floor_and_wire();
-        let sketch = Sketch::new(&view, 2.0, Some(Sensor::Toward(Vector3::z())));
-        let height = |k: usize| f64::from(sketch.position(k).z) + view.center.z;
-        let share = |low: f64, high: f64| {
-            let there: Vec<usize> =
-                (0..sketch.indexed.points.len()).filter(|k| (low..high).contains(&height(*k))).collect();
-            there.iter().filter(|k| sketch.is_inner[**k]).count() as f64 / there.len() as f64
-        };
-        assert!(share(-1.0, 1.0) > 0.7, "{}", share(-1.0, 1.0));
-        assert_eq!(share(11.0, 13.0), 0.0);
     }
 
     #[test]
