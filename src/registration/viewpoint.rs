@@ -202,7 +202,9 @@ pub fn find(indexed: &IndexedPoints, radius: f64) -> Option<Vector3> {
     }
     let far = (0..AROUND).map(|k| cost(&(direction(k) * FAR * radius))).fold(f64::INFINITY, f64::min);
     let is_plain = cost(&-best.1).min(far) > SIDED * best.0;
-    (is_plain && is_even(&seen(&best.1)) && is_single(points, &best.1)).then_some(best.1)
+    // cameras are less even than what is asked of an origin, but points that were thinned say nothing
+    let is_sampled = |(rays, surface): (f64, f64)| rays <= best.0 && surface >= THINNED * rays;
+    (is_plain && spreads(&seen(&best.1))?.into_iter().any(is_sampled)).then_some(best.1)
 }
 
 /// Whether one surface only is seen from `eye` in each direction.
