@@ -149,14 +149,15 @@ fn camera(stop: &Stop, [aside, up, turned, tilted, rolled]: [f64; 5]) -> Motion 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::registration::view::View;
+    use crate::geometry::neighbours::IndexedPoints;
 
     /// The share of a scan's points that have one of the other scan within 6 cm.
     fn overlap(set: &ScanSet, i: usize, j: usize) -> f64 {
-        let view = View::new(&set.scans[j].cloud).expect("a frame can be used");
-        let motion = view.local_pose(&set.poses[j]).inverse() * set.poses[i];
+        let other =
+            IndexedPoints::new(set.scans[j].cloud.points.iter().map(|p| p.coords.cast::<f32>().into()).collect());
+        let motion = set.poses[j].inverse() * set.poses[i];
         let points: Vec<&Point3> = set.scans[i].cloud.points.iter().step_by(60).collect();
-        let is_near = |p: &&&Point3| view.indexed.tree.has_within(&(motion * **p).coords.cast::<f32>().into(), 0.0036);
+        let is_near = |p: &&&Point3| other.tree.has_within(&(motion * **p).coords.cast::<f32>().into(), 0.0036);
         points.iter().filter(is_near).count() as f64 / points.len() as f64
     }
 
