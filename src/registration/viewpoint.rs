@@ -202,7 +202,7 @@ pub fn find(indexed: &IndexedPoints, radius: f64) -> Option<Vector3> {
     }
     let far = (0..AROUND).map(|k| cost(&(direction(k) * FAR * radius))).fold(f64::INFINITY, f64::min);
     let is_plain = cost(&-best.1).min(far) > SIDED * best.0;
-    // cameras are less even than what is asked of an origin, but points that were thinned say nothing
+    // the rays of a camera need not be as even as those from an origin; thinned points tell nothing of rays
     let is_sampled = |(rays, surface): (f64, f64)| rays <= best.0 && surface >= THINNED * rays;
     (is_plain && spreads(&seen(&best.1))?.into_iter().any(is_sampled)).then_some(best.1)
 }
