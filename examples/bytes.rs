@@ -25,7 +25,8 @@ const SHAPES: usize = 9;
 
 fn main() -> anyhow::Result<()> {
     println!("# set\tposes.json\tcloud.ply\tsignature\treport.result");
-    for (sensor, scene) in SensorKind::ALL.iter().flat_map(|sensor| SceneKind::ALL.iter().map(move |scene| (sensor, scene)))
+    for (sensor, scene) in
+        SensorKind::ALL.iter().flat_map(|sensor| SceneKind::ALL.iter().map(move |scene| (sensor, scene)))
     {
         let scans = sensor_set(*sensor, *scene, SEED).scans;
         print_hashes(&format!("{}, {}", sensor.name(), scene.name()), named(scans), &Start::default());

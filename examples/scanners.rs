@@ -9,10 +9,13 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use nix::sys::resource::{UsageWho, getrusage};
+use serde::Deserialize;
 use visage::formats::ply::write_cloud;
 use visage::geometry::{Motion, Point3, Unit, Vector3, se3};
 use visage::pipeline::{self, NamedScan, Options, Start};
 use visage::progress::Progress;
+use visage::registration::rough::confidence::features;
+use visage::registration::rough::report::ViewEvidence;
 use visage::synthetic::scenery::SceneKind;
 use visage::synthetic::sensors::{SensorKind, SensorSet, sensor_set};
 
@@ -60,7 +63,7 @@ fn all() -> impl Iterator<Item = (SensorKind, SceneKind)> {
 }
 
 /// The columns of the rows.
-const HEADER: &str = "#view\tsensor\tscene\tseed\tviews\tview\tplaced\tright\toverlap\tconfidence\toff_percent\toff_deg\tsharpness\tgrip\n\
+const HEADER: &str = "#view\tsensor\tscene\tseed\tviews\tview\tplaced\tright\toverlap\tconfidence\toff_percent\toff_deg\tsharpness\tgrip\tfeatures\n\
                       #set\tsensor\tscene\tseed\tviews\tplaced\tright\tquality\tcpu_s\tmaking_cpu_s\tpoints\tworst_percent\tworst_deg\treasons";
 
 /// Processor time of this process so far, s.
@@ -109,7 +112,7 @@ fn measure(sensor: SensorKind, scene: SceneKind, seed: u64) -> anyhow::Result<St
     for view in 0..count {
         let error = errors[view].map(|(off, degrees)| format!("{:.3}\t{degrees:.2}", 100.0 * off));
         rows += &format!(
-            "view\t{key}\t{view}\t{}\t{}\t{:.3}\t{}\t{}\t{}\t{:.3}\n",
+            "view\t{key}\t{view}\t{}\t{}\t{:.3}\t{}\t{}\t{}\t{:.3}\t{}\n",
             u8::from(errors[view].is_some()),
             u8::from(is_right(&errors[view])),
             set.best_overlap(view),
@@ -117,6 +120,7 @@ fn measure(sensor: SensorKind, scene: SceneKind, seed: u64) -> anyhow::Result<St
             error.unwrap_or_else(|| "\t".into()),
             cell(&verdict["sharpness"][view]),
             set.grips[view],
+            features_of(&outcome.report["views"][view]["evidence"]),
         );
     }
     let reasons: Vec<&str> = verdict["reasons"].as_array().into_iter().flatten().filter_map(|r| r.as_str()).collect();
@@ -131,6 +135,15 @@ fn measure(sensor: SensorKind, scene: SceneKind, seed: u64) -> anyhow::Result<St
         reasons.join(" | "),
     );
     Ok(rows)
+}
+
+/// What the confidence of a view looks at, with commas between.
+fn features_of(evidence: &serde_json::Value) -> String {
+    let Ok(evidence) = ViewEvidence::deserialize(evidence) else { return String::new() };
+    let ViewEvidence { standing, witness } = evidence;
+    let still = if witness.stands_still { ",still" } else { "" };
+    let features: Vec<String> = features(&standing, &witness).iter().map(|x| format!("{x:.5}")).collect();
+    features.join(",") + still
 }
 
 /// For each placed view how far off it is, as a share of the set's size, and by which angle, for the choice of world by which most

@@ -11,14 +11,16 @@ use rayon::prelude::*;
 use visage::geometry::neighbours::{IndexedPoints, LocalPoint};
 use visage::geometry::{Motion, Point3, Surface, Vector3};
 use visage::progress::Progress;
+use visage::registration::covariance;
 use visage::registration::hinted::Hinted;
 use visage::registration::method::Method;
 use visage::registration::multiview::{self, MultiviewOptions};
-use visage::registration::rough::confidence::{FEATURES, MODEL, SURE, features};
+use visage::registration::rough::confidence::{FEATURES, MODEL, SURE, confidence, features};
 use visage::registration::rough::placement::place;
 use visage::registration::rough::scan_set::Set;
 use visage::registration::sensor::Sensor;
 use visage::registration::view::View;
+use visage::registration::witness::Known;
 use visage::synthetic::shapes::{Coverage, ScanOptions, Shape, catalogue, scan_set};
 
 /// A view that is farther off, in spacings, is wrong.
@@ -87,10 +89,14 @@ fn measure(index: usize, seed: u64) -> String {
     let placed: Vec<usize> = (0..count).filter(|view| placement.result.placed[*view]).collect();
     let poses: Vec<Motion> = placed.iter().map(|view| placement.result.local_poses[*view]).collect();
     let right = right_views(shape, seed, &views, &truth, &placed, &poses);
+    let covariances = covariance::of_result(&views, &placement.result);
+    let known = Known { covariances: &covariances, intrusions: &[], colours: &vec![None; count], stands_still: false };
+    let witnesses = known.witnesses(&views, &placement.result);
     let mut rows = String::new();
     for (view, overlap) in best_overlaps(&views, &truth).into_iter().enumerate() {
         let is_placed = placed.contains(&view);
-        let told = placement.standings[view].filter(|_| is_placed).map(|standing| features(&standing));
+        let told = placement.standings[view].filter(|_| is_placed);
+        let told = told.map(|standing| features(&standing, &witnesses[view]));
         let told: Vec<String> = told.unwrap_or_default().iter().map(|x| format!("{x:.5}")).collect();
         let _ = writeln!(
             rows,
@@ -102,7 +108,7 @@ fn measure(index: usize, seed: u64) -> String {
             u8::from(is_placed),
             u8::from(right.contains(&view)),
             u8::from(placement.ambiguous[view]),
-            placement.confidences[view],
+            placement.standings[view].map_or(0.0, |standing| confidence(&standing, &witnesses[view])),
             told.join("\t")
         );
     }

@@ -9,9 +9,11 @@ use rayon::prelude::*;
 use visage::geometry::{Cloud, Motion, Point3, Vector3, se3};
 use visage::progress::Progress;
 use visage::registration::covariance::{self, PoseCovariance};
+use visage::registration::free_space::intrusions;
 use visage::registration::method::Method;
 use visage::registration::multiview::{Multiview, MultiviewOptions, common_spacing};
 use visage::registration::quality::{self, Quality, Verdict};
+use visage::registration::resolution::resolution;
 use visage::registration::sensor::Sensor;
 use visage::registration::view::View;
 use visage::registration::weak_axes::{AxisKind, WeakAxis, weak_axes};
@@ -59,7 +61,9 @@ impl Truth {
         let spacing = common_spacing(&self.views);
         let mut verdict = quality::judge(&self.views, &result, &names);
         let sensors: Vec<Option<Vector3>> = self.views.iter().map(|view| Some(-view.center)).collect();
-        verdict.look(&self.views, &sensors, &result, &names);
+        let (poses, placed) = (&result.local_poses, &result.placed);
+        let unit = resolution(&self.views, &result);
+        verdict.look(&intrusions(&self.views, &sensors, poses, placed, unit), &names);
         let known = covariance::of_result(&self.views, &result);
         verdict.weigh(&known, spacing, &names);
         Registered { result, verdict, known, spacing }

@@ -16,6 +16,7 @@ use crate::progress::{Canceled, Progress, Stage};
 pub use crate::reconstruction::merge::ModelCloud;
 use crate::reconstruction::merge::{PosedView, merge};
 use crate::registration::colour::{self, Brightness};
+use crate::registration::free_space::intrusions;
 pub use crate::registration::hints::Hints;
 pub use crate::registration::method::Method;
 use crate::registration::multiview::Multiview;
@@ -25,6 +26,7 @@ use crate::registration::resolution::resolution;
 use crate::registration::rough::scan_set::Registered;
 use crate::registration::sensor::Sensor;
 use crate::registration::view::View;
+use crate::registration::witness::Known;
 use crate::registration::{self, covariance};
 
 use self::start::Setting;
@@ -168,17 +170,24 @@ pub fn run_from(
     let settled = still::settle(&setting, &names, taken, whole, options, progress)?;
     let Settled { taken: Taken { scans, views, sensors, registered }, held, still, moved } = settled;
     readied.iter_mut().zip(still).for_each(|(readied, count)| readied.still = count);
-    let Registered { result, mut verdict, placement } = registered;
+    let Registered { result, verdict, mut placement } = registered;
     let positions: Vec<Option<Vector3>> = sensors.iter().map(|sensor| sensor.and_then(|s| s.position())).collect();
-    verdict.look(&views, &positions, &result, &names);
+    let seen_at = resolution(&views, &result);
+    let looked_through = intrusions(&views, &positions, &result.local_poses, &result.placed, seen_at);
+    let (all, at) = held.as_ref().map_or((&views, &result), |held| (&held.whole, &held.result));
+    let covariances = covariance::of_result(all, at);
+    let unit_length = resolution(all, at);
+    let colours = colour::agreement(&views, &brightness_of(&scans), &result, unit_length);
+    let stands_still = moved.is_some();
+    let known = Known { covariances: &covariances, intrusions: &looked_through, colours: &colours, stands_still };
+    placement.hear(known.witnesses(&views, &result), &result.placed);
+    let mut verdict = placement.doubted(&verdict, &result.placed, &names);
+    verdict.look(&looked_through, &names);
     if let Some(moved) = moved {
         verdict.doubt_what_stands_still(&moved, &names);
     }
-    let (all, at) = held.as_ref().map_or((&views, &result), |held| (&held.whole, &held.result));
-    let known = covariance::of_result(all, at);
-    let unit_length = resolution(all, at);
-    verdict.weigh(&known, unit_length, &names);
-    verdict.compare_colours(&colour::agreement(&views, &brightness_of(&scans), &result, unit_length), &names);
+    verdict.weigh(&covariances, unit_length, &names);
+    verdict.compare_colours(&colours, &names);
     for reason in readied.iter().zip(&names).filter_map(|(readied, name)| readied.doubt(name, unit.name())) {
         verdict.lower(Quality::Doubtful, reason);
     }
@@ -192,7 +201,7 @@ pub fn run_from(
     let said = setting.hinted(&names, &views);
     let relative = |i: usize, j: usize| placement.relative(&result, &views, i, j);
     let said = hints::report(&said, relative, &names, &mut verdict);
-    let report = RegistrationReport::new(options.method, unit.name(), &names, &views, &result, &known, verdict);
+    let report = RegistrationReport::new(options.method, unit.name(), &names, &views, &result, &covariances, verdict);
 
     let merged = merge_views(&scans, &views, &sensors, &result, options, progress)?;
     let signature = match &merged {

@@ -135,7 +135,7 @@ fn follow_what_moved(
         let poses: Vec<Motion> = result.local_poses.iter().zip(shifts).map(|(pose, shift)| pose * shift).collect();
         is_elsewhere(&poses, &result.placed, registered, set.views, unit)
     };
-    let quality = |followed: &Followed| followed.taken.registered.verdict.quality;
+    let quality = |followed: &Followed| followed.taken.registered.quality(set.names);
     let rank = |followed: &Followed| (quality(followed), std::cmp::Reverse(count_placed(followed)));
     let best = [without_support, cut]
         .into_iter()

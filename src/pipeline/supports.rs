@@ -70,7 +70,7 @@ impl Set<'_> {
             return Ok((registered, None));
         }
         registered.result.local_poses = reframed(&result.local_poses, &whole, self.views);
-        registered.verdict = registered.placement.judge(self.views, &registered.result, self.names);
+        registered.verdict = quality::judge(self.views, &registered.result, self.names);
         Ok((registered, Some(Held { whole, result })))
     }
 
@@ -84,7 +84,7 @@ impl Set<'_> {
     ) -> Result<(Registered, Option<Held>), PipelineError> {
         let (whole, _, mut again) = self.setting.register(self.scans, whole, self.names, options, progress)?;
         let placed = |registered: &Registered| registered.result.placed.iter().filter(|placed| **placed).count();
-        if placed(&again) <= placed(&registered) || again.verdict.quality > registered.verdict.quality {
+        if placed(&again) <= placed(&registered) || again.quality(self.names) > registered.quality(self.names) {
             return Ok((registered, None));
         }
         let result = again.result.clone();

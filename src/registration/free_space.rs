@@ -3,6 +3,7 @@
 
 use rayon::prelude::*;
 
+use super::quality::limits;
 use super::view::View;
 use crate::geometry::neighbours::LocalPoint;
 use crate::geometry::{Motion, Vector3};
@@ -104,6 +105,13 @@ pub struct Intrusion {
     pub share: f64,
     /// How many points fell there.
     pub points: usize,
+}
+
+impl Intrusion {
+    /// Whether it says something: more than noise at edges, and more than a few points.
+    pub fn counts(&self) -> bool {
+        self.points >= limits::LOOKED_THROUGH_POINTS && self.share > limits::LOOKED_THROUGH
+    }
 }
 
 /// All pairs of placed views of which the second's scanner is known, with the share of free space.

@@ -34,3 +34,4 @@ pub mod view_graph;
 pub mod viewpoint;
 pub mod walls;
 pub mod weak_axes;
+pub mod witness;

@@ -7,13 +7,12 @@
 use rayon::prelude::*;
 
 use super::covariance::PoseCovariance;
-use super::free_space::intrusions;
+use super::free_space::Intrusion;
 use super::multiview::{Multiview, PairOutcome};
 use super::resolution::resolution;
 use super::view::View;
 use super::walls::mixed_faces;
 use super::weak_axes::weak_axes;
-use crate::geometry::Vector3;
 use crate::geometry::neighbours::LocalPoint;
 use crate::geometry::normals;
 
@@ -102,21 +101,14 @@ impl Verdict {
         }
     }
 
-    /// Adds what the scanners saw: a view may not have surface where another looked through. `sensors` are positions
-    /// in the views' local frames, where known.
-    pub fn look(&mut self, views: &[View], sensors: &[Option<Vector3>], result: &Multiview, names: &[String]) {
-        let spacing = resolution(views, result);
-        for found in intrusions(views, sensors, &result.local_poses, &result.placed, spacing) {
-            if found.points >= limits::LOOKED_THROUGH_POINTS && found.share > limits::LOOKED_THROUGH {
-                let (name, other) = (&names[found.view], &names[found.seen_by]);
-                self.lower(
-                    Quality::Doubtful,
-                    format!(
-                        "{name} has {:.0} % of its surface there where {other} looked through",
-                        found.share * 100.0
-                    ),
-                );
-            }
+    /// Adds what the scanners saw: a view may not have surface where another looked through.
+    pub fn look(&mut self, intrusions: &[Intrusion], names: &[String]) {
+        for found in intrusions.iter().filter(|found| found.counts()) {
+            let (name, other) = (&names[found.view], &names[found.seen_by]);
+            self.lower(
+                Quality::Doubtful,
+                format!("{name} has {:.0} % of its surface there where {other} looked through", found.share * 100.0),
+            );
         }
     }
 

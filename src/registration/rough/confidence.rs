@@ -4,6 +4,7 @@ use super::link::Link;
 use super::scene::Scene;
 use super::standing::Standing;
 use crate::registration::quality::limits;
+use crate::registration::witness::Witness;
 
 /// What a join rests on.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -37,30 +38,43 @@ impl Grounds {
     }
 }
 
-/// Coefficients of the logistic model; see [`features`] and docs/results/scans_alone.md.
-pub const MODEL: [f64; FEATURES] = [6.928, -4.254, -2.835, -2.573, 0.743, -2.466, -1.753];
+/// Coefficients of the logistic model; see [`features`] and docs/results/scanners.md.
+pub const MODEL: [f64; FEATURES] = [1.28, -0.32, -0.91, -0.78, 0.77, -0.69, -0.57, 2.39, -0.43, 0.98, -1.94];
+/// What the logarithm of the odds loses where something moved before a background that holds the views: one of both is wrong.
+const STILL: f64 = 4.0;
 /// A view is called sure from this confidence on.
 pub const SURE: f64 = limits::LEAST_SURE;
 /// Numbers that the model looks at.
-pub const FEATURES: usize = 7;
+pub const FEATURES: usize = 11;
+/// Displacement by one standard deviation where it is not known: what is usual, in the size of the set,
+const USUAL_DISPLACEMENT: f64 = 3e-3;
+/// and what is added to it, so that none is free of doubt.
+const LEAST_DISPLACEMENT: f64 = 1e-4;
+/// Agreement of colours that is as good as any.
+const COLOURS_AGREE: f64 = 0.8;
 
 /// The probability that a view that stands so is right.
-pub fn confidence(standing: &Standing) -> f64 {
-    let z: f64 = MODEL.iter().zip(features(standing)).map(|(c, x)| c * x).sum();
+pub fn confidence(standing: &Standing, witness: &Witness) -> f64 {
+    let z: f64 = MODEL.iter().zip(features(standing, witness)).map(|(c, x)| c * x).sum();
+    let z = if witness.stands_still { z - STILL } else { z };
     1.0 / (1.0 + (-z).exp())
 }
 
 /// What the model looks at.
-pub fn features(standing: &Standing) -> [f64; FEATURES] {
+pub fn features(standing: &Standing, witness: &Witness) -> [f64; FEATURES] {
     let s = standing;
     [
         1.0,
-        s.through.sqrt(),
-        s.crossing.max(s.group_crossing).sqrt(),
+        s.unseen.sqrt(),
+        s.contradict.max(s.group_contradict).sqrt(),
         s.group_rival,
-        s.hold.max(0.01).ln(),
+        s.held.max(0.01).ln(),
         s.rms.max(0.1).ln(),
         (1.0 - s.sharpness).sqrt(),
+        s.agreeing,
+        (witness.displacement.unwrap_or(USUAL_DISPLACEMENT) + LEAST_DISPLACEMENT).ln(),
+        witness.colours.map_or(0.0, |agreement| agreement.min(COLOURS_AGREE) - COLOURS_AGREE),
+        f64::from(u8::from(witness.is_looked_through)),
     ]
 }
 
@@ -72,25 +86,37 @@ mod tests {
     fn what_speaks_against_a_place_makes_it_less_sure() {
         let right = Standing {
             overlap: 0.6,
-            through: 0.0,
-            crossing: 0.0,
-            group_crossing: 0.0,
+            unseen: 0.0,
+            contradict: 0.0,
+            group_contradict: 0.0,
             rms: 1.0,
-            hold: 0.2,
+            agreeing: 0.8,
+            held: 0.2,
             group_rival: 0.0,
             sharpness: 1.0,
         };
-        assert!(confidence(&right) > SURE);
+        let none = Witness::default();
+        assert!(confidence(&right, &none) > SURE);
         let worse = [
-            Standing { through: 0.05, ..right },
-            Standing { crossing: 0.3, ..right },
-            Standing { group_crossing: 0.1, ..right },
+            Standing { unseen: 0.05, ..right },
+            Standing { contradict: 0.3, ..right },
+            Standing { group_contradict: 0.1, ..right },
             Standing { group_rival: 1.0, ..right },
             Standing { sharpness: 0.7, ..right },
             Standing { rms: 2.0, ..right },
+            Standing { agreeing: 0.2, ..right },
         ];
         for standing in worse {
-            assert!(confidence(&standing) < confidence(&right), "{standing:?}");
+            assert!(confidence(&standing, &none) < confidence(&right, &none), "{standing:?}");
+        }
+        let against = [
+            Witness { displacement: Some(0.02), ..none },
+            Witness { is_looked_through: true, ..none },
+            Witness { colours: Some(0.2), ..none },
+            Witness { stands_still: true, ..none },
+        ];
+        for witness in against {
+            assert!(confidence(&right, &witness) < confidence(&right, &none), "{witness:?}");
         }
     }
 }

@@ -15,6 +15,7 @@ use crate::registration::overlap::OverlapMatrix;
 use crate::registration::quality::{self, Verdict};
 use crate::registration::resolution::resolution;
 use crate::registration::view::View;
+use crate::registration::witness::Witness;
 
 /// Where a view's pose came from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
@@ -83,7 +84,9 @@ pub fn place(set: &Set, refine: &Refine, progress: &Progress) -> Result<Placemen
     }
     let mut result = placed.unwrap_or_else(|| Multiview::alone(views.len()));
     let origins = settle_world(views, set.given, &mut result);
-    let sure = |view: usize| standings[view].filter(|_| result.placed[view]).map(|standing| confidence(&standing));
+    let sure = |view: usize| {
+        standings[view].filter(|_| result.placed[view]).map(|standing| confidence(&standing, &Witness::default()))
+    };
     let confidences: Vec<f64> = (0..views.len()).map(|view| sure(view).unwrap_or(0.0)).collect();
     let pieces = open_pieces(&rough.ambiguous, &result, &groups, &standings, &confidences);
     let alternatives = match rough.searches.first() {
@@ -135,7 +138,8 @@ fn settle_group(
     let members = search.seen(views, &group.views);
     let refined = refine(&members, &group.local_poses)?;
     let standings = standings_of(&members, &group.views, &refined, search);
-    let kept: Vec<usize> = (0..members.len()).filter(|k| confidence(&standings[*k]) >= REFUTED).collect();
+    let kept: Vec<usize> =
+        (0..members.len()).filter(|k| confidence(&standings[*k], &Witness::default()) >= REFUTED).collect();
     if kept.len() == members.len() || kept.len() < 2 || 2 * kept.len() <= members.len() {
         return Ok((group.clone(), refined, standings));
     }
@@ -171,7 +175,8 @@ fn held_together(set: &Set, group: &Group, refined: &Multiview, found: &[Standin
     let members: Vec<View> = group.views.iter().map(|view| set.views[*view].clone()).collect();
     let names: Vec<String> = group.views.iter().map(|view| set.names[*view].clone()).collect();
     let mut verdict = quality::judge(&members, refined, &names);
-    verdict.doubt(&found.iter().map(confidence).collect::<Vec<f64>>(), &refined.placed, &names);
+    let sure = |standing: &Standing| confidence(standing, &Witness::default());
+    verdict.doubt(&found.iter().map(sure).collect::<Vec<f64>>(), &refined.placed, &names);
     Some(PlacedGroup {
         views: kept.iter().map(|k| group.views[*k]).collect(),
         scan_poses: kept.iter().map(|k| world * scan_pose(*k)).collect(),

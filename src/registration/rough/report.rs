@@ -1,19 +1,26 @@
 //! What a report says of how the views came to their poses.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::alternatives::Alternatives;
+use super::confidence::confidence;
 use super::placement::{Origin, PlacedGroup, Placement};
+use super::standing::Standing;
 use crate::geometry::{Motion, se3};
 use crate::registration::multiview::Multiview;
-use crate::registration::quality::{self, Quality, Verdict};
+use crate::registration::quality::{Quality, Verdict};
 use crate::registration::view::View;
+use crate::registration::witness::Witness;
 
 /// How the views came to their poses.
 #[derive(Debug, Clone)]
 pub struct PlacementReport {
     origins: Vec<Option<Origin>>,
-    /// For each view; `None` if its pose was given and nothing else was tried.
+    /// For each placed view how it stands among the others; `None` if poses were given and nothing else was tried.
+    standings: Option<Vec<Option<Standing>>>,
+    /// What was learned of each view once all poses were final.
+    witnesses: Vec<Witness>,
+    /// For each view the probability that its pose is right; `None` as before.
     confidences: Option<Vec<f64>>,
     /// For each view why it has no pose.
     reasons: Vec<Option<&'static str>>,
@@ -34,11 +41,24 @@ struct GroupReport<'a> {
     reasons: &'a [String],
 }
 
+/// What the confidence of a view rests on, as a report holds it.
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+pub struct ViewEvidence {
+    /// How it stands among the others.
+    #[serde(flatten)]
+    pub standing: Standing,
+    /// What was learned once all poses were final.
+    #[serde(flatten)]
+    pub witness: Witness,
+}
+
 impl PlacementReport {
     /// All poses were given, and refined from there.
     pub fn of_given(result: &Multiview) -> Self {
         PlacementReport {
             origins: result.placed.iter().map(|placed| placed.then_some(Origin::Given)).collect(),
+            standings: None,
+            witnesses: Vec::new(),
             confidences: None,
             reasons: result.placed.iter().map(|placed| (!placed).then_some(APART)).collect(),
             groups: Vec::new(),
@@ -57,6 +77,8 @@ impl PlacementReport {
         };
         PlacementReport {
             origins: placement.origins.clone(),
+            standings: Some(placement.standings.clone()),
+            witnesses: Vec::new(),
             confidences: Some(placement.confidences.clone()),
             reasons: (0..placement.origins.len()).map(reason).collect(),
             groups: placement.groups.clone(),
@@ -76,13 +98,30 @@ impl PlacementReport {
         self.groups.iter().find_map(|group| Some(pose(group, i)?.inv_mul(&pose(group, j)?)))
     }
 
-    /// Judges the views at other poses than they were placed at; how sure their places are stays as it was.
-    pub fn judge(&self, views: &[View], result: &Multiview, names: &[String]) -> Verdict {
-        let mut verdict = quality::judge(views, result, names);
+    /// How good the poses are that were judged by themselves, if views may lie elsewhere.
+    pub fn doubted(&self, verdict: &Verdict, placed: &[bool], names: &[String]) -> Verdict {
+        let mut verdict = verdict.clone();
         if let Some(sure) = &self.confidences {
-            verdict.doubt(sure, &result.placed, names);
+            verdict.doubt(sure, placed, names);
         }
         verdict
+    }
+
+    /// Says anew how sure the poses are, from what was learned once they were final.
+    pub fn hear(&mut self, witnesses: Vec<Witness>, placed: &[bool]) {
+        let Some(standings) = &self.standings else { return };
+        let sure = |(view, standing): (usize, &Option<Standing>)| match standing {
+            Some(standing) if placed[view] => confidence(standing, &witnesses[view]),
+            _ => 0.0,
+        };
+        self.confidences = Some(standings.iter().enumerate().map(sure).collect());
+        self.witnesses = witnesses;
+    }
+
+    /// What the confidence of a view rests on.
+    fn evidence(&self, view: usize) -> Option<ViewEvidence> {
+        let standing = self.standings.as_ref()?[view].filter(|_| self.origins[view].is_some())?;
+        Some(ViewEvidence { standing, witness: *self.witnesses.get(view)? })
     }
 
     /// How sure the whole is: as sure as its least sure placed view.
@@ -92,14 +131,15 @@ impl PlacementReport {
         placed.map(|(_, sure)| *sure).min_by(f64::total_cmp)
     }
 
-    /// Adds to each view of a report `pose` (`given`, `corrected`, `found` or null), `confidence` and, if it has no
-    /// place, `unplaced` with the reason; and to the report the `confidence` of the whole, the groups and the
+    /// Adds to each view of a report `pose` (`given`, `corrected`, `found` or null), `confidence`, the `evidence` that it rests
+    /// on and, if it has no place, `unplaced` with the reason; and to the report the `confidence` of the whole, the groups and the
     /// alternatives.
     pub fn write_into(&self, report: &mut serde_json::Value, names: &[String]) {
         if let Some(rows) = report["views"].as_array_mut() {
             for (view, row) in rows.iter_mut().enumerate() {
                 row["pose"] = serde_json::json!(self.origins[view]);
                 row["confidence"] = serde_json::json!(self.confidences.as_ref().map(|sure| sure[view]));
+                row["evidence"] = serde_json::json!(self.evidence(view));
                 row["unplaced"] = serde_json::json!(self.reasons[view]);
                 row["group"] = serde_json::json!(self.groups.iter().position(|group| group.views.contains(&view)));
             }

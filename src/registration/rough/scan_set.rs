@@ -31,10 +31,17 @@ pub struct Set<'a> {
 pub struct Registered {
     /// Poses, pairs, overlaps.
     pub result: Multiview,
-    /// How good they are.
+    /// How good they are, judged by themselves.
     pub verdict: Verdict,
     /// How the views came to their poses.
     pub placement: PlacementReport,
+}
+
+impl Registered {
+    /// How good it is, its poses and how sure they are.
+    pub fn quality(&self, names: &[String]) -> Quality {
+        self.placement.doubted(&self.verdict, &self.result.placed, names).quality
+    }
 }
 
 impl Set<'_> {
@@ -53,15 +60,14 @@ impl Set<'_> {
         }
         let repaired = self.placed(refine, progress)?;
         // of two that are as good the one is taken that follows the picked points
-        let rank = |registered: &Registered| (registered.verdict.quality, !is_met(&registered.result));
+        let rank = |registered: &Registered| (registered.quality(self.names), !is_met(&registered.result));
         Ok(if rank(&repaired) < rank(&from_given) { repaired } else { from_given })
     }
 
     /// Places the views by their surface.
     fn placed(&self, refine: &Refine, progress: &Progress) -> Result<Registered, Canceled> {
         let placement = place(self, refine, progress)?;
-        let mut verdict = self.judge(&placement.result, progress);
-        verdict.doubt(&placement.confidences, &placement.result.placed, self.names);
+        let verdict = self.judge(&placement.result, progress);
         Ok(Registered { placement: PlacementReport::of(&placement), result: placement.result, verdict })
     }
 

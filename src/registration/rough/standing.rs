@@ -3,6 +3,8 @@
 //!
 //! A pair may be wrong and look right. A wrong view hardly ever is let stand by the pictures of all other scanners.
 
+use std::collections::BTreeMap;
+
 use rayon::prelude::*;
 
 use super::consensus::alike;
@@ -25,22 +27,24 @@ const ELSEWHERE: f64 = 4.0;
 const HELD: f64 = 0.6;
 
 /// What speaks for and against a view's place.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Standing {
     /// The largest overlap with another view, smaller share of both.
     pub overlap: f64,
     /// Of all votes that say something, the share of surfels where a scanner saw nothing, or looked through.
-    pub through: f64,
+    pub unseen: f64,
     /// The share of surfels that cross a surface, but for those that may be the other side of a thin wall.
-    pub crossing: f64,
+    pub contradict: f64,
     /// The same share, of the whole group.
-    pub group_crossing: f64,
+    pub group_contradict: f64,
     /// Root mean square distance of surfels that agree, in the noise of the set.
     pub rms: f64,
     /// How well the best other place of a view does, in what its own does: 0 (there is none) to 2; mean over the group.
     pub group_rival: f64,
+    /// Of the pairs of this view whose best hypothesis says something, the share that says what the group does.
+    pub agreeing: f64,
     /// How well the surface holds the view in the direction that holds it least: 0 (it slides) to about 0.3.
-    pub hold: f64,
+    pub held: f64,
     /// Of the points near others the share that touches them at full resolution; see [`crate::registration::quality`].
     pub sharpness: f64,
 }
@@ -68,17 +72,19 @@ pub fn standings(sketches: &[&Sketch], local_poses: &[Motion], links: &[Link], e
     let views = (0..n).into_par_iter().with_max_len(1);
     let rivals: Vec<f64> = views.map(|view| rival(sketches, local_poses, links, view, edge)).collect();
     let group_rival = rivals.iter().sum::<f64>() / n.max(1) as f64;
+    let agreeing = agreeing(sketches, local_poses, links, edge);
     (0..n)
         .into_par_iter()
         .with_max_len(1)
         .map(|view| Standing {
+            agreeing: agreeing[view],
             overlap: overlap[view],
-            through: share(&own[view], own[view].unseen()),
-            crossing: share(&own[view], own[view].contradict),
-            group_crossing: share(&whole, whole.contradict),
+            unseen: share(&own[view], own[view].unseen()),
+            contradict: share(&own[view], own[view].contradict),
+            group_contradict: share(&whole, whole.contradict),
             rms: own[view].rms() / (edge * noise),
             group_rival,
-            hold: hold(&held(sketches, local_poses, view, edge)),
+            held: hold(&held_surfels(sketches, local_poses, view, edge)),
             sharpness: 1.0,
         })
         .collect()
@@ -87,6 +93,29 @@ pub fn standings(sketches: &[&Sketch], local_poses: &[Motion], links: &[Link], e
 /// A count of votes as a share of all votes that say something.
 fn share(votes: &SurfelVotes, count: f64) -> f64 {
     count / votes.said().max(1.0)
+}
+
+/// For each view of how many of its pairs the best hypothesis is that of the group, as a share of those whose best is that or
+/// a promising other one; with half a pair for each side, since few pairs say little.
+fn agreeing(sketches: &[&Sketch], local_poses: &[Motion], links: &[Link], edge: f64) -> Vec<f64> {
+    let mut best: BTreeMap<(usize, usize), &Link> = BTreeMap::new();
+    for link in links {
+        let pair = (link.i.min(link.j), link.i.max(link.j));
+        let held = best.entry(pair).or_insert(link);
+        if link.score() > held.score() {
+            *held = link;
+        }
+    }
+    let mut counts = vec![[0.5, 0.5]; sketches.len()];
+    for link in best.into_values() {
+        let found = local_poses[link.i].inv_mul(&local_poses[link.j]);
+        let radius = sketches[link.i].radius.max(sketches[link.j].radius);
+        let is_of_group = alike(&found, &link.motion_i_j, radius, ELSEWHERE * edge);
+        for view in [link.i, link.j].into_iter().filter(|_| is_of_group || link.is_promising()) {
+            counts[view][usize::from(is_of_group)] += 1.0;
+        }
+    }
+    counts.into_iter().map(|[against, with]| with / (with + against)).collect()
 }
 
 /// How well the best other place of a view does that its candidates propose, in what its own place does.
@@ -120,7 +149,7 @@ fn rival(sketches: &[&Sketch], local_poses: &[Motion], links: &[Link], view: usi
 }
 
 /// The surfels of a view that others hold: position and normal.
-fn held(sketches: &[&Sketch], local_poses: &[Motion], view: usize, edge: f64) -> Vec<(Vector3, Vector3)> {
+fn held_surfels(sketches: &[&Sketch], local_poses: &[Motion], view: usize, edge: f64) -> Vec<(Vector3, Vector3)> {
     let sketch = sketches[view];
     let motions: Vec<nalgebra::Isometry3<f32>> =
         local_poses.iter().map(|pose| pose.inv_mul(&local_poses[view]).cast()).collect();
@@ -184,14 +213,14 @@ mod tests {
     fn what_the_other_scanner_did_not_see_speaks_against_a_place() {
         let bumpy = |x: f64, y: f64| 6.0 * (x / 7.0).sin() * (y / 9.0).cos();
         let right = standing(bumpy, &Motion::identity());
-        assert_eq!((right.through, right.group_rival), (0.0, 0.0));
-        assert!(right.overlap > 0.9 && right.hold > 0.05, "{right:?}");
+        assert_eq!((right.unseen, right.group_rival), (0.0, 0.0));
+        assert!(right.overlap > 0.9 && right.held > 0.05, "{right:?}");
         let beside = standing(bumpy, &Motion::translation(30.0, 0.0, 0.0));
-        assert!(beside.through > 0.1, "{beside:?}");
+        assert!(beside.unseen > 0.1, "{beside:?}");
     }
 
     #[test]
     fn nothing_holds_a_plane_on_a_plane() {
-        assert!(standing(|_, _| 0.0, &Motion::identity()).hold < 0.01);
+        assert!(standing(|_, _| 0.0, &Motion::identity()).held < 0.01);
     }
 }
