@@ -14,8 +14,8 @@ use visage::formats::ply::write_cloud;
 use visage::geometry::{Motion, Point3, Unit, Vector3, se3};
 use visage::pipeline::{self, NamedScan, Options, Start};
 use visage::progress::Progress;
-use visage::registration::rough::confidence::features;
-use visage::registration::rough::report::ViewEvidence;
+use visage::registration::global::confidence::features;
+use visage::registration::global::report::ViewEvidence;
 use visage::synthetic::scenery::SceneKind;
 use visage::synthetic::sensors::{SensorKind, SensorSet, sensor_set};
 

@@ -7,9 +7,9 @@ use super::supports::{Held, Set};
 use super::{NamedScan, Options, PipelineError};
 use crate::geometry::{Motion, Vector3};
 use crate::progress::Progress;
+use crate::registration::global::scan_set::Registered;
 use crate::registration::quality::{Quality, is_sharp};
 use crate::registration::resolution::resolution;
-use crate::registration::rough::scan_set::Registered;
 use crate::registration::standing_still::from_one_place;
 use crate::registration::view::View;
 

@@ -8,10 +8,10 @@ use super::start::Setting;
 use super::{NamedScan, Options, PipelineError};
 use crate::geometry::Motion;
 use crate::progress::Progress;
+use crate::registration::global::scan_set::Registered;
 use crate::registration::multiview::{Multiview, MultiviewOptions};
 use crate::registration::quality::{self, is_sharp};
 use crate::registration::resolution::resolution;
-use crate::registration::rough::scan_set::Registered;
 use crate::registration::view::View;
 
 /// Scans without their supports, and how they are registered.

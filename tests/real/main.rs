@@ -4,9 +4,9 @@
 mod additions;
 mod faces;
 mod formats;
+mod global;
 mod queries;
 mod registration;
-mod rough;
 mod sets;
 
 use std::path::{Path, PathBuf};

@@ -8,9 +8,9 @@
 //! pairwise ICP and averaging before it was tried and left out: a view that first hangs on one pair goes wherever that
 //! pair goes (one start of 45 was lost so), while here all its neighbours hold it at once.
 
+mod coarse_scale;
 pub(super) mod normal_equations;
 mod refine;
-mod rough_scale;
 mod scaled;
 mod sides;
 pub mod surfels;

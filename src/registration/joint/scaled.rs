@@ -1,13 +1,13 @@
 //! Scales with the poses: for scanners that disagree in unit (the paper's "optimal scaling", left there as future work).
 //!
 //! A view's points are multiplied by its scale, about the origin of its scan, before its pose moves them: a Sim(3) a
-//! view. The first view's scale is 1. Scales start from [`rough_scales`] and are refined together with the poses, by one
+//! view. The first view's scale is 1. Scales start from [`coarse_scales`] and are refined together with the poses, by one
 //! more unknown a view in the same equations.
 
 use rayon::prelude::*;
 
+use super::coarse_scale::coarse_scales;
 use super::normal_equations::SCALED;
-use super::rough_scale::rough_scales;
 use super::surfels::Surfels;
 use super::{PASSES, Pass, Run};
 use crate::geometry::Motion;
@@ -32,7 +32,7 @@ pub fn joint_scaled(
     progress: &Progress,
 ) -> Result<(Vec<View>, Multiview), Canceled> {
     progress.report(Stage::Registering, 0.0);
-    let growth = rough_scales(&views, scan_poses, is_known, fixed, progress)?;
+    let growth = coarse_scales(&views, scan_poses, is_known, fixed, progress)?;
     views = scaled(views, &growth);
     let initial: Vec<Motion> = views.iter().zip(scan_poses).map(|(view, pose)| view.local_pose(pose)).collect();
     let mut state = Multiview::at(&initial);

@@ -1,4 +1,4 @@
-//! A scan reduced to what rough registration needs of it: a few thousand oriented surfels, each described once.
+//! A scan reduced to what global registration needs of it: a few thousand oriented surfels, each described once.
 
 use rayon::prelude::*;
 

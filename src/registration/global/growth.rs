@@ -283,7 +283,7 @@ fn clearest(waiting: &[Waiting]) -> Option<(usize, Motion)> {
 mod tests {
     use super::*;
     use crate::geometry::{Cloud, Point3, Vector3};
-    use crate::registration::rough::sketch::Sketch;
+    use crate::registration::global::sketch::Sketch;
     use crate::registration::sensor::Sensor;
     use crate::registration::view::View;
 

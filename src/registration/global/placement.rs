@@ -7,7 +7,7 @@ use super::group::Group;
 use super::hinted::Prior;
 use super::scan_set::Set;
 use super::standing::Standing;
-use super::{Search, rough};
+use super::{Search, find};
 use crate::geometry::Motion;
 use crate::progress::{Canceled, Progress};
 use crate::registration::multiview::{Multiview, PairOutcome};
@@ -69,12 +69,12 @@ const NEAR: f64 = 0.3;
 pub fn place(set: &Set, refine: &Refine, progress: &Progress) -> Result<Placement, Canceled> {
     let views = set.views;
     let prior = Prior { given: set.given, hinted: set.hinted };
-    let rough = rough(views, &prior, set.sensors, progress)?;
+    let found = find(views, &prior, set.sensors, progress)?;
     let mut groups = Vec::new();
     let mut placed: Option<Multiview> = None;
     let mut standings = vec![None; views.len()];
-    for group in rough.groups.iter().filter(|group| group.views.len() > 1) {
-        let search = &rough.searches[group.search];
+    for group in found.groups.iter().filter(|group| group.views.len() > 1) {
+        let search = &found.searches[group.search];
         let (group, refined, found) = settle_group(views, group, search, refine)?;
         groups.extend(held_together(set, &group, &refined, &found));
         if placed.is_none() {
@@ -88,12 +88,12 @@ pub fn place(set: &Set, refine: &Refine, progress: &Progress) -> Result<Placemen
         standings[view].filter(|_| result.placed[view]).map(|standing| confidence(&standing, &Witness::default()))
     };
     let confidences: Vec<f64> = (0..views.len()).map(|view| sure(view).unwrap_or(0.0)).collect();
-    let pieces = open_pieces(&rough.ambiguous, &result, &groups, &standings, &confidences);
-    let alternatives = match rough.searches.first() {
+    let pieces = open_pieces(&found.ambiguous, &result, &groups, &standings, &confidences);
+    let alternatives = match found.searches.first() {
         Some(search) => alternatives(views, search, &result, pieces, progress)?,
         None => Vec::new(),
     };
-    Ok(Placement { result, origins, confidences, standings, ambiguous: rough.ambiguous, groups, alternatives })
+    Ok(Placement { result, origins, confidences, standings, ambiguous: found.ambiguous, groups, alternatives })
 }
 
 /// Of a set of which the other places of a view do as well as its own, as a mean, views may lie elsewhere.

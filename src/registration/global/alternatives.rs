@@ -15,9 +15,9 @@ use super::verification::verify;
 use super::{Search, onto};
 use crate::geometry::{Motion, Point3, Vector3, se3};
 use crate::progress::{Canceled, Progress};
+use crate::registration::global::scene::resolution;
 use crate::registration::joint::normal_equations::{PairSums, RIGID};
 use crate::registration::multiview::{self, Multiview};
-use crate::registration::rough::scene::resolution;
 use crate::registration::view::View;
 
 /// The most places that are told.

@@ -1,4 +1,4 @@
-//! Rough registration: from scans alone to poses that `joint` can start from.
+//! Global registration: from scans alone to poses that `joint` can start from.
 //!
 //! Each scan is thinned to oriented surfels that are described once ([`sketch`], [`descriptor`]). Of each pair the
 //! surfels that look alike are matched ([`matching`]), motions that many matches agree on are found ([`consensus`]), drawn
@@ -69,9 +69,9 @@ const LINKS: usize = 5;
 /// Surfels of a view that are asked whether a motion is right.
 const SAMPLES: usize = 400;
 
-/// What rough registration found.
+/// What global registration found.
 #[derive(Debug, Clone)]
-pub struct Rough {
+pub struct Found {
     /// Groups of views that hang together; the largest first.
     pub groups: Vec<Group>,
     /// For each view whether it, or its group, fits the rest in several ways.
@@ -139,20 +139,15 @@ pub fn edge_of(views: &[View]) -> f64 {
 /// Groups `views` and finds poses within each group. The largest group is told apart first; what is left is a set of
 /// its own, with lengths and noise of its own: it may be another object, scanned more finely or more coarsely. What is
 /// known in `prior` proposes, like matches do. `sensors` tell where the scanner stood (local frame), where that is known.
-pub fn rough(
-    views: &[View],
-    prior: &Prior,
-    sensors: &[Option<Sensor>],
-    progress: &Progress,
-) -> Result<Rough, Canceled> {
-    let mut found = rough_at_once(views, prior, sensors, progress)?;
+pub fn find(views: &[View], prior: &Prior, sensors: &[Option<Sensor>], progress: &Progress) -> Result<Found, Canceled> {
+    let mut found = find_at_once(views, prior, sensors, progress)?;
     let mut settled = 1;
     while let Some(rest) = rest_beyond(&found.groups, settled) {
         let views: Vec<View> = rest.iter().map(|view| views[*view].clone()).collect();
         let given: Vec<Option<Motion>> = rest.iter().map(|view| prior.given[*view]).collect();
         let hinted = prior.hinted.among(&rest);
         let sensors: Vec<Option<Sensor>> = rest.iter().map(|view| sensors[*view]).collect();
-        let again = rough_at_once(&views, &Prior { given: &given, hinted: &hinted }, &sensors, progress)?;
+        let again = find_at_once(&views, &Prior { given: &given, hinted: &hinted }, &sensors, progress)?;
         found.groups.truncate(settled);
         let search = found.searches.len();
         found.groups.extend(again.groups.into_iter().map(|group| group.renamed(&rest, search)));
@@ -175,12 +170,12 @@ fn rest_beyond(groups: &[Group], settled: usize) -> Option<Vec<usize>> {
 }
 
 /// Groups views with one length of surfels and one level of noise for all.
-fn rough_at_once(
+fn find_at_once(
     views: &[View],
     prior: &Prior,
     sensors: &[Option<Sensor>],
     progress: &Progress,
-) -> Result<Rough, Canceled> {
+) -> Result<Found, Canceled> {
     let edge = edge_of(views);
     let mut sketches = sketch_all(views, edge, sensors);
     prior.hinted.cut.iter().for_each(|view| sketches[*view].sight.crop());
@@ -224,7 +219,7 @@ fn rough_at_once(
     }
     let Assembly { groups, ambiguous } = assembly;
     let search = Search { views: (0..views.len()).collect(), sketches, links, edge, noise };
-    Ok(Rough { groups, ambiguous, searches: vec![search] })
+    Ok(Found { groups, ambiguous, searches: vec![search] })
 }
 
 /// The best ways to lay two views on each other.

@@ -26,7 +26,7 @@ const MAX_STEPS: f64 = 120.0;
 
 /// What each view's points are to be multiplied by, given the poses of their scans; 1 for those that are `fixed` or
 /// whose scale `is_known`, and for those that touch nothing at any scale.
-pub fn rough_scales(
+pub fn coarse_scales(
     views: &[View],
     scan_poses: &[Motion],
     is_known: &[bool],

@@ -1,4 +1,4 @@
-//! What a person said of the views, in rough registration: it proposes, and it joins where the surfaces let it.
+//! What a person said of the views, in global registration: it proposes, and it joins where the surfaces let it.
 //!
 //! Picked points propose a motion of their pair. Where the surfaces don't contradict it, the pair is laid so before
 //! anything is grown, whatever else would fit as well. Pairs that are said to overlap are searched as thoroughly as open

@@ -1,4 +1,4 @@
-//! A set of views as rough registration sees it, and the noise by which its links are measured.
+//! A set of views as global registration sees it, and the noise by which its links are measured.
 
 use super::link::Link;
 use super::sketch::Sketch;

@@ -1,5 +1,5 @@
 //! Registration of real scans from the scans alone. Needs the data folder in VISAGE_DATA; run in release:
-//! `cargo test --release --test real rough -- --ignored --nocapture`. One order and one turn of each scan a set.
+//! `cargo test --release --test real global -- --ignored --nocapture`. One order and one turn of each scan a set.
 
 use std::collections::BTreeMap;
 use std::path::Path;
