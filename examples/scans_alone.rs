@@ -95,7 +95,7 @@ fn measure(index: usize, seed: u64) -> String {
     let mut rows = String::new();
     for (view, overlap) in best_overlaps(&views, &truth).into_iter().enumerate() {
         let is_placed = placed.contains(&view);
-        let told = placement.standings[view].filter(|_| is_placed);
+        let told = placement.pose_supports[view].filter(|_| is_placed);
         let told = told.map(|standing| features(&standing, &witnesses[view]));
         let told: Vec<String> = told.unwrap_or_default().iter().map(|x| format!("{x:.5}")).collect();
         let _ = writeln!(
@@ -108,7 +108,7 @@ fn measure(index: usize, seed: u64) -> String {
             u8::from(is_placed),
             u8::from(right.contains(&view)),
             u8::from(placement.ambiguous[view]),
-            placement.standings[view].map_or(0.0, |standing| confidence(&standing, &witnesses[view])),
+            placement.pose_supports[view].map_or(0.0, |standing| confidence(&standing, &witnesses[view])),
             told.join("\t")
         );
     }

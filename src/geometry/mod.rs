@@ -3,7 +3,6 @@
 pub mod cleaning;
 pub mod cloud;
 pub mod coincidence;
-pub mod groups;
 pub mod mesh;
 pub mod neighbours;
 pub mod normals;
@@ -12,13 +11,14 @@ pub mod own_frame;
 pub mod se3;
 pub mod surface;
 pub mod thinning;
+pub mod union_find;
 pub mod viewpoint;
 
 pub use cloud::{Bounds, Cloud};
-pub use groups::Groups;
 pub use mesh::Mesh;
 pub use se3::Motion;
 pub use surface::{RangeGrid, Surface, Unit};
+pub use union_find::UnionFind;
 
 /// A position in f64, in the unit of the file it came from.
 pub type Point3 = nalgebra::Point3<f64>;

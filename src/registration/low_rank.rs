@@ -14,7 +14,7 @@ use nalgebra::{DMatrix, Dyn, Matrix3, Matrix4, OMatrix, U4};
 use rand::{RngExt, SeedableRng};
 
 use super::motion_averaging::{RelativeMotion, disagreements};
-use crate::geometry::{Groups, Motion};
+use crate::geometry::{Motion, UnionFind};
 
 /// What the decomposition found.
 #[derive(Debug, Clone, PartialEq)]
@@ -76,7 +76,7 @@ pub fn decompose(
     anchors: &[usize],
     radius: f64,
 ) -> Result<LowRank, LowRankError> {
-    let mut groups = Groups::new(poses.len());
+    let mut groups = UnionFind::new(poses.len());
     for pair in relative {
         groups.join(pair.i, pair.j);
     }

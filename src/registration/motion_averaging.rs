@@ -8,7 +8,7 @@ use nalgebra_sparse::factorization::CscCholesky;
 use nalgebra_sparse::{CooMatrix, CscMatrix};
 
 use crate::geometry::se3::{self, Twist};
-use crate::geometry::{Groups, Motion};
+use crate::geometry::{Motion, UnionFind};
 
 /// A measured relative motion.
 #[derive(Debug, Clone, PartialEq)]
@@ -65,7 +65,7 @@ pub fn average(
     anchors: &[usize],
     options: &AveragingOptions,
 ) -> Result<Averaging, Undetermined> {
-    let mut groups = Groups::new(poses.len());
+    let mut groups = UnionFind::new(poses.len());
     for pair in relative.iter().filter(|pair| pair.weight > 0.0) {
         groups.join(pair.i, pair.j);
     }

@@ -12,7 +12,7 @@ use super::sensor::Sensor;
 use super::view::{View, median};
 use super::viewpoint::{self, is_single};
 use crate::geometry::neighbours::{IndexedPoints, LocalPoint, Neighbour};
-use crate::geometry::{Groups, Motion, Point3, Vector3};
+use crate::geometry::{Motion, Point3, UnionFind, Vector3};
 
 /// Edge of the surfels by which pictures are compared, in what the set resolves.
 const EDGE: f64 = 2.5;
@@ -376,7 +376,7 @@ fn large_parts(points: &[LocalPoint], is_chosen: &[bool], link: f64) -> Vec<bool
 /// Sets of chosen points that hang together, in order.
 fn parts(points: &[LocalPoint], chosen: &[usize], link: f32) -> Vec<Vec<usize>> {
     let indexed = IndexedPoints::new(chosen.iter().map(|k| points[*k]).collect());
-    let mut groups = Groups::new(chosen.len());
+    let mut groups = UnionFind::new(chosen.len());
     for (k, place) in indexed.points.iter().enumerate() {
         indexed.tree.for_each_within(place, link * link, |n| {
             groups.join(k, n.index as usize);

@@ -1,7 +1,7 @@
 //! Which pairs of views are registered with each other, and whether they hold all views together.
 
 use super::overlap::OverlapMatrix;
-use crate::geometry::Groups;
+use crate::geometry::UnionFind;
 
 /// The pairs chosen in one round.
 #[derive(Debug, Clone, PartialEq)]
@@ -27,7 +27,7 @@ impl ViewGraph {
         candidates.retain(|&(i, j)| overlaps.mutual(i, j) > min_overlap.min(LEAST_OVERLAP));
         candidates.sort_by(|&a, &b| overlaps.mutual(b.0, b.1).total_cmp(&overlaps.mutual(a.0, a.1)).then(a.cmp(&b)));
 
-        let mut groups = Groups::new(n);
+        let mut groups = UnionFind::new(n);
         let mut degrees = vec![0; n];
         let mut graph = ViewGraph { pairs: Vec::new(), min_overlap, pieces: Vec::new() };
         for (i, j) in candidates {

@@ -11,7 +11,7 @@ use super::proximity::Proximity;
 use super::samples::Samples;
 use super::skin::{self, Skin};
 use crate::geometry::normals::least_spread;
-use crate::geometry::{Bounds, Groups, Mesh, Point3, Surface, Vector3};
+use crate::geometry::{Bounds, Mesh, Point3, Surface, UnionFind, Vector3};
 use crate::progress::{Canceled, Progress};
 
 /// What is known of the outer side of a surface with consistent normals.
@@ -82,7 +82,7 @@ struct Piece {
 }
 
 fn pieces(mesh: &Mesh) -> Vec<Piece> {
-    let mut groups = Groups::new(mesh.vertices.len());
+    let mut groups = UnionFind::new(mesh.vertices.len());
     for &[a, b, c] in &mesh.faces {
         groups.join(a as usize, b as usize);
         groups.join(b as usize, c as usize);

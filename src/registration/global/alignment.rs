@@ -1,6 +1,6 @@
-//! A proposal drawn onto the surface: a few point-to-plane steps on surfels.
+//! A proposal refined on the surface: a few point-to-plane steps on surfels.
 
-use super::sketch::Sketch;
+use super::coarse_view::CoarseView;
 use crate::geometry::{Motion, se3};
 use crate::registration::joint::normal_equations::{PairSums, RIGID};
 
@@ -12,7 +12,7 @@ const SAMPLES: usize = 350;
 const LEAST_COSINE: f32 = 0.6;
 
 /// Improves `motion_i_j`, which maps view j's local frame into view i's.
-pub fn align(i: &Sketch, j: &Sketch, motion_i_j: &Motion, edge: f64) -> Motion {
+pub fn align(i: &CoarseView, j: &CoarseView, motion_i_j: &Motion, edge: f64) -> Motion {
     let step = j.inner.len().div_ceil(SAMPLES).max(1);
     let mut motion = *motion_i_j;
     let mut last = vec![u32::MAX; j.inner.len()];
@@ -43,13 +43,13 @@ pub fn align(i: &Sketch, j: &Sketch, motion_i_j: &Motion, edge: f64) -> Motion {
     motion
 }
 
-/// Search distances of the steps onto a whole group, in edges.
+/// Search distances of the steps onto a whole component, in edges.
 const GROUP_REACHES: [f64; 3] = [1.5, 1.2, 1.0];
-/// Surfels that are moved onto a group, at most.
+/// Surfels that are moved onto a component, at most.
 const GROUP_SAMPLES: usize = 150;
 
 /// Improves `pose`, which maps view j's local frame into a world in which the `others` stand at their poses.
-pub fn align_onto(others: &[(&Sketch, Motion)], j: &Sketch, pose: &Motion, edge: f64) -> Motion {
+pub fn align_onto(others: &[(&CoarseView, Motion)], j: &CoarseView, pose: &Motion, edge: f64) -> Motion {
     let step = j.inner.len().div_ceil(GROUP_SAMPLES).max(1);
     let mut pose = *pose;
     for reach in GROUP_REACHES.map(|reach| reach * edge) {

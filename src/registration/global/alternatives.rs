@@ -1,37 +1,37 @@
-//! Where a view, or a group of views, may lie that fits the placed ones in several ways: all of its places with how much
+//! Where a view, or a component of views, may lie that fits the placed ones in several ways: all of its places with how much
 //! speaks for each, or the axis about which it turns.
 //!
-//! Places come from the links to placed views; the motions between two places that fit are symmetries of the object, and
+//! Places come from the hypotheses to placed views; the motions between two places that fit are symmetries of the object, and
 //! so their products are tried too.
 
 use rayon::prelude::*;
 
+use super::coarse_view::CoarseView;
 use super::consensus::alike;
-use super::link::Link;
-use super::placement::PlacedGroup;
-use super::sketch::Sketch;
-use super::slide::slides;
+use super::pair_hypothesis::PairHypothesis;
+use super::placement::PlacedComponent;
+use super::slippage::can_slip;
 use super::verification::verify;
 use super::{Search, onto};
 use crate::geometry::{Motion, Point3, Vector3, se3};
 use crate::progress::{Canceled, Progress};
-use crate::registration::global::scene::resolution;
+use crate::registration::global::coarse_set::resolution;
 use crate::registration::joint::normal_equations::{PairSums, RIGID};
 use crate::registration::multiview::{self, Multiview};
 use crate::registration::view::View;
 
 /// The most places that are told.
 pub const MOST: usize = 8;
-/// A place is told if so much speaks for it, in what speaks for the best: what counts as a rival when groups are grown is
+/// A place is told if so much speaks for it, in what speaks for the best: what counts as a rival when components are grown is
 /// 0.8, less what noise and holes make of it.
 const LEAST_SCORE: f64 = 0.7;
-/// Places with less than this share are not drawn onto the surface.
+/// Places with less than this share are not refined on the surface.
 const LEAST_RAW: f64 = 0.4;
 /// So many surfels have to speak for the best place.
 const LEAST: f64 = 12.0;
 /// Places that are tried, at most.
 const TRIED: usize = 64;
-/// Surfels of a view that are asked of a place.
+/// Surfels of a view that are queried of a place.
 const SAMPLES: usize = 200;
 /// Places nearer to each other than this, in edges, are one.
 const SAME: f64 = 4.0;
@@ -40,7 +40,7 @@ const HELD: f64 = 0.6;
 /// A motion that hardly turns the surface, as a share of how it shifts it, is no turn about an axis.
 const TURNS: f64 = 0.1;
 
-/// What is laid on the placed views: one view, or a group that hangs together.
+/// What is laid on the placed views: one view, or a component that hangs together.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Piece {
     /// Its views,
@@ -55,9 +55,9 @@ impl Piece {
         Piece { views: vec![view], scan_poses: vec![Motion::identity()] }
     }
 
-    /// A group.
-    pub fn of_group(group: &PlacedGroup) -> Self {
-        Piece { views: group.views.clone(), scan_poses: group.scan_poses.clone() }
+    /// A component.
+    pub fn of_component(component: &PlacedComponent) -> Self {
+        Piece { views: component.views.clone(), scan_poses: component.scan_poses.clone() }
     }
 }
 
@@ -167,9 +167,9 @@ impl<'a> Ground<'a> {
         self.search.edge
     }
 
-    fn sketch(&self, view: usize) -> &Sketch {
+    fn coarse_view(&self, view: usize) -> &CoarseView {
         // the first search is of all views
-        &self.search.sketches[view]
+        &self.search.coarse_views[view]
     }
 
     /// Whether two worlds of the piece put it into the same place.
@@ -195,21 +195,22 @@ impl<'a> Ground<'a> {
         (places.len() > 1 || freedom.is_some()).then_some(Alternatives { piece: self.piece, places, freedom })
     }
 
-    /// The worlds that links to placed views propose, and how much speaks for each; the best first.
+    /// The worlds that hypotheses to placed views propose, and how much speaks for each; the best first.
     fn proposed(&self) -> Vec<(f64, Motion)> {
         let pose =
             |views: &[(usize, Motion)], view: usize| views.iter().find(|(v, _)| *v == view).map(|(_, pose)| *pose);
-        let world = |link: &Link| {
-            let (i, j) = (link.i, link.j);
+        let world = |hypothesis: &PairHypothesis| {
+            let (i, j) = (hypothesis.i, hypothesis.j);
             match (pose(&self.placed, i), pose(&self.members, j)) {
-                (Some(pose_i), Some(pose_j)) => Some(pose_i * link.motion_i_j * pose_j.inverse()),
-                _ => Some(pose(&self.placed, j)? * link.motion_i_j.inverse() * pose(&self.members, i)?.inverse()),
+                (Some(pose_i), Some(pose_j)) => Some(pose_i * hypothesis.motion_i_j * pose_j.inverse()),
+                _ => Some(pose(&self.placed, j)? * hypothesis.motion_i_j.inverse() * pose(&self.members, i)?.inverse()),
             }
         };
-        let mut links: Vec<&Link> = self.search.links.iter().filter(|link| link.is_promising()).collect();
-        links.sort_by(|a, b| b.score().total_cmp(&a.score()).then((a.i, a.j).cmp(&(b.i, b.j))));
+        let mut hypotheses: Vec<&PairHypothesis> =
+            self.search.hypotheses.iter().filter(|hypothesis| hypothesis.is_promising()).collect();
+        hypotheses.sort_by(|a, b| b.score().total_cmp(&a.score()).then((a.i, a.j).cmp(&(b.i, b.j))));
         let mut worlds: Vec<Motion> = self.own.into_iter().collect();
-        for world in links.into_iter().filter_map(world) {
+        for world in hypotheses.into_iter().filter_map(world) {
             if worlds.len() < TRIED && !worlds.iter().any(|other| self.is_same(other, &world)) {
                 worlds.push(world);
             }
@@ -223,8 +224,8 @@ impl<'a> Ground<'a> {
     fn try_place(&self, world: &Motion, found: &mut Vec<(f64, Motion)>) -> bool {
         let spacing = multiview::common_spacing(self.views);
         let spacing = resolution(spacing, self.search.noise, self.edge());
-        let drawn = onto::settled(self.views, &self.placed, &self.members, world, spacing);
-        let world = if self.is_same(&drawn, world) { drawn } else { *world };
+        let refined = onto::settled(self.views, &self.placed, &self.members, world, spacing);
+        let world = if self.is_same(&refined, world) { refined } else { *world };
         if found.iter().any(|(_, other)| self.is_same(other, &world)) {
             return false;
         }
@@ -262,25 +263,30 @@ impl<'a> Ground<'a> {
 
     /// How much speaks for a world of the piece.
     fn balance(&self, world: &Motion) -> f64 {
-        self.measured(world).map(|link| link.evidence.both().balance()).sum()
+        self.measured(world).map(|hypothesis| hypothesis.evidence.both().balance()).sum()
     }
 
     /// What all pairs of a placed view and one of the piece say of a world of the piece.
-    fn measured(&self, world: &Motion) -> impl Iterator<Item = Link> {
+    fn measured(&self, world: &Motion) -> impl Iterator<Item = PairHypothesis> {
         let pairs = self.placed.iter().flat_map(|placed| self.members.iter().map(move |member| (placed, member)));
         pairs.filter_map(move |((i, pose_i), (j, pose_j))| {
             let motion_i_j = pose_i.inv_mul(&(world * pose_j));
-            let (a, b) = (self.sketch(*i), self.sketch(*j));
+            let (a, b) = (self.coarse_view(*i), self.coarse_view(*j));
             let is_near = motion_i_j.translation.vector.norm() <= a.radius + b.radius;
-            let link = || Link { i: *i, j: *j, motion_i_j, evidence: verify(a, b, &motion_i_j, self.edge(), SAMPLES) };
-            is_near.then(link)
+            let hypothesis = || PairHypothesis {
+                i: *i,
+                j: *j,
+                motion_i_j,
+                evidence: verify(a, b, &motion_i_j, self.edge(), SAMPLES),
+            };
+            is_near.then(hypothesis)
         })
     }
 
     /// How the piece slides on the placed views, if it does.
     fn freedom(&self, world: &Motion) -> Option<Freedom> {
-        let measured: Vec<Link> = self.measured(world).collect();
-        if !slides(&self.search.sketches, &measured, self.edge(), SAMPLES) {
+        let measured: Vec<PairHypothesis> = self.measured(world).collect();
+        if !can_slip(&self.search.coarse_views, &measured, self.edge(), SAMPLES) {
             return None;
         }
         weakest(&self.held(world))
@@ -291,15 +297,15 @@ impl<'a> Ground<'a> {
         let reach2 = (HELD * self.edge()).powi(2) as f32;
         let mut held = Vec::new();
         for (view, pose) in &self.members {
-            let (sketch, pose) = (self.sketch(*view), world * pose);
-            for index in sketch.inner.iter().map(|index| *index as usize) {
-                let place = pose * Point3::from(sketch.position(index).cast::<f64>());
+            let (coarse_view, pose) = (self.coarse_view(*view), world * pose);
+            for index in coarse_view.inner.iter().map(|index| *index as usize) {
+                let place = pose * Point3::from(coarse_view.position(index).cast::<f64>());
                 let is_near = |(other, at): &(usize, Motion)| {
                     let local = at.inverse_transform_point(&place).coords.cast::<f32>();
-                    self.sketch(*other).indexed.tree.nearest(&local.into(), reach2).is_some()
+                    self.coarse_view(*other).indexed.tree.nearest(&local.into(), reach2).is_some()
                 };
                 if self.placed.iter().any(is_near) {
-                    held.push((place.coords, pose * sketch.normals[index].cast::<f64>()));
+                    held.push((place.coords, pose * coarse_view.normals[index].cast::<f64>()));
                 }
             }
         }

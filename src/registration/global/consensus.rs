@@ -5,8 +5,8 @@
 //! the more, the more matches are compatible with both (second-order compatibility; Chen, Sun, Yang, Tao, "SC2-PCR",
 //! CVPR 2022).
 
+use super::coarse_view::CoarseView;
 use super::matching::Match;
-use super::sketch::Sketch;
 use crate::geometry::Motion;
 use crate::registration::rigid_fit::RigidFit;
 
@@ -87,8 +87,8 @@ pub enum Support {
 
 /// The `count` motions that explain most matches, no two of them alike; the best first.
 pub fn proposals(
-    i: &Sketch,
-    j: &Sketch,
+    i: &CoarseView,
+    j: &CoarseView,
     matches: &[Match],
     support: Support,
     edge: f64,

@@ -45,13 +45,13 @@ impl Descriptors {
     }
 
     /// The squared distances of some descriptions from each of these: one row of `len` for each asked.
-    pub fn distances2<const ASKED: usize>(&self, asked: &[Descriptor; ASKED], rows: &mut [Vec<f32>; ASKED]) {
+    pub fn distances2<const QUERIED: usize>(&self, queried: &[Descriptor; QUERIED], rows: &mut [Vec<f32>; QUERIED]) {
         for row in rows.iter_mut() {
             row.clear();
             row.resize(self.len, 0.0);
         }
         for (number, column) in self.columns.chunks_exact(self.len.max(1)).enumerate() {
-            for (row, descriptor) in rows.iter_mut().zip(asked) {
+            for (row, descriptor) in rows.iter_mut().zip(queried) {
                 let value = descriptor[number];
                 for (sum, other) in row.iter_mut().zip(column) {
                     *sum += (value - other) * (value - other);

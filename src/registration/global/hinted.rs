@@ -1,28 +1,28 @@
 //! What a person said of the views, in global registration: it proposes, and it joins where the surfaces let it.
 //!
 //! Picked points propose a motion of their pair. Where the surfaces don't contradict it, the pair is laid so before
-//! anything is grown, whatever else would fit as well. Pairs that are said to overlap are searched as thoroughly as open
+//! anything is grown, whatever else would fit as well. Pairs that are said to overlap are searched as exhaustively as open
 //! ones are, and may be joined on half the evidence.
 
+use super::agglomerative::{Agglomeration, agglomerate, implied, measure_all, touching};
 use super::alignment::align;
-use super::assembly::{Assembly, assemble, implied, measure_all, touching};
-use super::confidence::Grounds;
+use super::coarse_set::CoarseSet;
+use super::coarse_view::CoarseView;
+use super::component::Component;
 use super::consensus::{self, Support, alike};
-use super::glance::Glanced;
-use super::group::Group;
-use super::link::Link;
+use super::contact::contact;
+use super::hypothesis_score::HypothesisScorer;
 use super::matching::Match;
-use super::scene::Scene;
-use super::sketch::Sketch;
-use super::slide::slides;
-use super::touch::contact;
-use super::turning::turnings;
+use super::merge_evidence::MergeEvidence;
+use super::pair_hypothesis::PairHypothesis;
+use super::rotation_search::rotation_search;
+use super::slippage::can_slip;
 use super::verification::verify;
 use crate::geometry::Motion;
 use crate::progress::{Canceled, Progress};
 use crate::registration::hinted::{Hinted, PickedPair};
 
-/// Surfels of a view that are asked of picked points.
+/// Surfels of a view that are queried of picked points.
 const SAMPLES: usize = 400;
 /// Drawn onto the surface, picked places may come apart by this many edges more.
 const DRAWN: f64 = 3.0;
@@ -38,7 +38,7 @@ const OVERRULED: f64 = 2.0;
 const CLEAR: f64 = 0.8;
 /// Poses that differ by less than this, in edges, are the same.
 const SAME: f64 = 4.0;
-/// Groups that are said to overlap are joined on half the score that others need,
+/// Components that are said to overlap are joined on half the score that others need,
 const JOINED_SCORE: f64 = 0.08;
 /// and of contact.
 const JOINED_TOUCHING: f64 = 0.6;
@@ -64,9 +64,9 @@ impl Prior<'_> {
     }
 
     /// Further motions of a pair that is said to overlap.
-    pub fn thoroughly_proposed(
+    pub fn exhaustively_proposed(
         &self,
-        sketches: &[Sketch],
+        coarse_views: &[CoarseView],
         (i, j): (usize, usize),
         matches: &[Match],
         edge: f64,
@@ -74,172 +74,194 @@ impl Prior<'_> {
         if !self.hinted.is_overlapping(i, j) {
             return Vec::new();
         }
-        let (i, j) = (Glanced::new(&sketches[i], edge), Glanced::new(&sketches[j], edge));
-        turnings(&i, &j, matches, edge, PROPOSALS)
+        let (i, j) = (HypothesisScorer::new(&coarse_views[i], edge), HypothesisScorer::new(&coarse_views[j], edge));
+        rotation_search(&i, &j, matches, edge, PROPOSALS)
     }
 }
 
-/// Assembles groups from those `begun`, pairs with picked points first.
-pub fn assemble_hinted(
-    scene: &Scene,
-    links: &[Link],
-    begun: Vec<Group>,
+/// Assembles components from those `begun`, pairs with picked points first.
+pub fn agglomerate_hinted(
+    coarse_set: &CoarseSet,
+    hypotheses: &[PairHypothesis],
+    begun: Vec<Component>,
     hinted: &Hinted,
     progress: &Progress,
-) -> Result<Assembly, Canceled> {
+) -> Result<Agglomeration, Canceled> {
     if *hinted == Hinted::default() {
-        return assemble(scene, links, begun, progress);
+        return agglomerate(coarse_set, hypotheses, begun, progress);
     }
-    let followed: Vec<Link> = hinted.picked.iter().filter_map(|pair| followed(scene, links, pair)).collect();
-    let begun = with_begun(scene, laid_out(scene, followed), begun);
-    let assembly = assemble(scene, links, begun, progress)?;
-    Ok(join_overlapping(scene, links, assembly, hinted))
+    let followed: Vec<PairHypothesis> =
+        hinted.picked.iter().filter_map(|pair| followed(coarse_set, hypotheses, pair)).collect();
+    let begun = with_begun(coarse_set, laid_out(coarse_set, followed), begun);
+    let agglomeration = agglomerate(coarse_set, hypotheses, begun, progress)?;
+    Ok(join_overlapping(coarse_set, hypotheses, agglomeration, hinted))
 }
 
-/// The link that picked points make, if the surfaces don't contradict it.
-fn followed(scene: &Scene, links: &[Link], pair: &PickedPair) -> Option<Link> {
+/// The hypothesis that picked points make, if the surfaces don't contradict it.
+fn followed(coarse_set: &CoarseSet, hypotheses: &[PairHypothesis], pair: &PickedPair) -> Option<PairHypothesis> {
     let (i, j) = (pair.i, pair.j);
-    let (a, b) = (&scene.sketches[i], &scene.sketches[j]);
+    let (a, b) = (&coarse_set.coarse_views[i], &coarse_set.coarse_views[j]);
     let picked = pair.fit.a_from_b;
-    let drawn = align(a, b, &picked, scene.edge);
-    let stays = pair.distances(&drawn).0 <= pair.tolerance.max(pair.fit.rms + DRAWN * scene.edge);
-    let motion_i_j = if stays { drawn } else { picked };
-    let link = Link { i, j, motion_i_j, evidence: verify(a, b, &motion_i_j, scene.edge, SAMPLES) };
-    let touches = || contact(&scene.views[i], &scene.views[j], &motion_i_j, scene.resolution).map(|c| c.touching);
-    let consistency = link.evidence.both().consistency();
-    let is_overruled = |other: &Link| {
+    let refined = align(a, b, &picked, coarse_set.edge);
+    let stays = pair.distances(&refined).0 <= pair.tolerance.max(pair.fit.rms + DRAWN * coarse_set.edge);
+    let motion_i_j = if stays { refined } else { picked };
+    let hypothesis = PairHypothesis { i, j, motion_i_j, evidence: verify(a, b, &motion_i_j, coarse_set.edge, SAMPLES) };
+    let touches =
+        || contact(&coarse_set.views[i], &coarse_set.views[j], &motion_i_j, coarse_set.resolution).map(|c| c.touching);
+    let consistency = hypothesis.evidence.both().consistency();
+    let is_overruled = |other: &PairHypothesis| {
         (other.i, other.j) == (i, j)
-            && !alike(&other.motion_i_j, &motion_i_j, b.radius, SAME * scene.edge)
+            && !alike(&other.motion_i_j, &motion_i_j, b.radius, SAME * coarse_set.edge)
             && other.evidence.both().consistency() >= consistency
-            && scene.score(other) > OVERRULED * scene.score(&link)
+            && coarse_set.score(other) > OVERRULED * coarse_set.score(&hypothesis)
     };
-    let holds = link.evidence.overlap() >= LEAST_OVERLAP
+    let holds = hypothesis.evidence.overlap() >= LEAST_OVERLAP
         && consistency >= CONSISTENT
-        && (consistency >= CLEAR || !links.iter().any(is_overruled))
+        && (consistency >= CLEAR || !hypotheses.iter().any(is_overruled))
         && touches().is_some_and(|touching| touching >= TOUCHING);
-    holds.then_some(link)
+    holds.then_some(hypothesis)
 }
 
-/// The groups that links make by themselves.
-fn laid_out(scene: &Scene, mut links: Vec<Link>) -> Vec<Group> {
-    links.sort_by(|a, b| scene.score(b).total_cmp(&scene.score(a)).then((a.i, a.j).cmp(&(b.i, b.j))));
-    let mut groups: Vec<Group> = Vec::new();
-    let take = |groups: &mut Vec<Group>, view: usize| match groups.iter().position(|g| g.views.contains(&view)) {
-        Some(index) => groups.swap_remove(index),
-        None => Group::of(view),
-    };
-    for link in links {
-        let mut left = take(&mut groups, link.i);
-        if !left.views.contains(&link.j) {
-            let right = take(&mut groups, link.j);
-            let Some(motion) = implied(&left, &right, &link) else { continue };
+/// The components that hypotheses make by themselves.
+fn laid_out(coarse_set: &CoarseSet, mut hypotheses: Vec<PairHypothesis>) -> Vec<Component> {
+    hypotheses.sort_by(|a, b| coarse_set.score(b).total_cmp(&coarse_set.score(a)).then((a.i, a.j).cmp(&(b.i, b.j))));
+    let mut components: Vec<Component> = Vec::new();
+    let take =
+        |components: &mut Vec<Component>, view: usize| match components.iter().position(|g| g.views.contains(&view)) {
+            Some(index) => components.swap_remove(index),
+            None => Component::of(view),
+        };
+    for hypothesis in hypotheses {
+        let mut left = take(&mut components, hypothesis.i);
+        if !left.views.contains(&hypothesis.j) {
+            let right = take(&mut components, hypothesis.j);
+            let Some(motion) = implied(&left, &right, &hypothesis) else { continue };
             left = left.united(&right, &motion);
         }
-        left.links.push(link);
-        groups.push(left);
+        left.hypotheses.push(hypothesis);
+        components.push(left);
     }
-    groups.iter_mut().for_each(|group| group.average(scene.sketches, scene.edge));
-    groups.sort_by_key(|group| group.views[0]);
-    groups
+    components.iter_mut().for_each(|component| component.average(coarse_set.coarse_views, coarse_set.edge));
+    components.sort_by_key(|component| component.views[0]);
+    components
 }
 
-/// Groups that were grown, with those that a person laid out: united where they say the same; where they don't, the grown
+/// Components that were grown, with those that a person laid out: united where they say the same; where they don't, the grown
 /// ones lose the views in question.
-fn with_begun(scene: &Scene, laid_out: Vec<Group>, grown: Vec<Group>) -> Vec<Group> {
+fn with_begun(coarse_set: &CoarseSet, laid_out: Vec<Component>, grown: Vec<Component>) -> Vec<Component> {
     let mut kept = laid_out;
-    for mut group in grown {
-        let (sharing, apart): (Vec<Group>, Vec<Group>) =
-            kept.into_iter().partition(|other| other.views.iter().any(|view| group.views.contains(view)));
+    for mut component in grown {
+        let (sharing, apart): (Vec<Component>, Vec<Component>) =
+            kept.into_iter().partition(|other| other.views.iter().any(|view| component.views.contains(view)));
         kept = apart;
         for other in sharing {
-            match agreement(scene, &group, &other) {
-                Some(motion) => group = group.united(&without(&other, &group.views), &motion),
+            match agreement(coarse_set, &component, &other) {
+                Some(motion) => component = component.united(&without(&other, &component.views), &motion),
                 None => {
-                    group = without(&group, &other.views);
+                    component = without(&component, &other.views);
                     kept.push(other);
                 }
             }
         }
-        if group.views.len() > 1 {
-            kept.push(group);
+        if component.views.len() > 1 {
+            kept.push(component);
         }
     }
-    kept.sort_by_key(|group| group.views[0]);
+    kept.sort_by_key(|component| component.views[0]);
     kept
 }
 
-/// The motion from the other group's world into this one's, if they agree on all views of both.
-fn agreement(scene: &Scene, group: &Group, other: &Group) -> Option<Motion> {
-    let shared: Vec<usize> = group.views.iter().copied().filter(|view| other.views.contains(view)).collect();
-    let pose = |group: &Group, view: usize| group.pose_of(view).unwrap_or_default();
+/// The motion from the other component's world into this one's, if they agree on all views of both.
+fn agreement(coarse_set: &CoarseSet, component: &Component, other: &Component) -> Option<Motion> {
+    let shared: Vec<usize> = component.views.iter().copied().filter(|view| other.views.contains(view)).collect();
+    let pose = |component: &Component, view: usize| component.pose_of(view).unwrap_or_default();
     let first = *shared.first()?;
-    let motion = pose(group, first) * pose(other, first).inverse();
+    let motion = pose(component, first) * pose(other, first).inverse();
     let is_same = |view: &usize| {
-        let radius = scene.sketches[*view].radius;
-        alike(&(motion * pose(other, *view)), &pose(group, *view), radius, SAME * scene.edge)
+        let radius = coarse_set.coarse_views[*view].radius;
+        alike(&(motion * pose(other, *view)), &pose(component, *view), radius, SAME * coarse_set.edge)
     };
     shared.iter().all(is_same).then_some(motion)
 }
 
-/// A group without some of its views.
-fn without(group: &Group, views: &[usize]) -> Group {
+/// A component without some of its views.
+fn without(component: &Component, views: &[usize]) -> Component {
     let kept = |view: &usize| !views.contains(view);
-    let rows = group.views.iter().copied().zip(group.local_poses.iter().copied()).filter(|(view, _)| kept(view));
+    let rows =
+        component.views.iter().copied().zip(component.local_poses.iter().copied()).filter(|(view, _)| kept(view));
     let (left, local_poses) = rows.unzip();
-    let links = group.links.iter().filter(|link| kept(&link.i) && kept(&link.j)).copied().collect();
-    Group { views: left, local_poses, links, search: group.search }
+    let hypotheses =
+        component.hypotheses.iter().filter(|hypothesis| kept(&hypothesis.i) && kept(&hypothesis.j)).copied().collect();
+    Component { views: left, local_poses, hypotheses, search: component.search }
 }
 
-/// Joins groups whose views are said to overlap on less evidence than others need.
-fn join_overlapping(scene: &Scene, links: &[Link], mut assembly: Assembly, hinted: &Hinted) -> Assembly {
+/// Joins components whose views are said to overlap on less evidence than others need.
+fn join_overlapping(
+    coarse_set: &CoarseSet,
+    hypotheses: &[PairHypothesis],
+    mut agglomeration: Agglomeration,
+    hinted: &Hinted,
+) -> Agglomeration {
     for &(i, j) in &hinted.overlapping {
-        let home = |view: usize| assembly.groups.iter().position(|group| group.views.contains(&view));
+        let home = |view: usize| agglomeration.components.iter().position(|component| component.views.contains(&view));
         let Some((a, b)) = home(i).zip(home(j)).filter(|(a, b)| a != b) else { continue };
-        let (left, right) = (&assembly.groups[a], &assembly.groups[b]);
-        let Some(union) = joined(scene, links, left, right, (i, j)) else { continue };
-        union.views.iter().for_each(|view| assembly.ambiguous[*view] = false);
-        assembly.groups[a] = union;
-        assembly.groups.remove(b);
+        let (left, right) = (&agglomeration.components[a], &agglomeration.components[b]);
+        let Some(union) = joined(coarse_set, hypotheses, left, right, (i, j)) else { continue };
+        union.views.iter().for_each(|view| agglomeration.ambiguous[*view] = false);
+        agglomeration.components[a] = union;
+        agglomeration.components.remove(b);
     }
-    super::assembly::sort_by_size(&mut assembly.groups);
-    assembly
+    super::agglomerative::sort_by_size(&mut agglomeration.components);
+    agglomeration
 }
 
-fn joined(scene: &Scene, links: &[Link], left: &Group, right: &Group, (i, j): (usize, usize)) -> Option<Group> {
-    let mut found: Vec<(Grounds, Vec<Link>, Motion)> = links
+fn joined(
+    coarse_set: &CoarseSet,
+    hypotheses: &[PairHypothesis],
+    left: &Component,
+    right: &Component,
+    (i, j): (usize, usize),
+) -> Option<Component> {
+    let mut found: Vec<(MergeEvidence, Vec<PairHypothesis>, Motion)> = hypotheses
         .iter()
-        .filter(|link| (link.i, link.j) == (i, j))
-        .filter_map(|link| implied(left, right, link))
+        .filter(|hypothesis| (hypothesis.i, hypothesis.j) == (i, j))
+        .filter_map(|hypothesis| implied(left, right, hypothesis))
         .map(|motion| {
-            let measured = measure_all(scene.sketches, left, right, &motion, scene.edge);
-            (Grounds::of(scene, &measured), measured, motion)
+            let measured = measure_all(coarse_set.coarse_views, left, right, &motion, coarse_set.edge);
+            (MergeEvidence::of(coarse_set, &measured), measured, motion)
         })
-        .filter(|(grounds, ..)| grounds.best >= JOINED_SCORE && grounds.score >= JOINED_SCORE)
+        .filter(|(evidence, ..)| evidence.best >= JOINED_SCORE && evidence.score >= JOINED_SCORE)
         .collect();
     found.sort_by(|a, b| b.0.score.total_cmp(&a.0.score));
-    found.retain(|(_, measured, _)| touching(scene, measured) >= JOINED_TOUCHING);
+    found.retain(|(_, measured, _)| touching(coarse_set, measured) >= JOINED_TOUCHING);
     let (best, measured, motion) = found.first()?;
-    let radius = right.views.iter().map(|view| scene.sketches[*view].radius).fold(0.0, f64::max);
-    let is_rival = |(grounds, _, other): &(Grounds, Vec<Link>, Motion)| {
-        !alike(other, motion, radius, SAME * scene.edge) && grounds.score > RIVAL * best.score
+    let radius = right.views.iter().map(|view| coarse_set.coarse_views[*view].radius).fold(0.0, f64::max);
+    let is_rival = |(evidence, _, other): &(MergeEvidence, Vec<PairHypothesis>, Motion)| {
+        !alike(other, motion, radius, SAME * coarse_set.edge) && evidence.score > RIVAL * best.score
     };
-    if found.iter().any(is_rival) || slides(scene.sketches, measured, scene.edge, SAMPLES) {
+    if found.iter().any(is_rival) || can_slip(coarse_set.coarse_views, measured, coarse_set.edge, SAMPLES) {
         return None;
     }
     let mut union = left.united(right, motion);
-    union.links.extend(measured.iter().filter(|link| link.is_promising()));
-    union.average(scene.sketches, scene.edge);
+    union.hypotheses.extend(measured.iter().filter(|hypothesis| hypothesis.is_promising()));
+    union.average(coarse_set.coarse_views, coarse_set.edge);
     Some(union)
 }
 
 /// The proposals of a pair: those that are known, then those of many matches, then, where it is said to overlap, those of
 /// single ones.
-pub fn proposed(sketches: &[Sketch], (i, j): (usize, usize), prior: &Prior, edge: f64, count: usize) -> Vec<Motion> {
-    let matches = super::matching::matches(&sketches[i], &sketches[j], edge);
-    let proposals = consensus::proposals(&sketches[i], &sketches[j], &matches, Support::Any, edge, count);
+pub fn proposed(
+    coarse_views: &[CoarseView],
+    (i, j): (usize, usize),
+    prior: &Prior,
+    edge: f64,
+    count: usize,
+) -> Vec<Motion> {
+    let matches = super::matching::matches(&coarse_views[i], &coarse_views[j], edge);
+    let proposals = consensus::proposals(&coarse_views[i], &coarse_views[j], &matches, Support::Any, edge, count);
     prior
         .proposed(i, j)
         .chain(proposals.into_iter().map(|proposal| proposal.motion_i_j))
-        .chain(prior.thoroughly_proposed(sketches, (i, j), &matches, edge))
+        .chain(prior.exhaustively_proposed(coarse_views, (i, j), &matches, edge))
         .collect()
 }

@@ -1,6 +1,6 @@
 //! Which surfels of two views look alike: the raw material of hypotheses, right in a third of the cases or less.
 
-use super::sketch::Sketch;
+use super::coarse_view::CoarseView;
 
 /// A surfel of view i and one of view j that look alike.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -25,7 +25,7 @@ const CLEAR: f32 = 4.0;
 const TOGETHER: usize = 4;
 
 /// The most telling matches between two views, found from both sides.
-pub fn matches(i: &Sketch, j: &Sketch, edge: f64) -> Vec<Match> {
+pub fn matches(i: &CoarseView, j: &CoarseView, edge: f64) -> Vec<Match> {
     let mut found = one_sided(i, j, edge);
     let back = one_sided(j, i, edge);
     found.extend(back.into_iter().map(|m| Match { of_i: m.of_j, of_j: m.of_i, ratio: m.ratio }));
@@ -35,7 +35,7 @@ pub fn matches(i: &Sketch, j: &Sketch, edge: f64) -> Vec<Match> {
     found
 }
 
-fn one_sided(from: &Sketch, to: &Sketch, edge: f64) -> Vec<Match> {
+fn one_sided(from: &CoarseView, to: &CoarseView, edge: f64) -> Vec<Match> {
     let elsewhere2 = (ELSEWHERE * edge as f32).powi(2);
     let step = from.inner.len().div_ceil(KEYPOINTS).max(1);
     let keypoints: Vec<usize> = (0..from.inner.len()).step_by(step).collect();
@@ -57,7 +57,7 @@ fn one_sided(from: &Sketch, to: &Sketch, edge: f64) -> Vec<Match> {
 }
 
 /// The nearest description, and its squared distance in that of the next best elsewhere.
-fn best_of(distances2: &[f32], to: &Sketch, elsewhere2: f32) -> Option<(usize, f32)> {
+fn best_of(distances2: &[f32], to: &CoarseView, elsewhere2: f32) -> Option<(usize, f32)> {
     let (best, nearest) = least(distances2.iter().copied().enumerate())?;
     let place = to.position(to.inner[best] as usize);
     let others = distances2.iter().copied().enumerate().filter(|(l, d)| {

@@ -1,53 +1,54 @@
 //! Global registration: from scans alone to poses that `joint` can start from.
 //!
-//! Each scan is thinned to oriented surfels that are described once ([`sketch`], [`descriptor`]). Of each pair the
-//! surfels that look alike are matched ([`matching`]), motions that many matches agree on are found ([`consensus`]), drawn
-//! onto the surface ([`alignment`]) and asked whether the surfaces bear them out ([`verification`]). Groups of views then
-//! grow by the best pairs that all their views bear out ([`assembly`]).
+//! Each scan is thinned to oriented surfels that are described once ([`coarse_view`], [`descriptor`]). Of each pair the
+//! surfels that look alike are matched ([`matching`]), motions that many matches agree on are found ([`consensus`]), refined
+//! onto the surface ([`alignment`]) and asked whether the surfaces bear them out ([`verification`]). Components of views then
+//! grow by the best pairs that all their views bear out ([`agglomerative`]).
 
+pub mod agglomerative;
 pub mod alignment;
 pub mod alternatives;
-pub mod assembly;
+pub mod coarse_set;
+pub mod coarse_view;
+pub mod component;
 pub mod confidence;
 pub mod consensus;
+pub mod contact;
 pub mod cropped;
+pub mod depth_image;
 pub mod descriptor;
-pub mod glance;
+pub mod exhaustive;
 pub mod grid;
-pub mod group;
-pub mod growth;
 pub mod hinted;
-pub mod link;
+pub mod hypothesis_score;
+pub mod incremental;
+pub mod likely_pairs;
 pub mod matching;
+pub mod merge_evidence;
 pub mod onto;
-pub mod other_side;
-pub mod partners;
+pub mod pair_hypothesis;
 pub mod placement;
+pub mod pose_support;
 pub mod report;
+pub mod rotation_search;
 pub mod scan_set;
-pub mod scene;
-pub mod sight;
-pub mod sketch;
-pub mod slide;
-pub mod standing;
-pub mod thorough;
-pub mod touch;
-pub mod turning;
+pub mod sensor_side;
+pub mod slippage;
 pub mod verification;
 pub mod votes;
 
 use rayon::prelude::*;
 
-use self::assembly::Assembly;
+use self::agglomerative::Agglomeration;
+use self::coarse_set::{CoarseSet, noise_level, resolution};
+use self::coarse_view::{CoarseView, coarse_views_of, count_voxels};
+use self::component::Component;
 use self::cropped::{Frames, crop};
-use self::group::Group;
-use self::hinted::{Prior, assemble_hinted};
-use self::link::Link;
-use self::other_side::try_other_sides;
-use self::scene::{Scene, noise_level, resolution};
-use self::sketch::{Sketch, count_voxels, sketch_all};
-use self::standing::Standing;
-use self::thorough::Cores;
+use self::exhaustive::Cores;
+use self::hinted::{Prior, agglomerate_hinted};
+use self::pair_hypothesis::PairHypothesis;
+use self::pose_support::PoseSupport;
+use self::sensor_side::try_other_sensor_sides;
 use super::multiview;
 use super::sensor::Sensor;
 use super::view::View;
@@ -62,21 +63,21 @@ const MOST_SURFELS: f64 = 2200.0;
 const FINEST_EDGE: f64 = 2.5;
 /// A view of n points has about `n (EDGE_FACTOR / edge)^2` voxels of an edge given in spacings.
 const EDGE_FACTOR: f64 = 1.7;
-/// Motions of a pair that are drawn onto the surface.
+/// Motions of a pair that are refined on the surface.
 const PROPOSALS: usize = 32;
 /// Of these the ones that take part further.
 const LINKS: usize = 5;
-/// Surfels of a view that are asked whether a motion is right.
+/// Surfels of a view that are queried whether a motion is right.
 const SAMPLES: usize = 400;
 
 /// What global registration found.
 #[derive(Debug, Clone)]
 pub struct Found {
-    /// Groups of views that hang together; the largest first.
-    pub groups: Vec<Group>,
-    /// For each view whether it, or its group, fits the rest in several ways.
+    /// Components of views that hang together; the largest first.
+    pub components: Vec<Component>,
+    /// For each view whether it, or its component, fits the rest in several ways.
     pub ambiguous: Vec<bool>,
-    /// The searches by which they were found; see [`Group::search`].
+    /// The searches by which they were found; see [`Component::search`].
     pub searches: Vec<Search>,
 }
 
@@ -85,10 +86,10 @@ pub struct Found {
 pub struct Search {
     /// The views.
     pub views: Vec<usize>,
-    /// For each of `views` its sketch.
-    pub sketches: Vec<Sketch>,
+    /// For each of `views` its coarse view.
+    pub coarse_views: Vec<CoarseView>,
     /// All their pairs' candidates.
-    pub links: Vec<Link>,
+    pub hypotheses: Vec<PairHypothesis>,
     /// Edge of the surfels' voxels, a length.
     pub edge: f64,
     /// Root mean square distance, in edges, of surfaces that are the same.
@@ -99,28 +100,38 @@ impl Search {
     /// The search with view k called `names[k]`, which rise.
     fn renamed(mut self, names: &[usize]) -> Search {
         self.views.iter_mut().for_each(|view| *view = names[*view]);
-        self.links.iter_mut().for_each(|link| (link.i, link.j) = (names[link.i], names[link.j]));
+        self.hypotheses
+            .iter_mut()
+            .for_each(|hypothesis| (hypothesis.i, hypothesis.j) = (names[hypothesis.i], names[hypothesis.j]));
         self
     }
 
-    /// The views of a group that was found here, with the side from which each was seen. A sketch's side is only a
+    /// The views of a component that was found here, with the side from which each was seen. A coarse view's side is only a
     /// guess, but where views agree their sides do, too: seen from the wrong one their surfaces would look the other way.
-    pub fn seen(&self, views: &[View], group: &[usize]) -> Vec<View> {
-        let sketch =
-            |view: usize| self.views.iter().position(|other| *other == view).map(|place| &self.sketches[place]);
-        let sensor = |view: usize| views[view].sensor.or_else(|| sketch(view).map(|sketch| sketch.sensor));
+    pub fn seen(&self, views: &[View], component: &[usize]) -> Vec<View> {
+        let coarse_view =
+            |view: usize| self.views.iter().position(|other| *other == view).map(|place| &self.coarse_views[place]);
+        let sensor =
+            |view: usize| views[view].sensor.or_else(|| coarse_view(view).map(|coarse_view| coarse_view.sensor));
         let seen = |view: &usize| View { sensor: sensor(*view), ..views[*view].clone() };
-        group.iter().map(seen).collect()
+        component.iter().map(seen).collect()
     }
 
-    /// How the views of a refined group that was found here stand.
-    pub fn standings(&self, views: &[usize], local_poses: &[Motion]) -> Vec<Standing> {
+    /// How the views of a refined component that was found here stand.
+    pub fn pose_supports(&self, views: &[usize], local_poses: &[Motion]) -> Vec<PoseSupport> {
         let place = |view: usize| views.iter().position(|other| *other == view);
-        let sketches: Vec<&Sketch> =
-            self.views.iter().zip(&self.sketches).filter(|(view, _)| views.contains(view)).map(|(_, s)| s).collect();
-        let named = |link: &Link| Some(Link { i: place(link.i)?, j: place(link.j)?, ..*link });
-        let links: Vec<Link> = self.links.iter().filter_map(named).collect();
-        standing::standings(&sketches, local_poses, &links, self.edge, self.noise)
+        let coarse_views: Vec<&CoarseView> = self
+            .views
+            .iter()
+            .zip(&self.coarse_views)
+            .filter(|(view, _)| views.contains(view))
+            .map(|(_, s)| s)
+            .collect();
+        let named = |hypothesis: &PairHypothesis| {
+            Some(PairHypothesis { i: place(hypothesis.i)?, j: place(hypothesis.j)?, ..*hypothesis })
+        };
+        let hypotheses: Vec<PairHypothesis> = self.hypotheses.iter().filter_map(named).collect();
+        pose_support::pose_supports(&coarse_views, local_poses, &hypotheses, self.edge, self.noise)
     }
 }
 
@@ -136,40 +147,41 @@ pub fn edge_of(views: &[View]) -> f64 {
     edge * (voxels as f64 / count / MOST_SURFELS).sqrt().max(1.0)
 }
 
-/// Groups `views` and finds poses within each group. The largest group is told apart first; what is left is a set of
+/// Sorts `views` into components and finds poses within each. The largest component is found first; what is left is a set of
 /// its own, with lengths and noise of its own: it may be another object, scanned more finely or more coarsely. What is
 /// known in `prior` proposes, like matches do. `sensors` tell where the scanner stood (local frame), where that is known.
 pub fn find(views: &[View], prior: &Prior, sensors: &[Option<Sensor>], progress: &Progress) -> Result<Found, Canceled> {
     let mut found = find_at_once(views, prior, sensors, progress)?;
     let mut settled = 1;
-    while let Some(rest) = rest_beyond(&found.groups, settled) {
+    while let Some(rest) = rest_beyond(&found.components, settled) {
         let views: Vec<View> = rest.iter().map(|view| views[*view].clone()).collect();
         let given: Vec<Option<Motion>> = rest.iter().map(|view| prior.given[*view]).collect();
         let hinted = prior.hinted.among(&rest);
         let sensors: Vec<Option<Sensor>> = rest.iter().map(|view| sensors[*view]).collect();
         let again = find_at_once(&views, &Prior { given: &given, hinted: &hinted }, &sensors, progress)?;
-        found.groups.truncate(settled);
+        found.components.truncate(settled);
         let search = found.searches.len();
-        found.groups.extend(again.groups.into_iter().map(|group| group.renamed(&rest, search)));
+        found.components.extend(again.components.into_iter().map(|component| component.renamed(&rest, search)));
         found.searches.extend(again.searches.into_iter().map(|search| search.renamed(&rest)));
         rest.iter().zip(again.ambiguous).for_each(|(view, ambiguous)| found.ambiguous[*view] |= ambiguous);
         settled += 1;
     }
-    assembly::sort_by_size(&mut found.groups);
+    agglomerative::sort_by_size(&mut found.components);
     Ok(found)
 }
 
-/// The views that are in none of the first `settled` groups, in order, if another group may be found among them.
-fn rest_beyond(groups: &[Group], settled: usize) -> Option<Vec<usize>> {
-    if groups.get(settled - 1)?.views.len() < 2 {
+/// The views that are in none of the first `settled` components, in order, if another component may be found among them.
+fn rest_beyond(components: &[Component], settled: usize) -> Option<Vec<usize>> {
+    if components.get(settled - 1)?.views.len() < 2 {
         return None;
     }
-    let mut rest: Vec<usize> = groups[settled..].iter().flat_map(|group| group.views.iter().copied()).collect();
+    let mut rest: Vec<usize> =
+        components[settled..].iter().flat_map(|component| component.views.iter().copied()).collect();
     rest.sort_unstable();
     (rest.len() >= 2).then_some(rest)
 }
 
-/// Groups views with one length of surfels and one level of noise for all.
+/// Components views with one length of surfels and one level of noise for all.
 fn find_at_once(
     views: &[View],
     prior: &Prior,
@@ -177,104 +189,130 @@ fn find_at_once(
     progress: &Progress,
 ) -> Result<Found, Canceled> {
     let edge = edge_of(views);
-    let mut sketches = sketch_all(views, edge, sensors);
-    prior.hinted.cut.iter().for_each(|view| sketches[*view].sight.crop());
+    let mut coarse_views = coarse_views_of(views, edge, sensors);
+    prior.hinted.cut.iter().for_each(|view| coarse_views[*view].depth_image.crop());
     progress.report(Stage::Registering, 0.05);
-    let pairs = partners::likely_pairs(&sketches, prior);
-    let drawn: Vec<Vec<Motion>> = pairs
+    let pairs = likely_pairs::likely_pairs(&coarse_views, prior);
+    let refined: Vec<Vec<Motion>> = pairs
         .par_iter()
         .with_max_len(1)
         .map(|&(i, j)| {
             progress.check()?;
-            Ok(drawn_motions(&sketches, (i, j), hinted::proposed(&sketches, (i, j), prior, edge, PROPOSALS), &[], edge))
+            Ok(refined_motions(
+                &coarse_views,
+                (i, j),
+                hinted::proposed(&coarse_views, (i, j), prior, edge, PROPOSALS),
+                &[],
+                edge,
+            ))
         })
         .collect::<Result<_, Canceled>>()?;
-    let mut links = best_links(&sketches, &pairs, &drawn, edge);
-    let is_framed = partners::is_large(views.len()) && crop(&mut sketches, &links, Frames::All);
+    let mut hypotheses = best_hypotheses(&coarse_views, &pairs, &refined, edge);
+    let is_framed = likely_pairs::is_large(views.len()) && crop(&mut coarse_views, &hypotheses, Frames::All);
     if is_framed {
-        links = best_links(&sketches, &pairs, &drawn, edge);
+        hypotheses = best_hypotheses(&coarse_views, &pairs, &refined, edge);
     }
-    let mut noise = noise_level(&links, edge);
+    let mut noise = noise_level(&hypotheses, edge);
     let spacing = multiview::common_spacing(views);
-    let scene = Scene { views, sketches: &sketches, resolution: resolution(spacing, noise, edge), edge, noise };
-    let mut assembly = assemble_hinted(&scene, &links, Vec::new(), prior.hinted, progress)?;
-    let mut cores = Cores::of(&scene, &links, &assembly);
-    if !cores.hold_all() && !is_framed && crop(&mut sketches, &links, Frames::Some) {
-        links = best_links(&sketches, &pairs, &drawn, edge);
-        noise = noise_level(&links, edge);
-        let scene = Scene { views, sketches: &sketches, resolution: resolution(spacing, noise, edge), edge, noise };
-        assembly = assemble_hinted(&scene, &links, Vec::new(), prior.hinted, progress)?;
-        cores = Cores::of(&scene, &links, &assembly);
+    let coarse_set =
+        CoarseSet { views, coarse_views: &coarse_views, resolution: resolution(spacing, noise, edge), edge, noise };
+    let mut agglomeration = agglomerate_hinted(&coarse_set, &hypotheses, Vec::new(), prior.hinted, progress)?;
+    let mut cores = Cores::of(&coarse_set, &hypotheses, &agglomeration);
+    if !cores.hold_all() && !is_framed && crop(&mut coarse_views, &hypotheses, Frames::Some) {
+        hypotheses = best_hypotheses(&coarse_views, &pairs, &refined, edge);
+        noise = noise_level(&hypotheses, edge);
+        let coarse_set =
+            CoarseSet { views, coarse_views: &coarse_views, resolution: resolution(spacing, noise, edge), edge, noise };
+        agglomeration = agglomerate_hinted(&coarse_set, &hypotheses, Vec::new(), prior.hinted, progress)?;
+        cores = Cores::of(&coarse_set, &hypotheses, &agglomeration);
     }
     if !cores.hold_all() {
-        let is_changed = try_other_sides(views, prior, &pairs, &mut sketches, &mut links, edge, progress)?;
-        noise = noise_level(&links, edge);
-        let scene = Scene { views, sketches: &sketches, resolution: resolution(spacing, noise, edge), edge, noise };
+        let is_changed =
+            try_other_sensor_sides(views, prior, &pairs, &mut coarse_views, &mut hypotheses, edge, progress)?;
+        noise = noise_level(&hypotheses, edge);
+        let coarse_set =
+            CoarseSet { views, coarse_views: &coarse_views, resolution: resolution(spacing, noise, edge), edge, noise };
         if is_changed {
-            assembly = assemble_hinted(&scene, &links, Vec::new(), prior.hinted, progress)?;
-            cores = Cores::of(&scene, &links, &assembly);
+            agglomeration = agglomerate_hinted(&coarse_set, &hypotheses, Vec::new(), prior.hinted, progress)?;
+            cores = Cores::of(&coarse_set, &hypotheses, &agglomeration);
         }
-        assembly =
-            thorough::assemble_thoroughly(&scene, &mut links, &pairs, (&assembly, cores), prior.hinted, progress)?;
+        agglomeration = exhaustive::search_exhaustively(
+            &coarse_set,
+            &mut hypotheses,
+            &pairs,
+            (&agglomeration, cores),
+            prior.hinted,
+            progress,
+        )?;
     }
-    let Assembly { groups, ambiguous } = assembly;
-    let search = Search { views: (0..views.len()).collect(), sketches, links, edge, noise };
-    Ok(Found { groups, ambiguous, searches: vec![search] })
+    let Agglomeration { components, ambiguous } = agglomeration;
+    let search = Search { views: (0..views.len()).collect(), coarse_views, hypotheses, edge, noise };
+    Ok(Found { components, ambiguous, searches: vec![search] })
 }
 
 /// The best ways to lay two views on each other.
-fn pair_links(sketches: &[Sketch], i: usize, j: usize, prior: &Prior, edge: f64) -> Vec<Link> {
-    let proposed = hinted::proposed(sketches, (i, j), prior, edge, PROPOSALS);
-    links_of(sketches, (i, j), proposed, &[], edge)
+fn pair_hypotheses(coarse_views: &[CoarseView], i: usize, j: usize, prior: &Prior, edge: f64) -> Vec<PairHypothesis> {
+    let proposed = hinted::proposed(coarse_views, (i, j), prior, edge, PROPOSALS);
+    hypotheses_of(coarse_views, (i, j), proposed, &[], edge)
 }
 
-/// The best of the proposed motions of a pair, drawn onto the surface; those that are `known` already are left out.
-fn links_of(
-    sketches: &[Sketch],
+/// The best of the proposed motions of a pair, refined on the surface; those that are `known` already are left out.
+fn hypotheses_of(
+    coarse_views: &[CoarseView],
     pair: (usize, usize),
     proposed: impl IntoIterator<Item = Motion>,
-    known: &[Link],
+    known: &[PairHypothesis],
     edge: f64,
-) -> Vec<Link> {
-    best_of_pair(sketches, pair, &drawn_motions(sketches, pair, proposed, known, edge), edge)
+) -> Vec<PairHypothesis> {
+    best_of_pair(coarse_views, pair, &refined_motions(coarse_views, pair, proposed, known, edge), edge)
 }
 
-/// The proposed motions of a pair drawn onto the surface, no two of them alike, and none like one that is `known`.
-fn drawn_motions(
-    sketches: &[Sketch],
+/// The proposed motions of a pair refined on the surface, no two of them alike, and none like one that is `known`.
+fn refined_motions(
+    coarse_views: &[CoarseView],
     (i, j): (usize, usize),
     proposed: impl IntoIterator<Item = Motion>,
-    known: &[Link],
+    known: &[PairHypothesis],
     edge: f64,
 ) -> Vec<Motion> {
-    let (a, b) = (&sketches[i], &sketches[j]);
+    let (a, b) = (&coarse_views[i], &coarse_views[j]);
     let is_same = |other: &Motion, motion: &Motion| consensus::alike(other, motion, b.radius, 2.0 * edge);
-    let mut drawn: Vec<Motion> = Vec::new();
+    let mut refined: Vec<Motion> = Vec::new();
     for motion in proposed {
         let motion = alignment::align(a, b, &motion, edge);
-        let is_known = known.iter().any(|link| is_same(&link.motion_i_j, &motion));
-        if !is_known && !drawn.iter().any(|other| is_same(other, &motion)) {
-            drawn.push(motion);
+        let is_known = known.iter().any(|hypothesis| is_same(&hypothesis.motion_i_j, &motion));
+        if !is_known && !refined.iter().any(|other| is_same(other, &motion)) {
+            refined.push(motion);
         }
     }
-    drawn
+    refined
 }
 
-/// The best links of all pairs, of the motions by which each may lie.
-fn best_links(sketches: &[Sketch], pairs: &[(usize, usize)], drawn: &[Vec<Motion>], edge: f64) -> Vec<Link> {
-    let of_pair = |(pair, motions): (&(usize, usize), &Vec<Motion>)| best_of_pair(sketches, *pair, motions, edge);
-    let found: Vec<Vec<Link>> = pairs.par_iter().zip(drawn).map(of_pair).collect();
+/// The best hypotheses of all pairs, of the motions by which each may lie.
+fn best_hypotheses(
+    coarse_views: &[CoarseView],
+    pairs: &[(usize, usize)],
+    refined: &[Vec<Motion>],
+    edge: f64,
+) -> Vec<PairHypothesis> {
+    let of_pair = |(pair, motions): (&(usize, usize), &Vec<Motion>)| best_of_pair(coarse_views, *pair, motions, edge);
+    let found: Vec<Vec<PairHypothesis>> = pairs.par_iter().zip(refined).map(of_pair).collect();
     found.into_iter().flatten().collect()
 }
 
 /// Those of some motions of a pair that the surfaces bear out best.
-fn best_of_pair(sketches: &[Sketch], (i, j): (usize, usize), motions: &[Motion], edge: f64) -> Vec<Link> {
-    let link = |motion_i_j: &Motion| {
-        let evidence = verification::verify(&sketches[i], &sketches[j], motion_i_j, edge, SAMPLES);
-        Link { i, j, motion_i_j: *motion_i_j, evidence }
+fn best_of_pair(
+    coarse_views: &[CoarseView],
+    (i, j): (usize, usize),
+    motions: &[Motion],
+    edge: f64,
+) -> Vec<PairHypothesis> {
+    let hypothesis = |motion_i_j: &Motion| {
+        let evidence = verification::verify(&coarse_views[i], &coarse_views[j], motion_i_j, edge, SAMPLES);
+        PairHypothesis { i, j, motion_i_j: *motion_i_j, evidence }
     };
-    let mut links: Vec<Link> = motions.iter().map(link).collect();
-    links.sort_by(|a, b| b.score().total_cmp(&a.score()));
-    links.truncate(LINKS);
-    links
+    let mut hypotheses: Vec<PairHypothesis> = motions.iter().map(hypothesis).collect();
+    hypotheses.sort_by(|a, b| b.score().total_cmp(&a.score()));
+    hypotheses.truncate(LINKS);
+    hypotheses
 }

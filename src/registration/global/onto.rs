@@ -1,4 +1,4 @@
-//! Some views drawn as one body onto others that stand still, at full resolution.
+//! Some views refined as one body onto others that stand still, at full resolution.
 
 use crate::geometry::neighbours::LocalPoint;
 use crate::geometry::normals::{self, local_planes};

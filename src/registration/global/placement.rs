@@ -2,11 +2,11 @@
 //! found.
 
 use super::alternatives::{Alternatives, Piece, alternatives};
+use super::component::Component;
 use super::confidence::{SURE, confidence};
-use super::group::Group;
 use super::hinted::Prior;
+use super::pose_support::PoseSupport;
 use super::scan_set::Set;
-use super::standing::Standing;
 use super::{Search, find};
 use crate::geometry::Motion;
 use crate::progress::{Canceled, Progress};
@@ -29,12 +29,12 @@ pub enum Origin {
     Found,
 }
 
-/// A group of views with poses in a world of its own.
+/// A component of views with poses in a world of its own.
 #[derive(Debug, Clone, PartialEq)]
-pub struct PlacedGroup {
+pub struct PlacedComponent {
     /// Its views, in order.
     pub views: Vec<usize>,
-    /// For each of `views` its pose: scan to the frame of the group's first scan.
+    /// For each of `views` its pose: scan to the frame of the component's first scan.
     pub scan_poses: Vec<Motion>,
     /// How good they are, judged by its own views alone.
     pub verdict: Verdict,
@@ -43,18 +43,18 @@ pub struct PlacedGroup {
 /// What became of a set.
 #[derive(Debug, Clone)]
 pub struct Placement {
-    /// All views; those that are not in the first group are unplaced.
+    /// All views; those that are not in the first component are unplaced.
     pub result: Multiview,
     /// For each view where its pose came from; `None` = unplaced.
     pub origins: Vec<Option<Origin>>,
     /// For each view the probability that its pose is right relative to the others; 0 for unplaced ones.
     pub confidences: Vec<f64>,
-    /// For each placed view how it stands among the others.
-    pub standings: Vec<Option<Standing>>,
+    /// For each placed view how it is supported among the others.
+    pub pose_supports: Vec<Option<PoseSupport>>,
     /// For each view whether it could be laid on others in several ways that are equally good.
     pub ambiguous: Vec<bool>,
-    /// Groups of two views or more that hang together; the first is the one that is placed.
-    pub groups: Vec<PlacedGroup>,
+    /// Components of two views or more that hang together; the first is the one that is placed.
+    pub components: Vec<PlacedComponent>,
     /// The places of views that fit the rest in several ways.
     pub alternatives: Vec<Alternatives>,
 }
@@ -70,30 +70,30 @@ pub fn place(set: &Set, refine: &Refine, progress: &Progress) -> Result<Placemen
     let views = set.views;
     let prior = Prior { given: set.given, hinted: set.hinted };
     let found = find(views, &prior, set.sensors, progress)?;
-    let mut groups = Vec::new();
+    let mut components = Vec::new();
     let mut placed: Option<Multiview> = None;
-    let mut standings = vec![None; views.len()];
-    for group in found.groups.iter().filter(|group| group.views.len() > 1) {
-        let search = &found.searches[group.search];
-        let (group, refined, found) = settle_group(views, group, search, refine)?;
-        groups.extend(held_together(set, &group, &refined, &found));
+    let mut pose_supports = vec![None; views.len()];
+    for component in found.components.iter().filter(|component| component.views.len() > 1) {
+        let search = &found.searches[component.search];
+        let (component, refined, found) = settle_component(views, component, search, refine)?;
+        components.extend(held_together(set, &component, &refined, &found));
         if placed.is_none() {
-            group.views.iter().zip(found).for_each(|(view, standing)| standings[*view] = Some(standing));
-            placed = Some(spread(&group, &refined, views.len()));
+            component.views.iter().zip(found).for_each(|(view, support)| pose_supports[*view] = Some(support));
+            placed = Some(spread(&component, &refined, views.len()));
         }
     }
     let mut result = placed.unwrap_or_else(|| Multiview::alone(views.len()));
     let origins = settle_world(views, set.given, &mut result);
     let sure = |view: usize| {
-        standings[view].filter(|_| result.placed[view]).map(|standing| confidence(&standing, &Witness::default()))
+        pose_supports[view].filter(|_| result.placed[view]).map(|support| confidence(&support, &Witness::default()))
     };
     let confidences: Vec<f64> = (0..views.len()).map(|view| sure(view).unwrap_or(0.0)).collect();
-    let pieces = open_pieces(&found.ambiguous, &result, &groups, &standings, &confidences);
+    let pieces = open_pieces(&found.ambiguous, &result, &components, &pose_supports, &confidences);
     let alternatives = match found.searches.first() {
         Some(search) => alternatives(views, search, &result, pieces, progress)?,
         None => Vec::new(),
     };
-    Ok(Placement { result, origins, confidences, standings, ambiguous: found.ambiguous, groups, alternatives })
+    Ok(Placement { result, origins, confidences, pose_supports, ambiguous: found.ambiguous, components, alternatives })
 }
 
 /// Of a set of which the other places of a view do as well as its own, as a mean, views may lie elsewhere.
@@ -102,20 +102,21 @@ const SYMMETRIC: f64 = 0.5;
 /// Pieces whose other places are told: where more are open, the set is in doubt, and not they.
 const MOST_PIECES: usize = 24;
 
-/// What may lie in several ways: ambiguous views and groups without a place, and placed views that are not sure in a set
+/// What may lie in several ways: ambiguous views and components without a place, and placed views that are not sure in a set
 /// that looks the same from several sides.
 fn open_pieces(
     ambiguous: &[bool],
     result: &Multiview,
-    groups: &[PlacedGroup],
-    standings: &[Option<Standing>],
+    components: &[PlacedComponent],
+    pose_supports: &[Option<PoseSupport>],
     confidences: &[f64],
 ) -> Vec<Piece> {
-    let open = |group: &&PlacedGroup| group.views.iter().any(|view| ambiguous[*view] && !result.placed[*view]);
-    let mut pieces: Vec<Piece> = groups.iter().skip(1).filter(open).map(Piece::of_group).collect();
-    let is_single = |view: &usize| !groups.iter().skip(1).any(|group| group.views.contains(view));
-    let may_lie_elsewhere = |view: &usize| match standings[*view].filter(|_| result.placed[*view]) {
-        Some(standing) => confidences[*view] < SURE && standing.group_rival >= SYMMETRIC,
+    let open =
+        |component: &&PlacedComponent| component.views.iter().any(|view| ambiguous[*view] && !result.placed[*view]);
+    let mut pieces: Vec<Piece> = components.iter().skip(1).filter(open).map(Piece::of_component).collect();
+    let is_single = |view: &usize| !components.iter().skip(1).any(|component| component.views.contains(view));
+    let may_lie_elsewhere = |view: &usize| match pose_supports[*view].filter(|_| result.placed[*view]) {
+        Some(support) => confidences[*view] < SURE && support.component_rival >= SYMMETRIC,
         None => ambiguous[*view] && !result.placed[*view],
     };
     pieces.extend((0..ambiguous.len()).filter(is_single).filter(may_lie_elsewhere).map(Piece::of_view));
@@ -126,78 +127,84 @@ fn open_pieces(
 /// A refined view that is surer to be wrong than this has no place there either.
 const REFUTED: f64 = 0.1;
 
-/// Refines a group. A few views that then cross the others, or that the others' scanners refute, were laid there by
+/// Refines a component. A few views that then cross the others, or that the others' scanners refute, were laid there by
 /// mistake: they are left out, and the rest is refined anew. When most are, nothing can be said of any, and the verdict
 /// is left to tell.
-fn settle_group(
+fn settle_component(
     views: &[View],
-    group: &Group,
+    component: &Component,
     search: &Search,
     refine: &Refine,
-) -> Result<(Group, Multiview, Vec<Standing>), Canceled> {
-    let members = search.seen(views, &group.views);
-    let refined = refine(&members, &group.local_poses)?;
-    let standings = standings_of(&members, &group.views, &refined, search);
+) -> Result<(Component, Multiview, Vec<PoseSupport>), Canceled> {
+    let members = search.seen(views, &component.views);
+    let refined = refine(&members, &component.local_poses)?;
+    let pose_supports = pose_supports_of(&members, &component.views, &refined, search);
     let kept: Vec<usize> =
-        (0..members.len()).filter(|k| confidence(&standings[*k], &Witness::default()) >= REFUTED).collect();
+        (0..members.len()).filter(|k| confidence(&pose_supports[*k], &Witness::default()) >= REFUTED).collect();
     if kept.len() == members.len() || kept.len() < 2 || 2 * kept.len() <= members.len() {
-        return Ok((group.clone(), refined, standings));
+        return Ok((component.clone(), refined, pose_supports));
     }
-    let rest = Group {
-        views: kept.iter().map(|k| group.views[*k]).collect(),
+    let rest = Component {
+        views: kept.iter().map(|k| component.views[*k]).collect(),
         local_poses: kept.iter().map(|k| refined.local_poses[*k]).collect(),
-        ..group.clone()
+        ..component.clone()
     };
     let members = search.seen(views, &rest.views);
     let refined = refine(&members, &rest.local_poses)?;
-    let standings = standings_of(&members, &rest.views, &refined, search);
-    Ok((rest, refined, standings))
+    let pose_supports = pose_supports_of(&members, &rest.views, &refined, search);
+    Ok((rest, refined, pose_supports))
 }
 
-/// How the views of a refined group stand; `members` are its views.
-fn standings_of(members: &[View], views: &[usize], refined: &Multiview, search: &Search) -> Vec<Standing> {
+/// How the views of a refined component stand; `members` are its views.
+fn pose_supports_of(members: &[View], views: &[usize], refined: &Multiview, search: &Search) -> Vec<PoseSupport> {
     let sharpness = quality::sharpness(members, refined, resolution(members, refined));
-    let mut standings = search.standings(views, &refined.local_poses);
-    for (standing, sharpness) in standings.iter_mut().zip(sharpness) {
-        standing.sharpness = sharpness.unwrap_or(0.0);
+    let mut pose_supports = search.pose_supports(views, &refined.local_poses);
+    for (support, sharpness) in pose_supports.iter_mut().zip(sharpness) {
+        support.sharpness = sharpness.unwrap_or(0.0);
     }
-    standings
+    pose_supports
 }
 
-/// The views of a refined group that still hang together, in the frame of the first.
-fn held_together(set: &Set, group: &Group, refined: &Multiview, found: &[Standing]) -> Option<PlacedGroup> {
-    let kept: Vec<usize> = (0..group.views.len()).filter(|k| refined.placed[*k]).collect();
-    let scan_pose = |k: usize| set.views[group.views[k]].scan_pose(&refined.local_poses[k]);
+/// The views of a refined component that still hang together, in the frame of the first.
+fn held_together(
+    set: &Set,
+    component: &Component,
+    refined: &Multiview,
+    found: &[PoseSupport],
+) -> Option<PlacedComponent> {
+    let kept: Vec<usize> = (0..component.views.len()).filter(|k| refined.placed[*k]).collect();
+    let scan_pose = |k: usize| set.views[component.views[k]].scan_pose(&refined.local_poses[k]);
     let world = scan_pose(*kept.first()?).inverse();
     if kept.len() < 2 {
         return None;
     }
-    let members: Vec<View> = group.views.iter().map(|view| set.views[*view].clone()).collect();
-    let names: Vec<String> = group.views.iter().map(|view| set.names[*view].clone()).collect();
+    let members: Vec<View> = component.views.iter().map(|view| set.views[*view].clone()).collect();
+    let names: Vec<String> = component.views.iter().map(|view| set.names[*view].clone()).collect();
     let mut verdict = quality::judge(&members, refined, &names);
-    let sure = |standing: &Standing| confidence(standing, &Witness::default());
+    let sure = |support: &PoseSupport| confidence(support, &Witness::default());
     verdict.doubt(&found.iter().map(sure).collect::<Vec<f64>>(), &refined.placed, &names);
-    Some(PlacedGroup {
-        views: kept.iter().map(|k| group.views[*k]).collect(),
+    Some(PlacedComponent {
+        views: kept.iter().map(|k| component.views[*k]).collect(),
         scan_poses: kept.iter().map(|k| world * scan_pose(*k)).collect(),
         verdict,
     })
 }
 
-/// A group's registration as one of all `n` views.
-fn spread(group: &Group, refined: &Multiview, n: usize) -> Multiview {
+/// A component's registration as one of all `n` views.
+fn spread(component: &Component, refined: &Multiview, n: usize) -> Multiview {
     let mut result = Multiview { rounds: refined.rounds.clone(), ..Multiview::alone(n) };
     result.placed = vec![false; n];
     let mut rows = OverlapMatrix::identity(n).rows().to_vec();
-    for (k, &view) in group.views.iter().enumerate() {
+    for (k, &view) in component.views.iter().enumerate() {
         result.local_poses[view] = refined.local_poses[k];
         result.placed[view] = refined.placed[k];
-        for (l, &other) in group.views.iter().enumerate() {
+        for (l, &other) in component.views.iter().enumerate() {
             rows[view][other] = refined.overlaps.rows()[k][l];
         }
     }
     result.overlaps = OverlapMatrix::from_rows(rows);
-    let renamed = |pair: &PairOutcome| PairOutcome { i: group.views[pair.i], j: group.views[pair.j], ..pair.clone() };
+    let renamed =
+        |pair: &PairOutcome| PairOutcome { i: component.views[pair.i], j: component.views[pair.j], ..pair.clone() };
     result.pairs = refined.pairs.iter().map(renamed).collect();
     result
 }

@@ -4,8 +4,8 @@ use serde::{Deserialize, Serialize};
 
 use super::alternatives::Alternatives;
 use super::confidence::confidence;
-use super::placement::{Origin, PlacedGroup, Placement};
-use super::standing::Standing;
+use super::placement::{Origin, PlacedComponent, Placement};
+use super::pose_support::PoseSupport;
 use crate::geometry::{Motion, se3};
 use crate::registration::multiview::Multiview;
 use crate::registration::quality::{Quality, Verdict};
@@ -16,24 +16,24 @@ use crate::registration::witness::Witness;
 #[derive(Debug, Clone)]
 pub struct PlacementReport {
     origins: Vec<Option<Origin>>,
-    /// For each placed view how it stands among the others; `None` if poses were given and nothing else was tried.
-    standings: Option<Vec<Option<Standing>>>,
+    /// For each placed view how it is supported among the others; `None` if poses were given and nothing else was tried.
+    pose_supports: Option<Vec<Option<PoseSupport>>>,
     /// What was learned of each view once all poses were final.
     witnesses: Vec<Witness>,
     /// For each view the probability that its pose is right; `None` as before.
     confidences: Option<Vec<f64>>,
     /// For each view why it has no pose.
     reasons: Vec<Option<&'static str>>,
-    groups: Vec<PlacedGroup>,
+    components: Vec<PlacedComponent>,
     alternatives: Vec<Alternatives>,
 }
 
-/// A group of views that hang together; the first is the one that is placed.
+/// A component of views that hang together; the first is the one that is placed.
 #[derive(Debug, Clone, Serialize)]
-struct GroupReport<'a> {
+struct ComponentReport<'a> {
     /// Its scans.
     views: Vec<&'a str>,
-    /// For each its 4x4 row-major pose: scan to the frame of the group's first scan.
+    /// For each its 4x4 row-major pose: scan to the frame of the component's first scan.
     poses: Vec<[[f64; 4]; 4]>,
     /// The verdict on these poses by themselves,
     quality: Quality,
@@ -46,7 +46,7 @@ struct GroupReport<'a> {
 pub struct ViewEvidence {
     /// How it stands among the others.
     #[serde(flatten)]
-    pub standing: Standing,
+    pub support: PoseSupport,
     /// What was learned once all poses were final.
     #[serde(flatten)]
     pub witness: Witness,
@@ -57,18 +57,19 @@ impl PlacementReport {
     pub fn of_given(result: &Multiview) -> Self {
         PlacementReport {
             origins: result.placed.iter().map(|placed| placed.then_some(Origin::Given)).collect(),
-            standings: None,
+            pose_supports: None,
             witnesses: Vec::new(),
             confidences: None,
             reasons: result.placed.iter().map(|placed| (!placed).then_some(APART)).collect(),
-            groups: Vec::new(),
+            components: Vec::new(),
             alternatives: Vec::new(),
         }
     }
 
     /// The views were placed by their surface.
     pub fn of(placement: &Placement) -> Self {
-        let in_another_group = |view: usize| placement.groups.iter().any(|group| group.views.contains(&view));
+        let in_another_group =
+            |view: usize| placement.components.iter().any(|component| component.views.contains(&view));
         let reason = |view: usize| match (placement.result.placed[view], placement.ambiguous[view]) {
             (true, _) => None,
             (false, true) => Some(AMBIGUOUS),
@@ -77,25 +78,25 @@ impl PlacementReport {
         };
         PlacementReport {
             origins: placement.origins.clone(),
-            standings: Some(placement.standings.clone()),
+            pose_supports: Some(placement.pose_supports.clone()),
             witnesses: Vec::new(),
             confidences: Some(placement.confidences.clone()),
             reasons: (0..placement.origins.len()).map(reason).collect(),
-            groups: placement.groups.clone(),
+            components: placement.components.clone(),
             alternatives: placement.alternatives.clone(),
         }
     }
 
-    /// The motion between the local frames of two views, from j's to i's, if both are placed or in one group.
+    /// The motion between the local frames of two views, from j's to i's, if both are placed or in one component.
     pub fn relative(&self, result: &Multiview, views: &[View], i: usize, j: usize) -> Option<Motion> {
         if result.placed[i] && result.placed[j] {
             return Some(result.local_poses[i].inv_mul(&result.local_poses[j]));
         }
-        let pose = |group: &PlacedGroup, view: usize| {
-            let place = group.views.iter().position(|other| *other == view)?;
-            Some(views[view].local_pose(&group.scan_poses[place]))
+        let pose = |component: &PlacedComponent, view: usize| {
+            let place = component.views.iter().position(|other| *other == view)?;
+            Some(views[view].local_pose(&component.scan_poses[place]))
         };
-        self.groups.iter().find_map(|group| Some(pose(group, i)?.inv_mul(&pose(group, j)?)))
+        self.components.iter().find_map(|component| Some(pose(component, i)?.inv_mul(&pose(component, j)?)))
     }
 
     /// How good the poses are that were judged by themselves, if views may lie elsewhere.
@@ -109,19 +110,19 @@ impl PlacementReport {
 
     /// Says anew how sure the poses are, from what was learned once they were final.
     pub fn hear(&mut self, witnesses: Vec<Witness>, placed: &[bool]) {
-        let Some(standings) = &self.standings else { return };
-        let sure = |(view, standing): (usize, &Option<Standing>)| match standing {
-            Some(standing) if placed[view] => confidence(standing, &witnesses[view]),
+        let Some(pose_supports) = &self.pose_supports else { return };
+        let sure = |(view, support): (usize, &Option<PoseSupport>)| match support {
+            Some(support) if placed[view] => confidence(support, &witnesses[view]),
             _ => 0.0,
         };
-        self.confidences = Some(standings.iter().enumerate().map(sure).collect());
+        self.confidences = Some(pose_supports.iter().enumerate().map(sure).collect());
         self.witnesses = witnesses;
     }
 
     /// What the confidence of a view rests on.
     fn evidence(&self, view: usize) -> Option<ViewEvidence> {
-        let standing = self.standings.as_ref()?[view].filter(|_| self.origins[view].is_some())?;
-        Some(ViewEvidence { standing, witness: *self.witnesses.get(view)? })
+        let support = self.pose_supports.as_ref()?[view].filter(|_| self.origins[view].is_some())?;
+        Some(ViewEvidence { support, witness: *self.witnesses.get(view)? })
     }
 
     /// How sure the whole is: as sure as its least sure placed view.
@@ -132,7 +133,7 @@ impl PlacementReport {
     }
 
     /// Adds to each view of a report `pose` (`given`, `corrected`, `found` or null), `confidence`, the `evidence` that it rests
-    /// on and, if it has no place, `unplaced` with the reason; and to the report the `confidence` of the whole, the groups and the
+    /// on and, if it has no place, `unplaced` with the reason; and to the report the `confidence` of the whole, the `groups` (components) and the
     /// alternatives.
     pub fn write_into(&self, report: &mut serde_json::Value, names: &[String]) {
         if let Some(rows) = report["views"].as_array_mut() {
@@ -141,14 +142,16 @@ impl PlacementReport {
                 row["confidence"] = serde_json::json!(self.confidences.as_ref().map(|sure| sure[view]));
                 row["evidence"] = serde_json::json!(self.evidence(view));
                 row["unplaced"] = serde_json::json!(self.reasons[view]);
-                row["group"] = serde_json::json!(self.groups.iter().position(|group| group.views.contains(&view)));
+                row["group"] =
+                    serde_json::json!(self.components.iter().position(|component| component.views.contains(&view)));
             }
         }
         report["confidence"] = serde_json::json!(self.confidence());
         let alternatives = self.alternatives.iter().flat_map(|alternatives| alternatives.report(names));
         report["alternatives"] = alternatives.collect();
-        report["groups"] =
-            serde_json::json!(self.groups.iter().map(|group| group_report(group, names)).collect::<Vec<_>>());
+        report["groups"] = serde_json::json!(
+            self.components.iter().map(|component| component_report(component, names)).collect::<Vec<_>>()
+        );
     }
 }
 
@@ -157,11 +160,11 @@ const OTHER_GROUP: &str = "it hangs together with other scans than the placed on
 const AMBIGUOUS: &str =
     "it fits the others in several ways that are equally good: the object looks the same from several sides";
 
-fn group_report<'a>(group: &'a PlacedGroup, names: &'a [String]) -> GroupReport<'a> {
-    GroupReport {
-        views: group.views.iter().map(|view| names[*view].as_str()).collect(),
-        poses: group.scan_poses.iter().map(se3::to_rows).collect(),
-        quality: group.verdict.quality,
-        reasons: &group.verdict.reasons,
+fn component_report<'a>(component: &'a PlacedComponent, names: &'a [String]) -> ComponentReport<'a> {
+    ComponentReport {
+        views: component.views.iter().map(|view| names[*view].as_str()).collect(),
+        poses: component.scan_poses.iter().map(se3::to_rows).collect(),
+        quality: component.verdict.quality,
+        reasons: &component.verdict.reasons,
     }
 }

@@ -1,7 +1,7 @@
-//! Whether two views can lie as a motion says: the surface itself is asked, descriptions only propose.
+//! Whether two views can lie as a motion says: the surface itself is queried, descriptions only propose.
 
-use super::sight::Seen;
-use super::sketch::Sketch;
+use super::coarse_view::CoarseView;
+use super::depth_image::Seen;
 use super::votes::SurfelVotes;
 use crate::geometry::Motion;
 
@@ -39,7 +39,7 @@ const IN_FRONT: f32 = 1.5;
 /// A surface faces a scanner that it should be seen by from this cosine of its normal on.
 const FACING: f32 = 0.6;
 /// Asks both views, at most about `samples` surfels each.
-pub fn verify(i: &Sketch, j: &Sketch, motion_i_j: &Motion, edge: f64, samples: usize) -> Evidence {
+pub fn verify(i: &CoarseView, j: &CoarseView, motion_i_j: &Motion, edge: f64, samples: usize) -> Evidence {
     Evidence {
         j_in_i: votes(j, i, motion_i_j, edge as f32, samples),
         i_in_j: votes(i, j, &motion_i_j.inverse(), edge as f32, samples),
@@ -47,24 +47,24 @@ pub fn verify(i: &Sketch, j: &Sketch, motion_i_j: &Motion, edge: f64, samples: u
 }
 
 /// Whether a surface in `other`'s frame faces its scanner.
-fn is_facing(other: &Sketch, place: &nalgebra::Vector3<f32>, normal: &nalgebra::Vector3<f32>) -> bool {
-    let toward = other.sight.toward_scanner(place);
+fn is_facing(other: &CoarseView, place: &nalgebra::Vector3<f32>, normal: &nalgebra::Vector3<f32>) -> bool {
+    let toward = other.depth_image.toward_scanner(place);
     toward.dot(normal) > FACING * toward.norm()
 }
 
 /// Puts surfels of `view` into `other`; `motion` maps the frame of the first into that of the second.
-fn votes(view: &Sketch, other: &Sketch, motion: &Motion, edge: f32, samples: usize) -> SurfelVotes {
+fn votes(view: &CoarseView, other: &CoarseView, motion: &Motion, edge: f32, samples: usize) -> SurfelVotes {
     let motion = motion.cast::<f32>();
     let (rotation, shift) = (motion.rotation.to_rotation_matrix(), motion.translation.vector);
     let step = view.inner.len().div_ceil(samples).max(1);
     let mut votes = SurfelVotes::default();
     for &index in view.inner.iter().step_by(step) {
         let index = index as usize;
-        votes.asked += 1.0;
+        votes.queried += 1.0;
         let moved = rotation * view.position(index) + shift;
         let nearest = other.indexed.tree.nearest(&moved.into(), (NEAR * edge).powi(2));
         let Some(target) = nearest.map(|n| n.index as usize) else {
-            match other.sight.look(&moved) {
+            match other.depth_image.look(&moved) {
                 Seen::Surface { height } if height > IN_FRONT * edge => votes.looked_through += 1.0,
                 Seen::Nothing if is_facing(other, &moved, &(rotation * view.normals[index])) => votes.missed += 1.0,
                 _ => {}

@@ -19,7 +19,7 @@ const MISSED: f64 = 10.0;
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct SurfelVotes {
     /// Surfels that were put there.
-    pub asked: f64,
+    pub queried: f64,
     /// Those that lie on the other view's surface, and look the same way.
     pub agree: f64,
     /// Those near the other view's surface that cross it or look another way.
@@ -35,9 +35,9 @@ pub struct SurfelVotes {
 }
 
 impl SurfelVotes {
-    /// Share of the surfels asked that agree.
+    /// Share of the surfels queried that agree.
     pub fn overlap(&self) -> f64 {
-        self.agree / self.asked.max(1.0)
+        self.agree / self.queried.max(1.0)
     }
 
     /// What speaks against the motion, in surfels that agree.
@@ -45,9 +45,9 @@ impl SurfelVotes {
         CONTRADICT * self.contradict + LOOKED_THROUGH * self.looked_through + MISSED * self.missed
     }
 
-    /// How much speaks for the motion, a surfel asked: 1 if all agree.
+    /// How much speaks for the motion, a surfel queried: 1 if all agree.
     pub fn score(&self) -> f64 {
-        self.balance() / self.asked.max(1.0)
+        self.balance() / self.queried.max(1.0)
     }
 
     /// How much speaks for the motion, in surfels that agree.
@@ -56,7 +56,7 @@ impl SurfelVotes {
     }
 
     /// Share of what agrees among all that is said, 0 to 1. What is unseen counts twice and the far side of a thin wall as a
-    /// crossing: for questions that are asked before it is known where pictures end, and where walls are thin.
+    /// crossing: for questions that are queried before it is known where pictures end, and where walls are thin.
     pub fn consistency(&self) -> f64 {
         self.agree / (self.agree + self.contradict + self.hidden + 2.0 * self.unseen()).max(1.0)
     }
@@ -87,7 +87,7 @@ impl std::ops::Add for SurfelVotes {
 
     fn add(self, other: SurfelVotes) -> SurfelVotes {
         SurfelVotes {
-            asked: self.asked + other.asked,
+            queried: self.queried + other.queried,
             agree: self.agree + other.agree,
             contradict: self.contradict + other.contradict,
             looked_through: self.looked_through + other.looked_through,
@@ -110,7 +110,7 @@ mod tests {
 
     #[test]
     fn free_space_weighs_more_than_crossing_and_what_is_hidden_nothing() {
-        let agreeing = SurfelVotes { asked: 100.0, agree: 60.0, ..SurfelVotes::default() };
+        let agreeing = SurfelVotes { queried: 100.0, agree: 60.0, ..SurfelVotes::default() };
         let crossing = SurfelVotes { contradict: 2.0, ..agreeing };
         let missed = SurfelVotes { missed: 2.0, ..agreeing };
         let through = SurfelVotes { looked_through: 2.0, ..agreeing };
@@ -122,8 +122,8 @@ mod tests {
 
     #[test]
     fn scores_of_pairs_add_up() {
-        let votes = SurfelVotes { asked: 50.0, agree: 30.0, contradict: 4.0, ..SurfelVotes::default() };
+        let votes = SurfelVotes { queried: 50.0, agree: 30.0, contradict: 4.0, ..SurfelVotes::default() };
         let sum: SurfelVotes = [votes, votes].into_iter().sum();
-        assert_eq!((sum.asked, sum.balance()), (100.0, 2.0 * votes.balance()));
+        assert_eq!((sum.queried, sum.balance()), (100.0, 2.0 * votes.balance()));
     }
 }

@@ -2,7 +2,7 @@
 
 use super::recipe::Agreement;
 use super::{Multiview, first_of_each_piece, largest_radius};
-use crate::geometry::{Groups, Motion, Vector3};
+use crate::geometry::{Motion, UnionFind, Vector3};
 use crate::registration::low_rank;
 use crate::registration::motion_averaging::{self, AveragingOptions, RelativeMotion, disagreements};
 use crate::registration::trimmed_icp::IcpEnd;
@@ -15,7 +15,7 @@ pub(super) fn agree(agreement: Agreement, views: &[View], spacing: f64, state: &
     let usable: Vec<usize> =
         (0..state.pairs.len()).filter(|&pair| state.pairs[pair].icp.end != IcpEnd::NoCorrespondences).collect();
     let relative: Vec<RelativeMotion> = usable.iter().map(|&pair| relative_motion(state, pair)).collect();
-    let mut groups = Groups::new(views.len());
+    let mut groups = UnionFind::new(views.len());
     for pair in &relative {
         groups.join(pair.i, pair.j);
     }

@@ -1,15 +1,15 @@
 //! A quick look at whether two views can lie as a motion says: a few surfels, looked up instead of searched. What
-//! [`super::verification`] asks thoroughly of a few motions is asked so of thousands.
+//! [`super::verification`] asks at length of a few motions is asked briefly of thousands.
 
 use nalgebra::Vector3;
 
+use super::coarse_view::CoarseView;
+use super::depth_image::Seen;
 use super::grid::NearGrid;
-use super::sight::Seen;
-use super::sketch::Sketch;
 use crate::geometry::{Motion, se3};
 use crate::registration::joint::normal_equations::{PairSums, RIGID};
 
-/// Surfels of a view that can be asked.
+/// Surfels of a view that can be queried.
 pub const WITNESSES: usize = 120;
 /// A surfel's counterpart lies no farther beside it than this, in edges,
 const BESIDE: f32 = 2.2;
@@ -28,9 +28,9 @@ const REACHES: [f32; 4] = [2.0, 1.5, 1.2, 1.0];
 
 /// A view that can be looked at quickly.
 #[derive(Debug, Clone)]
-pub struct Glanced<'a> {
+pub struct HypothesisScorer<'a> {
     /// The view.
-    pub sketch: &'a Sketch,
+    pub coarse_view: &'a CoarseView,
     grid: NearGrid,
     /// Places and normals of some surfels, spread over the view, and so are the first few of them.
     witnesses: Vec<(Vector3<f32>, Vector3<f32>)>,
@@ -38,35 +38,35 @@ pub struct Glanced<'a> {
 
 /// What some surfels of one view say when they are put into another.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Glance {
-    /// Surfels asked.
-    pub asked: f32,
+pub struct HypothesisScore {
+    /// Surfels queried.
+    pub queried: f32,
     /// Those that lie on the other view's surface, and look the same way.
     pub agree: f32,
     /// Those that cross it, and more for those that the other scanner should have seen and did not.
     pub conflict: f32,
 }
 
-impl Glance {
+impl HypothesisScore {
     /// How much speaks for the motion, to rank motions.
     pub fn strength(&self) -> f32 {
         let consistency = self.agree / (self.agree + self.conflict).max(1.0);
-        self.agree / self.asked.max(1.0) * (consistency - LEAST_CONSISTENCY).max(0.0)
+        self.agree / self.queried.max(1.0) * (consistency - LEAST_CONSISTENCY).max(0.0)
     }
 }
 
-impl<'a> Glanced<'a> {
+impl<'a> HypothesisScorer<'a> {
     /// Prepares a view.
-    pub fn new(sketch: &'a Sketch, edge: f64) -> Self {
-        let inner = &sketch.inner;
+    pub fn new(coarse_view: &'a CoarseView, edge: f64) -> Self {
+        let inner = &coarse_view.inner;
         // any number of multiples of the golden ratio are spread evenly over the curve along which surfels are stored
         let place = |k: usize| (k as f64 * std::f64::consts::GOLDEN_RATIO).fract() * inner.len() as f64;
         let witness = |k: usize| {
             let surfel = inner[place(k) as usize] as usize;
-            (sketch.position(surfel), sketch.normals[surfel])
+            (coarse_view.position(surfel), coarse_view.normals[surfel])
         };
         let witnesses = (0..WITNESSES.min(inner.len())).map(witness).collect();
-        Glanced { sketch, grid: NearGrid::new(&sketch.indexed.points, edge as f32), witnesses }
+        HypothesisScorer { coarse_view, grid: NearGrid::new(&coarse_view.indexed.points, edge as f32), witnesses }
     }
 
     /// Puts some of this view's witnesses into `other`; `motion` maps the frame of the first into that of the second.
@@ -74,27 +74,27 @@ impl<'a> Glanced<'a> {
     pub fn look(
         &self,
         range: std::ops::Range<usize>,
-        other: &Glanced,
+        other: &HypothesisScorer,
         motion: &nalgebra::IsometryMatrix3<f32>,
         edge: f32,
         tolerance: f32,
-    ) -> Glance {
+    ) -> HypothesisScore {
         let count = self.witnesses.len();
-        let asked = &self.witnesses[range.start.min(count)..range.end.min(count)];
-        let mut said = Glance { asked: asked.len() as f32, ..Glance::default() };
-        for (place, normal) in asked {
+        let queried = &self.witnesses[range.start.min(count)..range.end.min(count)];
+        let mut said = HypothesisScore { queried: queried.len() as f32, ..HypothesisScore::default() };
+        for (place, normal) in queried {
             let (moved, turned) = (motion.rotation * place + motion.translation.vector, motion.rotation * normal);
             let Some(target) = other.grid.near(&moved) else {
                 said.conflict += if other.misses(&moved, &turned, edge) { NOT_SEEN } else { 0.0 };
                 continue;
             };
-            let offset = moved - other.sketch.position(target);
-            let other_normal = other.sketch.normals[target];
+            let offset = moved - other.coarse_view.position(target);
+            let other_normal = other.coarse_view.normals[target];
             let along = other_normal.dot(&offset);
             let is_beside = offset.norm_squared() - along * along < (BESIDE * edge).powi(2);
             if is_beside && along.abs() < tolerance && other_normal.dot(&turned) > LIKE {
                 said.agree += 1.0;
-            } else if other.sketch.is_inner[target] {
+            } else if other.coarse_view.is_inner[target] {
                 said.conflict += 1.0;
             }
         }
@@ -103,19 +103,19 @@ impl<'a> Glanced<'a> {
 
     /// Whether the scanner should have seen a surface, given in this view's frame, and did not.
     fn misses(&self, place: &Vector3<f32>, normal: &Vector3<f32>, edge: f32) -> bool {
-        let sight = &self.sketch.sight;
-        match sight.look(place) {
+        let depth_image = &self.coarse_view.depth_image;
+        match depth_image.look(place) {
             Seen::Surface { height } => height > IN_FRONT * edge,
             Seen::Rim | Seen::Unknown => false,
             Seen::Nothing => {
-                let toward = sight.toward_scanner(place);
+                let toward = depth_image.toward_scanner(place);
                 toward.dot(normal) > FACING * toward.norm()
             }
         }
     }
 
     /// Improves a motion that maps this view into `other`'s frame: a few point-to-plane steps of the witnesses.
-    pub fn drawn(&self, other: &Glanced, motion: &Motion, edge: f32) -> Motion {
+    pub fn refined(&self, other: &HypothesisScorer, motion: &Motion, edge: f32) -> Motion {
         let mut motion = *motion;
         for reach in REACHES.map(|reach| reach * edge) {
             let by = motion.cast::<f32>();
@@ -124,8 +124,9 @@ impl<'a> Glanced<'a> {
             let mut sums = PairSums::<RIGID>::default();
             for (place, normal) in &self.witnesses {
                 let (moved, turned) = (rotation * place + shift, rotation * normal);
-                let Some(target) = other.grid.near(&moved).filter(|k| other.sketch.is_inner[*k]) else { continue };
-                let (offset, other_normal) = (moved - other.sketch.position(target), other.sketch.normals[target]);
+                let Some(target) = other.grid.near(&moved).filter(|k| other.coarse_view.is_inner[*k]) else { continue };
+                let (offset, other_normal) =
+                    (moved - other.coarse_view.position(target), other.coarse_view.normals[target]);
                 // the surfel looked up may lie beside the nearest
                 if other_normal.dot(&turned) < LIKE || offset.norm() > 2.0 * reach {
                     continue;

@@ -1,7 +1,7 @@
-//! A set of views as global registration sees it, and the noise by which its links are measured.
+//! A set of views as global registration sees it, and the noise by which its hypotheses are measured.
 
-use super::link::Link;
-use super::sketch::Sketch;
+use super::coarse_view::CoarseView;
+use super::pair_hypothesis::PairHypothesis;
 use super::votes::SurfelVotes;
 use crate::registration::view::View;
 
@@ -12,11 +12,11 @@ const LEAST_NOISE: f64 = 0.012;
 
 /// What the views of a set are, coarse and fine.
 #[derive(Debug, Clone, Copy)]
-pub struct Scene<'a> {
+pub struct CoarseSet<'a> {
     /// The views at full resolution,
     pub views: &'a [View],
-    /// and their sketches.
-    pub sketches: &'a [Sketch],
+    /// and their coarse views.
+    pub coarse_views: &'a [CoarseView],
     /// What the set can resolve: lengths by which surfaces at full resolution are compared. See [`resolution`].
     pub resolution: f64,
     /// Edge of the surfels' voxels.
@@ -25,11 +25,11 @@ pub struct Scene<'a> {
     pub noise: f64,
 }
 
-impl Scene<'_> {
-    /// How much speaks for a link in this set: surfaces that are the same lie as near to each other as the noise lets
+impl CoarseSet<'_> {
+    /// How much speaks for a hypothesis in this set: surfaces that are the same lie as near to each other as the noise lets
     /// them, like ones do not.
-    pub fn score(&self, link: &Link) -> f64 {
-        let votes = link.evidence.both();
+    pub fn score(&self, hypothesis: &PairHypothesis) -> f64 {
+        let votes = hypothesis.evidence.both();
         SurfelVotes { agree: votes.agree / self.excess(&votes), ..votes }.score()
     }
 
@@ -49,17 +49,17 @@ pub fn resolution(spacing: f64, noise: f64, edge: f64) -> f64 {
     spacing.max(WITHIN * noise * edge)
 }
 
-/// A link says something of the noise from this score on.
+/// A hypothesis says something of the noise from this score on.
 const TELLING: f64 = 0.1;
 
-/// The noise of a set by its links, in edges: for most views one of its links is right, and a right one lies nearer than
+/// The noise of a set by its hypotheses, in edges: for most views one of its hypotheses is right, and a right one lies nearer than
 /// wrong ones do.
-pub fn noise_level(links: &[Link], edge: f64) -> f64 {
+pub fn noise_level(hypotheses: &[PairHypothesis], edge: f64) -> f64 {
     let mut nearest: std::collections::BTreeMap<usize, f64> = std::collections::BTreeMap::new();
-    for link in links.iter().filter(|link| link.score() > TELLING) {
-        for view in [link.i, link.j] {
+    for hypothesis in hypotheses.iter().filter(|hypothesis| hypothesis.score() > TELLING) {
+        for view in [hypothesis.i, hypothesis.j] {
             let rms = nearest.entry(view).or_insert(f64::INFINITY);
-            *rms = rms.min(link.evidence.both().rms() / edge);
+            *rms = rms.min(hypothesis.evidence.both().rms() / edge);
         }
     }
     let mut levels: Vec<f64> = nearest.into_values().collect();

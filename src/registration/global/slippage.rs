@@ -2,8 +2,8 @@
 
 use nalgebra::{Matrix6, Vector6};
 
-use super::link::Link;
-use super::sketch::Sketch;
+use super::coarse_view::CoarseView;
+use super::pair_hypothesis::PairHypothesis;
 use super::verification::verify;
 use super::votes::SurfelVotes;
 use crate::geometry::{Vector3, se3};
@@ -21,16 +21,16 @@ const STILL_AGREE: f64 = 0.6;
 const STILL_CLOSE: f64 = 1.5;
 
 /// Whether the pairs of a join, each by itself, still agree after a move along the direction that holds them least.
-pub fn slides(sketches: &[Sketch], measured: &[Link], edge: f64, samples: usize) -> bool {
+pub fn can_slip(coarse_views: &[CoarseView], measured: &[PairHypothesis], edge: f64, samples: usize) -> bool {
     let (mut before, mut after) = (SurfelVotes::default(), SurfelVotes::default());
-    for link in measured.iter().filter(|link| link.score() > 0.0) {
-        let (i, j) = (&sketches[link.i], &sketches[link.j]);
-        let slid = weakest_moves(i, j, link, edge)
+    for hypothesis in measured.iter().filter(|hypothesis| hypothesis.score() > 0.0) {
+        let (i, j) = (&coarse_views[hypothesis.i], &coarse_views[hypothesis.j]);
+        let slid = weakest_moves(i, j, hypothesis, edge)
             .into_iter()
-            .map(|twist| verify(i, j, &(se3::exp(&twist) * link.motion_i_j), edge, samples).both())
+            .map(|twist| verify(i, j, &(se3::exp(&twist) * hypothesis.motion_i_j), edge, samples).both())
             .max_by(|a, b| a.consistency().total_cmp(&b.consistency()));
         let Some(slid) = slid else { continue };
-        (before, after) = (before + link.evidence.both(), after + slid);
+        (before, after) = (before + hypothesis.evidence.both(), after + slid);
     }
     let flat = (FLAT * edge).powi(2);
     before.agree > 0.0
@@ -41,8 +41,8 @@ pub fn slides(sketches: &[Sketch], measured: &[Link], edge: f64, samples: usize)
 
 /// The move (to and fro) that changes the distances of the surfaces least, scaled to [`SLIDE`]; twists of view i's
 /// frame.
-fn weakest_moves(i: &Sketch, j: &Sketch, link: &Link, edge: f64) -> Vec<Vector6<f64>> {
-    let motion = link.motion_i_j.cast::<f32>();
+fn weakest_moves(i: &CoarseView, j: &CoarseView, hypothesis: &PairHypothesis, edge: f64) -> Vec<Vector6<f64>> {
+    let motion = hypothesis.motion_i_j.cast::<f32>();
     let (rotation, shift) = (motion.rotation.to_rotation_matrix(), motion.translation.vector);
     let moved: Vec<(Vector3, Vector3)> = j
         .inner

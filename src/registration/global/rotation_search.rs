@@ -3,23 +3,23 @@
 
 use nalgebra::{IsometryMatrix3, Rotation3, Unit, Vector3};
 
+use super::coarse_view::CoarseView;
 use super::consensus::alike;
-use super::glance::{Glanced, WITNESSES};
+use super::hypothesis_score::{HypothesisScorer, WITNESSES};
 use super::matching::Match;
-use super::sketch::Sketch;
 use crate::geometry::Motion;
 
 /// Turns tried for each match: what half a step moves at the far end of a view, drawing it onto the surface makes good.
 const TURNS: usize = 36;
-/// Surfels of one view that are asked first of a motion,
+/// Surfels of one view that are queried first of a motion,
 const FIRST: usize = 16;
 /// so many of which must agree, and more than conflict;
 const FIRST_AGREE: f32 = 3.0;
-/// and those of both views that are asked then.
+/// and those of both views that are queried then.
 const SECOND: usize = 48;
 /// A motion of this strength
 const LEAST_STRENGTH: f32 = 0.02;
-/// is among those, so many at most, that are drawn onto the surface.
+/// is among those, so many at most, that are refined on the surface.
 const FINALISTS: usize = 300;
 /// Tolerance along the normal before that, in edges,
 const LOOSE: f32 = 1.3;
@@ -32,21 +32,27 @@ const SAME_CLOSE: f64 = 2.0;
 
 /// At most `count` motions (view j's local frame to view i's) that a match proposes and the surfaces bear out best, the
 /// best first, no two of them alike.
-pub fn turnings(i: &Glanced, j: &Glanced, matches: &[Match], edge: f64, count: usize) -> Vec<Motion> {
-    let radius = j.sketch.radius;
-    let turns = matches.iter().flat_map(|m| all_turns(i.sketch, j.sketch, m));
+pub fn rotation_search(
+    i: &HypothesisScorer,
+    j: &HypothesisScorer,
+    matches: &[Match],
+    edge: f64,
+    count: usize,
+) -> Vec<Motion> {
+    let radius = j.coarse_view.radius;
+    let turns = matches.iter().flat_map(|m| all_turns(i.coarse_view, j.coarse_view, m));
     let found = turns.filter_map(|motion| Some((strength_of_turn(i, j, &motion, edge as f32)?, motion.cast::<f64>())));
     let finalists =
         distinct(found.map(|(strength, m)| (strength, as_motion(&m))), radius, SAME_LOOSE * edge, FINALISTS);
-    let drawn = finalists.iter().map(|motion| {
-        let motion = j.drawn(i, motion, edge as f32);
+    let refined = finalists.iter().map(|motion| {
+        let motion = j.refined(i, motion, edge as f32);
         (strength(i, j, &as_matrix(&motion), edge as f32, WITNESSES, CLOSE), motion)
     });
-    distinct(drawn.filter(|(strength, _)| *strength > 0.0), radius, SAME_CLOSE * edge, count)
+    distinct(refined.filter(|(strength, _)| *strength > 0.0), radius, SAME_CLOSE * edge, count)
 }
 
 /// The motions that bring the surfels of a match and their normals onto each other.
-fn all_turns(i: &Sketch, j: &Sketch, m: &Match) -> impl Iterator<Item = IsometryMatrix3<f32>> {
+fn all_turns(i: &CoarseView, j: &CoarseView, m: &Match) -> impl Iterator<Item = IsometryMatrix3<f32>> {
     let (place_i, normal_i) = (i.position(m.of_i as usize), i.normals[m.of_i as usize]);
     let (place_j, normal_j) = (j.position(m.of_j as usize), j.normals[m.of_j as usize]);
     let axis = Unit::new_normalize(normal_i);
@@ -60,7 +66,12 @@ fn all_turns(i: &Sketch, j: &Sketch, m: &Match) -> impl Iterator<Item = Isometry
 }
 
 /// How much speaks for a turn; `None` if too little does. Most are done with after a few surfels.
-fn strength_of_turn(i: &Glanced, j: &Glanced, motion: &IsometryMatrix3<f32>, edge: f32) -> Option<f32> {
+fn strength_of_turn(
+    i: &HypothesisScorer,
+    j: &HypothesisScorer,
+    motion: &IsometryMatrix3<f32>,
+    edge: f32,
+) -> Option<f32> {
     let first = j.look(0..FIRST, i, motion, edge, LOOSE * edge);
     if first.agree < FIRST_AGREE || first.agree < first.conflict {
         return None;
@@ -69,9 +80,20 @@ fn strength_of_turn(i: &Glanced, j: &Glanced, motion: &IsometryMatrix3<f32>, edg
 }
 
 /// The lesser of what both views say.
-fn strength(i: &Glanced, j: &Glanced, motion: &IsometryMatrix3<f32>, edge: f32, asked: usize, tolerance: f32) -> f32 {
-    let there = j.look(0..asked, i, motion, edge, tolerance * edge).strength();
-    if there > 0.0 { there.min(i.look(0..asked, j, &motion.inverse(), edge, tolerance * edge).strength()) } else { 0.0 }
+fn strength(
+    i: &HypothesisScorer,
+    j: &HypothesisScorer,
+    motion: &IsometryMatrix3<f32>,
+    edge: f32,
+    queried: usize,
+    tolerance: f32,
+) -> f32 {
+    let there = j.look(0..queried, i, motion, edge, tolerance * edge).strength();
+    if there > 0.0 {
+        there.min(i.look(0..queried, j, &motion.inverse(), edge, tolerance * edge).strength())
+    } else {
+        0.0
+    }
 }
 
 /// The `count` strongest, no two of them alike; of equals the one that came first.
@@ -123,20 +145,24 @@ mod tests {
             View::new(&Cloud::from_points(points)).expect("a sheet can be used")
         };
         let views = [window(0.0), window(25.0)];
-        let [i, j] = [0, 1].map(|k| Sketch::new(&views[k], EDGE, Some(Sensor::Toward(nalgebra::Vector3::z()))));
+        let [i, j] = [0, 1].map(|k| CoarseView::new(&views[k], EDGE, Some(Sensor::Toward(nalgebra::Vector3::z()))));
         let truth = Motion::from(nalgebra::Translation3::from(views[1].center - views[0].center));
-        let nearest = |sketch: &Sketch, place: nalgebra::Vector3<f64>| {
+        let nearest = |coarse_view: &CoarseView, place: nalgebra::Vector3<f64>| {
             let place = place.cast::<f32>();
-            let distance = |k: &&u32| (sketch.position(**k as usize) - place).norm();
-            *sketch.inner.iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).expect("surfels")
+            let distance = |k: &&u32| (coarse_view.position(**k as usize) - place).norm();
+            *coarse_view.inner.iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).expect("surfels")
         };
         let mut matches: Vec<Match> =
             (0..20).map(|k| Match { of_i: i.inner[7 * k], of_j: j.inner[5 * k + 100], ratio: 1.0 }).collect();
         let of_j = nearest(&j, nalgebra::Vector3::new(-12.0, 3.0, 0.0));
         let of_i = nearest(&i, (truth * Point3::from(j.position(of_j as usize).cast::<f64>())).coords);
         matches.push(Match { of_i, of_j, ratio: 1.0 });
-        let found = turnings(&Glanced::new(&i, EDGE), &Glanced::new(&j, EDGE), &matches, EDGE, 5);
+        let found =
+            rotation_search(&HypothesisScorer::new(&i, EDGE), &HypothesisScorer::new(&j, EDGE), &matches, EDGE, 5);
         assert!(found.iter().any(|motion| alike(motion, &truth, j.radius, EDGE)), "{found:?}");
-        assert!(turnings(&Glanced::new(&i, EDGE), &Glanced::new(&j, EDGE), &[], EDGE, 5).is_empty());
+        assert!(
+            rotation_search(&HypothesisScorer::new(&i, EDGE), &HypothesisScorer::new(&j, EDGE), &[], EDGE, 5)
+                .is_empty()
+        );
     }
 }

@@ -1,4 +1,4 @@
-//! Groups grown view by view from several beginnings, of which the one is kept that all its pairs speak for most.
+//! Components grown view by view from several beginnings, of which the one is kept that all its pairs speak for most.
 //!
 //! Joining the strongest pairs first goes wrong where a wrong pair is stronger than the right ones, as on flat sides and
 //! repeated parts. What such a pair leads to contradicts itself: scanners look through surface that others saw, or miss
@@ -6,22 +6,22 @@
 
 use rayon::prelude::*;
 
+use super::agglomerative::{TOUCHING, measure, touching};
 use super::alignment::align_onto;
-use super::assembly::{TOUCHING, measure, touching};
+use super::coarse_set::CoarseSet;
+use super::component::Component;
 use super::consensus::alike;
-use super::group::Group;
-use super::link::Link;
-use super::scene::Scene;
-use super::slide::slides;
+use super::pair_hypothesis::PairHypothesis;
+use super::slippage::can_slip;
 use super::verification::verify;
 use crate::geometry::Motion;
 use crate::progress::{Canceled, Progress};
 
-/// Surfels of a view that are asked of a place,
+/// Surfels of a view that are queried of a place,
 const SAMPLES: usize = 100;
 /// and of whether it could slide.
 const SLIDE_SAMPLES: usize = 200;
-/// Links that groups are grown from.
+/// Hypotheses that components are grown from.
 const SEEDS: usize = 24;
 /// Places nearer to each other than this, in edges, are one.
 const SAME: f64 = 2.5;
@@ -52,65 +52,72 @@ struct Waiting {
 /// What came of growing.
 #[derive(Debug, Clone)]
 pub struct Grown {
-    /// Groups of two views or more, no view in two of them.
-    pub groups: Vec<Group>,
-    /// For each view whether it fits its group in several ways.
+    /// Components of two views or more, no view in two of them.
+    pub components: Vec<Component>,
+    /// For each view whether it fits its component in several ways.
     pub ambiguous: Vec<bool>,
 }
 
-/// Groups that are known before anything grows.
+/// Components that are known before anything grows.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Known<'a> {
     /// Those that are clear: they stay as they are, and take in views that are in none of them.
-    pub clear: &'a [Group],
+    pub clear: &'a [Component],
     /// Others, to begin from.
-    pub open: &'a [Group],
+    pub open: &'a [Component],
 }
 
-/// Grows groups from the best links and from those that are known, until nothing is left that speaks for more.
-pub fn grow(scene: &Scene, links: &[Link], known: &Known, progress: &Progress) -> Result<Grown, Canceled> {
-    let mut is_clear = vec![false; scene.sketches.len()];
-    known.clear.iter().flat_map(|group| &group.views).for_each(|view| is_clear[*view] = true);
-    let growth = Growth { scene, links, is_clear };
-    let mut free: Vec<usize> = (0..scene.sketches.len()).collect();
-    let mut grown = Grown { groups: Vec::new(), ambiguous: vec![false; free.len()] };
+/// Grows components from the best hypotheses and from those that are known, until nothing is left that speaks for more.
+pub fn grow(
+    coarse_set: &CoarseSet,
+    hypotheses: &[PairHypothesis],
+    known: &Known,
+    progress: &Progress,
+) -> Result<Grown, Canceled> {
+    let mut is_clear = vec![false; coarse_set.coarse_views.len()];
+    known.clear.iter().flat_map(|component| &component.views).for_each(|view| is_clear[*view] = true);
+    let growth = IncrementalSearch { coarse_set, hypotheses, is_clear };
+    let mut free: Vec<usize> = (0..coarse_set.coarse_views.len()).collect();
+    let mut grown = Grown { components: Vec::new(), ambiguous: vec![false; free.len()] };
     while let Some(best) = growth.best(&free, known, progress)? {
         let settled = growth.settle(&best, known.clear);
         settled.ambiguous.iter().for_each(|view| grown.ambiguous[*view] = true);
-        let is_done = |view: &usize| match &settled.group {
-            Some(group) => group.views.contains(view) || settled.ambiguous.contains(view),
+        let is_done = |view: &usize| match &settled.component {
+            Some(component) => component.views.contains(view) || settled.ambiguous.contains(view),
             None => best.iter().any(|(placed, _)| placed == view),
         };
         free.retain(|view| !is_done(view));
-        grown.groups.extend(settled.group);
+        grown.components.extend(settled.component);
     }
     Ok(grown)
 }
 
-/// A grown group without the views that have no clear place in it.
+/// A grown component without the views that have no clear place in it.
 struct Settled {
-    group: Option<Group>,
+    component: Option<Component>,
     ambiguous: Vec<usize>,
 }
 
-struct Growth<'a> {
-    scene: &'a Scene<'a>,
-    links: &'a [Link],
-    /// For each view whether it is of a clear group.
+struct IncrementalSearch<'a> {
+    coarse_set: &'a CoarseSet<'a>,
+    hypotheses: &'a [PairHypothesis],
+    /// For each view whether it is of a clear component.
     is_clear: Vec<bool>,
 }
 
-impl Growth<'_> {
-    /// The group of free views that most speaks for.
+impl IncrementalSearch<'_> {
+    /// The component of free views that most speaks for.
     fn best(&self, free: &[usize], known: &Known, progress: &Progress) -> Result<Option<Placed>, Canceled> {
-        let groups = known.clear.iter().chain(known.open);
-        let seeds: Vec<Placed> = self
-            .seeds(free)
-            .into_iter()
-            .map(|link| vec![(link.i, Motion::identity()), (link.j, link.motion_i_j)])
-            .chain(groups.map(|group| group.views.iter().copied().zip(group.local_poses.iter().copied()).collect()))
-            .filter(|seed: &Placed| seed.len() > 1 && seed.iter().all(|(view, _)| free.contains(view)))
-            .collect();
+        let components = known.clear.iter().chain(known.open);
+        let seeds: Vec<Placed> =
+            self.seeds(free)
+                .into_iter()
+                .map(|hypothesis| vec![(hypothesis.i, Motion::identity()), (hypothesis.j, hypothesis.motion_i_j)])
+                .chain(components.map(|component| {
+                    component.views.iter().copied().zip(component.local_poses.iter().copied()).collect()
+                }))
+                .filter(|seed: &Placed| seed.len() > 1 && seed.iter().all(|(view, _)| free.contains(view)))
+                .collect();
         let grown: Vec<(f64, Placed)> = seeds
             .into_par_iter()
             .with_max_len(1)
@@ -124,17 +131,18 @@ impl Growth<'_> {
         Ok(best.filter(|(total, _)| *total >= LEAST).map(|(_, placed)| placed))
     }
 
-    /// The links between free views that most speaks for. Clear groups are beginnings themselves.
-    fn seeds(&self, free: &[usize]) -> Vec<&Link> {
+    /// The hypotheses between free views that most speaks for. Clear components are beginnings themselves.
+    fn seeds(&self, free: &[usize]) -> Vec<&PairHypothesis> {
         let is_free = |view: &usize| free.contains(view) && !self.is_clear[*view];
-        let between_free = self.links.par_iter().filter(|link| is_free(&link.i) && is_free(&link.j));
-        let mut seeds: Vec<(f64, &Link)> = between_free
-            .map(|link| (self.balance(link.i, link.j, &link.motion_i_j), link))
+        let between_free =
+            self.hypotheses.par_iter().filter(|hypothesis| is_free(&hypothesis.i) && is_free(&hypothesis.j));
+        let mut seeds: Vec<(f64, &PairHypothesis)> = between_free
+            .map(|hypothesis| (self.balance(hypothesis.i, hypothesis.j, &hypothesis.motion_i_j), hypothesis))
             .filter(|(balance, _)| *balance >= LEAST)
             .collect();
         seeds.sort_by(|a, b| b.0.total_cmp(&a.0).then((a.1.i, a.1.j).cmp(&(b.1.i, b.1.j))));
         seeds.truncate(SEEDS);
-        seeds.into_iter().map(|(_, link)| link).collect()
+        seeds.into_iter().map(|(_, hypothesis)| hypothesis).collect()
     }
 
     /// Takes in free views one by one, the clearest first.
@@ -149,7 +157,7 @@ impl Growth<'_> {
         }
         while let Some((index, pose)) = clearest(&waiting) {
             let view = waiting.remove(index).view;
-            placed.push((view, self.drawn(&placed, view, &pose)));
+            placed.push((view, self.refined(&placed, view, &pose)));
             self.tell(&placed, &mut waiting);
         }
         placed
@@ -170,34 +178,34 @@ impl Growth<'_> {
         }
     }
 
-    /// The poses of `view` that its links to another at `pose_other` propose.
+    /// The poses of `view` that its hypotheses to another at `pose_other` propose.
     fn proposed(&self, other: usize, pose_other: &Motion, view: usize) -> impl Iterator<Item = Motion> {
-        self.links.iter().filter_map(move |link| match (link.i, link.j) {
-            (i, j) if i == other && j == view => Some(pose_other * link.motion_i_j),
-            (i, j) if i == view && j == other => Some(pose_other * link.motion_i_j.inverse()),
+        self.hypotheses.iter().filter_map(move |hypothesis| match (hypothesis.i, hypothesis.j) {
+            (i, j) if i == other && j == view => Some(pose_other * hypothesis.motion_i_j),
+            (i, j) if i == view && j == other => Some(pose_other * hypothesis.motion_i_j.inverse()),
             _ => None,
         })
     }
 
     fn is_same(&self, view: usize, a: &Motion, b: &Motion) -> bool {
-        alike(a, b, self.scene.sketches[view].radius, SAME * self.scene.edge)
+        alike(a, b, self.coarse_set.coarse_views[view].radius, SAME * self.coarse_set.edge)
     }
 
-    /// A pose drawn onto the surface of all that are placed, if that stays near.
-    fn drawn(&self, placed: &[(usize, Motion)], view: usize, pose: &Motion) -> Motion {
-        let others: Vec<_> = placed.iter().map(|(other, at)| (&self.scene.sketches[*other], *at)).collect();
-        let drawn = align_onto(&others, &self.scene.sketches[view], pose, self.scene.edge);
-        if self.is_same(view, &drawn, pose) { drawn } else { *pose }
+    /// A pose refined on the surface of all that are placed, if that stays near.
+    fn refined(&self, placed: &[(usize, Motion)], view: usize, pose: &Motion) -> Motion {
+        let others: Vec<_> = placed.iter().map(|(other, at)| (&self.coarse_set.coarse_views[*other], *at)).collect();
+        let refined = align_onto(&others, &self.coarse_set.coarse_views[view], pose, self.coarse_set.edge);
+        if self.is_same(view, &refined, pose) { refined } else { *pose }
     }
 
     /// How much speaks for a motion between two views.
     fn balance(&self, i: usize, j: usize, motion_i_j: &Motion) -> f64 {
-        let (a, b) = (&self.scene.sketches[i], &self.scene.sketches[j]);
+        let (a, b) = (&self.coarse_set.coarse_views[i], &self.coarse_set.coarse_views[j]);
         if motion_i_j.translation.vector.norm() > a.radius + b.radius {
             return 0.0;
         }
-        let votes = verify(a, b, motion_i_j, self.scene.edge, SAMPLES).both();
-        ENOUGH * (1.0 - (-votes.agree / self.scene.excess(&votes) / ENOUGH).exp()) - votes.against()
+        let votes = verify(a, b, motion_i_j, self.coarse_set.edge, SAMPLES).both();
+        ENOUGH * (1.0 - (-votes.agree / self.coarse_set.excess(&votes) / ENOUGH).exp()) - votes.against()
     }
 
     /// How much those that are placed speak for a view's pose.
@@ -205,26 +213,26 @@ impl Growth<'_> {
         placed.iter().map(|(other, at)| self.balance(*other, view, &at.inv_mul(pose))).sum()
     }
 
-    /// How much all pairs speak for a group.
+    /// How much all pairs speak for a component.
     fn total(&self, placed: &[(usize, Motion)]) -> f64 {
         (0..placed.len()).map(|k| self.balance_at(&placed[..k], placed[k].0, &placed[k].1)).sum()
     }
 
     /// Leaves out the views that could as well stand elsewhere or slide, and those that don't touch the others at full
-    /// resolution; those of clear groups stay.
-    fn settle(&self, placed: &[(usize, Motion)], clear: &[Group]) -> Settled {
-        let Scene { sketches, edge, .. } = *self.scene;
+    /// resolution; those of clear components stay.
+    fn settle(&self, placed: &[(usize, Motion)], clear: &[Component]) -> Settled {
+        let CoarseSet { coarse_views, edge, .. } = *self.coarse_set;
         let mut placed = placed.to_vec();
         placed.sort_by_key(|(view, _)| *view);
         let is_open = |(k, l): &(usize, usize)| !(self.is_clear[placed[*k].0] && self.is_clear[placed[*l].0]);
         let pairs = (0..placed.len()).flat_map(|k| (0..k).map(move |l| (l, k)));
         let pairs: Vec<(usize, usize)> = pairs.filter(is_open).collect();
-        let measured: Vec<Link> = pairs
+        let measured: Vec<PairHypothesis> = pairs
             .par_iter()
             .with_max_len(1)
             .filter_map(|&(k, l)| {
                 let ((i, pose_i), (j, pose_j)) = (placed[k], placed[l]);
-                measure(sketches, i, j, &pose_i.inv_mul(&pose_j), edge)
+                measure(coarse_views, i, j, &pose_i.inv_mul(&pose_j), edge)
             })
             .collect();
         let (mut kept, mut ambiguous) = (Placed::new(), Vec::new());
@@ -234,16 +242,17 @@ impl Growth<'_> {
                 continue;
             }
             let others: Placed = [&placed[..index], &placed[index + 1..]].concat();
-            let own: Vec<Link> = measured.iter().filter(|link| link.i == view || link.j == view).copied().collect();
-            if self.has_rival(&others, view, &pose) || slides(sketches, &own, edge, SLIDE_SAMPLES) {
+            let own: Vec<PairHypothesis> =
+                measured.iter().filter(|hypothesis| hypothesis.i == view || hypothesis.j == view).copied().collect();
+            if self.has_rival(&others, view, &pose) || can_slip(coarse_views, &own, edge, SLIDE_SAMPLES) {
                 ambiguous.push(view);
-            } else if touching(self.scene, &own) >= TOUCHING {
+            } else if touching(self.coarse_set, &own) >= TOUCHING {
                 kept.push((view, pose));
             }
         }
-        let clear_links = clear.iter().flat_map(|group| &group.links).copied();
-        let group = (kept.len() > 1).then(|| self.group(kept, measured.into_iter().chain(clear_links)));
-        Settled { group, ambiguous }
+        let clear_links = clear.iter().flat_map(|component| &component.hypotheses).copied();
+        let component = (kept.len() > 1).then(|| self.component(kept, measured.into_iter().chain(clear_links)));
+        Settled { component, ambiguous }
     }
 
     /// Whether a view could as well stand elsewhere.
@@ -254,13 +263,15 @@ impl Growth<'_> {
         elsewhere.any(|rival| self.balance_at(others, view, &rival) > limit)
     }
 
-    fn group(&self, kept: Placed, measured: impl Iterator<Item = Link>) -> Group {
+    fn component(&self, kept: Placed, measured: impl Iterator<Item = PairHypothesis>) -> Component {
         let (views, local_poses): (Vec<usize>, Vec<Motion>) = kept.into_iter().unzip();
-        let holds = |link: &Link| link.is_promising() && views.contains(&link.i) && views.contains(&link.j);
-        let links = measured.filter(holds).collect();
-        let mut group = Group { views, local_poses, links, search: 0 };
-        group.average(self.scene.sketches, self.scene.edge);
-        group
+        let holds = |hypothesis: &PairHypothesis| {
+            hypothesis.is_promising() && views.contains(&hypothesis.i) && views.contains(&hypothesis.j)
+        };
+        let hypotheses = measured.filter(holds).collect();
+        let mut component = Component { views, local_poses, hypotheses, search: 0 };
+        component.average(self.coarse_set.coarse_views, self.coarse_set.edge);
+        component
     }
 }
 
@@ -283,7 +294,7 @@ fn clearest(waiting: &[Waiting]) -> Option<(usize, Motion)> {
 mod tests {
     use super::*;
     use crate::geometry::{Cloud, Point3, Vector3};
-    use crate::registration::global::sketch::Sketch;
+    use crate::registration::global::coarse_view::CoarseView;
     use crate::registration::sensor::Sensor;
     use crate::registration::view::View;
 
@@ -310,22 +321,34 @@ mod tests {
     fn a_wrong_pair_is_outweighed_by_what_all_pairs_say() {
         let (views, directions): (Vec<View>, Vec<Vector3>) = views([0.0, 60.0, 120.0]).into_iter().unzip();
         let sensors = directions.iter().map(|direction| Some(Sensor::Toward(*direction)));
-        let sketches: Vec<Sketch> =
-            views.iter().zip(sensors).map(|(view, sensor)| Sketch::new(view, EDGE, sensor)).collect();
-        let scene = Scene { views: &views, sketches: &sketches, resolution: 1.0, edge: EDGE, noise: 0.05 };
-        let link = |i: usize, j: usize, shift: Vector3| {
+        let coarse_views: Vec<CoarseView> =
+            views.iter().zip(sensors).map(|(view, sensor)| CoarseView::new(view, EDGE, sensor)).collect();
+        let coarse_set =
+            CoarseSet { views: &views, coarse_views: &coarse_views, resolution: 1.0, edge: EDGE, noise: 0.05 };
+        let hypothesis = |i: usize, j: usize, shift: Vector3| {
             let motion_i_j = Motion::from(nalgebra::Translation3::from(shift));
-            Link { i, j, motion_i_j, evidence: verify(&sketches[i], &sketches[j], &motion_i_j, EDGE, 400) }
+            PairHypothesis {
+                i,
+                j,
+                motion_i_j,
+                evidence: verify(&coarse_views[i], &coarse_views[j], &motion_i_j, EDGE, 400),
+            }
         };
         let between = |i: usize, j: usize| views[j].center - views[i].center;
         // the first and the last laid on each other, and two pairs as they are
-        let links = [link(0, 2, Vector3::zeros()), link(0, 1, between(0, 1)), link(1, 2, between(1, 2))];
-        let grown = grow(&scene, &links, &Known::default(), &Progress::silent()).expect("not cancelled");
-        assert_eq!(grown.groups.len(), 1);
-        assert_eq!((grown.groups[0].views.clone(), grown.ambiguous), (vec![0, 1, 2], vec![false; 3]));
-        let group = &grown.groups[0];
-        let found = group.local_poses[0].inv_mul(&group.local_poses[2]).translation.vector;
+        let hypotheses =
+            [hypothesis(0, 2, Vector3::zeros()), hypothesis(0, 1, between(0, 1)), hypothesis(1, 2, between(1, 2))];
+        let grown = grow(&coarse_set, &hypotheses, &Known::default(), &Progress::silent()).expect("not cancelled");
+        assert_eq!(grown.components.len(), 1);
+        assert_eq!((grown.components[0].views.clone(), grown.ambiguous), (vec![0, 1, 2], vec![false; 3]));
+        let component = &grown.components[0];
+        let found = component.local_poses[0].inv_mul(&component.local_poses[2]).translation.vector;
         assert!((found - between(0, 2)).norm() < 0.5 * EDGE, "{found} {}", between(0, 2));
-        assert!(grow(&scene, &[], &Known::default(), &Progress::silent()).expect("not cancelled").groups.is_empty());
+        assert!(
+            grow(&coarse_set, &[], &Known::default(), &Progress::silent())
+                .expect("not cancelled")
+                .components
+                .is_empty()
+        );
     }
 }

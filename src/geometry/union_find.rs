@@ -2,14 +2,14 @@
 
 /// Disjoint sets of the numbers below `n`.
 #[derive(Debug, Clone)]
-pub struct Groups {
+pub struct UnionFind {
     parents: Vec<usize>,
 }
 
-impl Groups {
+impl UnionFind {
     /// Each of `n` members alone.
     pub fn new(n: usize) -> Self {
-        Groups { parents: (0..n).collect() }
+        UnionFind { parents: (0..n).collect() }
     }
 
     /// The representative of a member's set: its lowest member.
@@ -48,7 +48,7 @@ mod tests {
 
     #[test]
     fn sets_are_numbered_as_they_appear() {
-        let mut groups = Groups::new(6);
+        let mut groups = UnionFind::new(6);
         assert!(groups.join(5, 1) && groups.join(4, 0) && groups.join(3, 5));
         assert!(!groups.join(1, 3), "they are together already");
         assert_eq!(groups.numbered(), [0, 1, 2, 1, 0, 1]);

@@ -7,9 +7,9 @@
 
 use rayon::prelude::*;
 
+use super::coarse_view::CoarseView;
 use super::descriptor::Descriptors;
 use super::hinted::Prior;
-use super::sketch::Sketch;
 
 /// Each view is matched with so many others, and with those that chose it. A set of so many views is matched in all pairs.
 const PARTNERS: usize = 16;
@@ -28,41 +28,41 @@ pub fn is_large(views: usize) -> bool {
 }
 
 /// The pairs (i < j) that are worth matching, in order.
-pub fn likely_pairs(sketches: &[Sketch], prior: &Prior) -> Vec<(usize, usize)> {
-    let n = sketches.len();
+pub fn likely_pairs(coarse_views: &[CoarseView], prior: &Prior) -> Vec<(usize, usize)> {
+    let n = coarse_views.len();
     let all = (0..n).flat_map(|i| (i + 1..n).map(move |j| (i, j)));
     if !is_large(n) {
         return all.collect();
     }
-    let chosen = chosen_partners(sketches);
+    let chosen = chosen_partners(coarse_views);
     let is_chosen = |i: usize, j: usize| chosen[i].contains(&j) || chosen[j].contains(&i);
     // known poses propose a motion of every pair, but most of them are apart
     let may_meet = |i: usize, j: usize| {
-        let reach = sketches[i].radius + sketches[j].radius;
+        let reach = coarse_views[i].radius + coarse_views[j].radius;
         prior.hinted.is_overlapping(i, j) || prior.proposed(i, j).any(|motion| motion.translation.vector.norm() < reach)
     };
     all.filter(|&(i, j)| is_chosen(i, j) || may_meet(i, j)).collect()
 }
 
 /// For each view the others that most votes speak for, its own and theirs for it; of equals the first.
-fn chosen_partners(sketches: &[Sketch]) -> Vec<Vec<usize>> {
+fn chosen_partners(coarse_views: &[CoarseView]) -> Vec<Vec<usize>> {
     let some = |count: usize| -> Vec<Descriptors> {
-        sketches.par_iter().map(|sketch| sketch.descriptors.spread(count)).collect()
+        coarse_views.par_iter().map(|coarse_view| coarse_view.descriptors.spread(count)).collect()
     };
     let (voters, looked_at) = (some(VOTERS), some(LOOKED_AT));
-    let votes: Vec<Vec<u32>> = (0..sketches.len())
+    let votes: Vec<Vec<u32>> = (0..coarse_views.len())
         .into_par_iter()
         .with_max_len(1)
         .map(|view| votes_of(view, &voters[view], &looked_at))
         .collect();
     let both = |i: usize, j: usize| votes[i][j] + votes[j][i];
     let chosen = |view: usize| {
-        let mut others: Vec<usize> = (0..sketches.len()).filter(|other| *other != view).collect();
+        let mut others: Vec<usize> = (0..coarse_views.len()).filter(|other| *other != view).collect();
         others.sort_by_key(|other| std::cmp::Reverse(both(view, *other)));
         others.truncate(PARTNERS);
         others
     };
-    (0..sketches.len()).map(chosen).collect()
+    (0..coarse_views.len()).map(chosen).collect()
 }
 
 /// How many surfels of a view find what looks most like them in each of the others.
@@ -100,7 +100,7 @@ mod tests {
     use crate::registration::view::View;
 
     /// Views of a long wavy ground, each showing 60 by 40 of it and half of what the one before shows; turned at random.
-    fn along_the_ground(count: u32) -> Vec<Sketch> {
+    fn along_the_ground(count: u32) -> Vec<CoarseView> {
         let height = |x: f64, y: f64| {
             4.0 * (0.17 * x).sin() * (0.21 * y + 0.0013 * x * x).cos() + 3.0 * (0.005 * x * x + 0.1 * y).sin()
         };
@@ -109,21 +109,21 @@ mod tests {
             let turn = Motion::rotation(Vector3::new(0.9, f64::from(k), 0.3));
             let points: Vec<Point3> = places.map(|(x, y)| turn * Point3::new(x, y, height(x, y))).collect();
             let view = View::new(&Cloud::from_points(points)).expect("a sheet can be used");
-            Sketch::new(&view, 2.5, Some(Sensor::Toward(turn * Vector3::z())))
+            CoarseView::new(&view, 2.5, Some(Sensor::Toward(turn * Vector3::z())))
         };
         (0..count).map(view).collect()
     }
 
     #[test]
     fn in_a_large_set_neighbours_are_matched_and_most_pairs_are_not_whatever_the_order() {
-        let sketches = along_the_ground(40);
+        let coarse_views = along_the_ground(40);
         let none = Hinted::default();
         let prior = Prior { given: &[None; 40], hinted: &none };
-        let pairs = likely_pairs(&sketches, &prior);
+        let pairs = likely_pairs(&coarse_views, &prior);
         assert!(pairs.len() < 600, "{} of 780", pairs.len());
         let found = (1..40).filter(|k| pairs.contains(&(k - 1, *k))).count();
         assert!(found >= 36, "{found} of 39 neighbours");
-        let shuffled: Vec<Sketch> = (0..40).map(|k| sketches[k * 7 % 40].clone()).collect();
+        let shuffled: Vec<CoarseView> = (0..40).map(|k| coarse_views[k * 7 % 40].clone()).collect();
         let sorted = |i: usize, j: usize| (i.min(j), i.max(j));
         let mut again: Vec<(usize, usize)> =
             likely_pairs(&shuffled, &prior).into_iter().map(|(i, j)| sorted(i * 7 % 40, j * 7 % 40)).collect();
@@ -134,16 +134,16 @@ mod tests {
 
     #[test]
     fn a_small_set_is_matched_in_all_pairs_and_known_poses_add_theirs() {
-        let sketches = along_the_ground(PARTNERS as u32 + 1);
+        let coarse_views = along_the_ground(PARTNERS as u32 + 1);
         let none = Hinted::default();
         let prior = Prior { given: &[None; PARTNERS + 1], hinted: &none };
-        assert_eq!(likely_pairs(&sketches, &prior).len(), PARTNERS * (PARTNERS + 1) / 2);
-        let sketches = along_the_ground(40);
-        let without = likely_pairs(&sketches, &Prior { given: &[None; 40], hinted: &none });
+        assert_eq!(likely_pairs(&coarse_views, &prior).len(), PARTNERS * (PARTNERS + 1) / 2);
+        let coarse_views = along_the_ground(40);
+        let without = likely_pairs(&coarse_views, &Prior { given: &[None; 40], hinted: &none });
         let apart = (0..40).find_map(|i| (i + 1..40).map(|j| (i, j)).find(|pair| !without.contains(pair)));
         let (i, j) = apart.expect("not all pairs are matched");
         let mut given = [None; 40];
         (given[i], given[j]) = (Some(Motion::identity()), Some(Motion::identity()));
-        assert!(likely_pairs(&sketches, &Prior { given: &given, hinted: &none }).contains(&(i, j)));
+        assert!(likely_pairs(&coarse_views, &Prior { given: &given, hinted: &none }).contains(&(i, j)));
     }
 }

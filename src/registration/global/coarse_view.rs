@@ -2,8 +2,8 @@
 
 use rayon::prelude::*;
 
+use super::depth_image::DepthImage;
 use super::descriptor::{Descriptors, describe};
-use super::sight::SightMap;
 use crate::geometry::Vector3;
 use crate::geometry::neighbours::{IndexedPoints, LocalPoint};
 use crate::geometry::normals::{Patch, patch_within};
@@ -12,9 +12,9 @@ use crate::registration::sensor::{Facet, Sensor, outer_side, viewing_axis};
 use crate::registration::view::View;
 use crate::registration::viewpoint;
 
-/// A view's sketch, in its local frame.
+/// What is kept of a view, in its local frame.
 #[derive(Debug, Clone)]
-pub struct Sketch {
+pub struct CoarseView {
     /// Surfel positions with their tree.
     pub indexed: IndexedPoints,
     /// Unit normals towards the scanner.
@@ -32,7 +32,7 @@ pub struct Sketch {
     /// What the surface looks like around each inner surfel.
     pub descriptors: Descriptors,
     /// What the scanner saw in each direction.
-    pub sight: SightMap,
+    pub depth_image: DepthImage,
 }
 
 /// Radius of a normal's neighbourhood, in edges.
@@ -47,8 +47,8 @@ const SIGHT_CELL: f64 = 1.3;
 const STRAY_VOXEL: f64 = 0.1;
 const STRAY_AROUND: f64 = 0.2;
 
-impl Sketch {
-    /// Sketches a view with surfels of one voxel of edge `edge`; `sensor` if the file or the caller told it.
+impl CoarseView {
+    /// Reduces a view with surfels of one voxel of edge `edge`; `sensor` if the file or the caller told it.
     pub fn new(view: &View, edge: f64, sensor: Option<Sensor>) -> Self {
         let reach = (NORMAL_REACH * edge) as f32;
         let (centroids, fitted) = supported(view, edge, reach);
@@ -68,14 +68,14 @@ impl Sketch {
         }
         let inner: Vec<u32> = (0..is_inner.len() as u32).filter(|index| is_inner[*index as usize]).collect();
         let radius = centroids.iter().map(|c| nalgebra::Vector3::from(*c).norm()).fold(0.0f32, f32::max).into();
-        let mut sight = SightMap::new(&centroids, &sensor, SIGHT_CELL * edge);
+        let mut depth_image = DepthImage::new(&centroids, &sensor, SIGHT_CELL * edge);
         // a scanner that looks all the way round has its picture end where its rays do, not where an object does
         if sensor.is_round(view.points()) {
-            sight.crop();
+            depth_image.crop();
         }
         let indexed = IndexedPoints::new(centroids);
         let descriptors = describe(&indexed, &normals, &inner, edge);
-        Sketch { indexed, normals, is_inner, inner, sensor, side_clarity, radius, descriptors, sight }
+        CoarseView { indexed, normals, is_inner, inner, sensor, side_clarity, radius, descriptors, depth_image }
     }
 
     /// A surfel's position.
@@ -85,8 +85,8 @@ impl Sketch {
 }
 
 /// Sketches all views with one common edge, in parallel.
-pub fn sketch_all(views: &[View], edge: f64, sensors: &[Option<Sensor>]) -> Vec<Sketch> {
-    views.par_iter().zip(sensors).with_max_len(1).map(|(view, sensor)| Sketch::new(view, edge, *sensor)).collect()
+pub fn coarse_views_of(views: &[View], edge: f64, sensors: &[Option<Sensor>]) -> Vec<CoarseView> {
+    views.par_iter().zip(sensors).with_max_len(1).map(|(view, sensor)| CoarseView::new(view, edge, *sensor)).collect()
 }
 
 /// The scanner's side, read off the scan alone: what a scanner sees of a body bulges towards it.
@@ -208,7 +208,7 @@ mod tests {
     fn who_looks_all_round_saw_only_what_there_is_and_a_camera_missed_the_rest() {
         let view = floor_and_wire();
         let above = |height: f64| Sensor::At(Vector3::new(20.0, 20.0, height) - view.center);
-        let is_cropped = |height: f64| Sketch::new(&view, 2.0, Some(above(height))).sight.is_cropped();
+        let is_cropped = |height: f64| CoarseView::new(&view, 2.0, Some(above(height))).depth_image.is_cropped();
         assert!(is_cropped(5.0));
         assert!(!is_cropped(100.0));
     }

@@ -3,9 +3,9 @@
 use super::verification::Evidence;
 use crate::geometry::Motion;
 
-/// A way to lay two views on each other, drawn onto the surface and asked.
+/// A way to lay two views on each other, refined on the surface and asked.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Link {
+pub struct PairHypothesis {
     /// The view whose frame is the target.
     pub i: usize,
     /// The view that is mapped.
@@ -16,12 +16,12 @@ pub struct Link {
     pub evidence: Evidence,
 }
 
-/// A link is worth trying from this share of agreeing surfels on,
+/// A hypothesis is worth trying from this share of agreeing surfels on,
 pub const LEAST_OVERLAP: f64 = 0.08;
 /// and this share of agreement among all that was said.
 const LEAST_CONSISTENCY: f64 = 0.6;
 
-impl Link {
+impl PairHypothesis {
     /// How much speaks for it; see [`super::votes`].
     pub fn score(&self) -> f64 {
         self.evidence.both().score()

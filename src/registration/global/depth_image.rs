@@ -10,7 +10,7 @@ const MOST_CELLS: f32 = 1024.0;
 
 /// A depth picture of a view: for each cell across the line of sight, how near the nearest surface is.
 #[derive(Debug, Clone)]
-pub struct SightMap {
+pub struct DepthImage {
     /// Rows: across, upward, towards the scanner.
     frame: nalgebra::Matrix3<f32>,
     /// Where the scanner stood, if near enough to matter, and the typical distance of what it saw.
@@ -42,7 +42,7 @@ pub enum Seen {
     Unknown,
 }
 
-impl SightMap {
+impl DepthImage {
     /// The picture that `points` make, in cells of side `cell`.
     pub fn new(points: &[LocalPoint], sensor: &Sensor, cell: f64) -> Self {
         let toward = sensor
@@ -64,7 +64,7 @@ impl SightMap {
             }
             Sensor::Toward(_) => None,
         };
-        let mut map = SightMap {
+        let mut map = DepthImage {
             frame,
             eye,
             cell: cell as f32,
@@ -170,7 +170,7 @@ mod tests {
     fn a_scanner_saw_surface_its_rim_and_nothing() {
         let sheet: Vec<LocalPoint> = (0..400).map(|k| [(k % 20) as f32 - 9.5, (k / 20) as f32 - 9.5, 0.0]).collect();
         for sensor in [Sensor::Toward(Vector3::z()), Sensor::At(Vector3::z() * 1e4)] {
-            let map = SightMap::new(&sheet, &sensor, 2.0);
+            let map = DepthImage::new(&sheet, &sensor, 2.0);
             let look = |x: f32, z: f32| map.look(&nalgebra::Vector3::new(x, 0.0, z));
             for height in [3.0, -3.0] {
                 assert!(matches!(look(0.0, height), Seen::Surface { height: h } if (h - height).abs() < 0.1));
@@ -179,7 +179,7 @@ mod tests {
         }
         // a hole wider than a cell: its middle is rim as long as a neighbour is full
         let holed: Vec<LocalPoint> = sheet.into_iter().filter(|p| p[0].hypot(p[1]) > 2.9).collect();
-        let map = SightMap::new(&holed, &Sensor::Toward(Vector3::z()), 2.0);
+        let map = DepthImage::new(&holed, &Sensor::Toward(Vector3::z()), 2.0);
         assert_eq!(map.look(&nalgebra::Vector3::zeros()), Seen::Rim);
     }
 }

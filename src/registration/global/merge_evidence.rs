@@ -1,0 +1,36 @@
+//! What a join of two components has to rest on.
+
+use super::coarse_set::CoarseSet;
+use super::pair_hypothesis::PairHypothesis;
+
+/// What a join rests on.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MergeEvidence {
+    /// Scores of all pairs between the components, added.
+    pub score: f64,
+    /// The best pair's.
+    pub best: f64,
+    /// Score of the best other way to lay the components on each other, in that of this one.
+    pub rival: f64,
+    /// Of the points of the best pairs that come near each other, the share that touches at full resolution.
+    pub touching: f64,
+}
+
+/// Components are joined if the best pair scores this,
+const STRONG: f64 = 0.16;
+/// or all together score this, with one that is not weak.
+const STRONG_TOGETHER: f64 = 0.32;
+const NOT_WEAK: f64 = 0.1;
+
+impl MergeEvidence {
+    /// Adds up what all pairs say.
+    pub fn of(coarse_set: &CoarseSet, measured: &[PairHypothesis]) -> Self {
+        let scores = measured.iter().map(|hypothesis| coarse_set.score(hypothesis));
+        MergeEvidence { score: scores.clone().sum(), best: scores.fold(0.0, f64::max), rival: 0.0, touching: 0.0 }
+    }
+
+    /// Whether they are enough to join two components.
+    pub fn suffice(&self) -> bool {
+        self.best >= STRONG || (self.score >= STRONG_TOGETHER && self.best >= NOT_WEAK)
+    }
+}
