@@ -140,9 +140,9 @@ fn measure(sensor: SensorKind, scene: SceneKind, seed: u64) -> anyhow::Result<St
 /// What the confidence of a view looks at, with commas between.
 fn features_of(evidence: &serde_json::Value) -> String {
     let Ok(evidence) = ViewEvidence::deserialize(evidence) else { return String::new() };
-    let ViewEvidence { standing, witness } = evidence;
+    let ViewEvidence { support, witness } = evidence;
     let still = if witness.stands_still { ",still" } else { "" };
-    let features: Vec<String> = features(&standing, &witness).iter().map(|x| format!("{x:.5}")).collect();
+    let features: Vec<String> = features(&support, &witness).iter().map(|x| format!("{x:.5}")).collect();
     features.join(",") + still
 }
 

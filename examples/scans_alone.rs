@@ -17,10 +17,10 @@ use visage::registration::global::placement::place;
 use visage::registration::global::scan_set::Set;
 use visage::registration::hinted::Hinted;
 use visage::registration::method::Method;
-use visage::registration::multiview::{self, MultiviewOptions};
+use visage::registration::outcome::MethodOptions;
+use visage::registration::quality::witness::Known;
 use visage::registration::sensor::Sensor;
 use visage::registration::view::View;
-use visage::registration::witness::Known;
 use visage::synthetic::shapes::{Coverage, ScanOptions, Shape, catalogue, scan_set};
 
 /// A view that is farther off, in spacings, is wrong.
@@ -82,7 +82,7 @@ fn measure(index: usize, seed: u64) -> String {
     let hinted = Hinted::default();
     let set = Set { names: &names, views: &views, given: &given, sensors: &sensors, hinted: &hinted };
     let progress = Progress::silent();
-    let refine_options = MultiviewOptions { min_overlap: 0.5, range_accuracy: None, max_rounds: 20 };
+    let refine_options = MethodOptions { min_overlap: 0.5, range_accuracy: None, max_rounds: 20 };
     let refine = |views: &[View], poses: &[Motion]| Method::Joint.register(views, poses, &refine_options, &progress);
     let Ok(placement) = place(&set, &refine, &progress) else { return String::new() };
 
@@ -125,7 +125,7 @@ fn right_views(
     placed: &[usize],
     poses: &[Motion],
 ) -> Vec<usize> {
-    let limit = WRONG * multiview::common_spacing(views);
+    let limit = WRONG * visage::registration::view::common_spacing(views);
     let vertices: Vec<LocalPoint> = match shape.is_symmetric() {
         true => shape.mesh(seed).vertices.iter().map(|v| v.coords.cast::<f32>().into()).collect(),
         false => Vec::new(),
@@ -159,7 +159,7 @@ fn right_views(
 
 /// For each view its largest overlap with another at the true poses: the smaller share of both.
 fn best_overlaps(views: &[View], truth: &[Motion]) -> Vec<f64> {
-    let reach2 = (COUNTERPART * multiview::common_spacing(views)).powi(2) as f32;
+    let reach2 = (COUNTERPART * visage::registration::view::common_spacing(views)).powi(2) as f32;
     let share = |i: usize, j: usize| {
         let motion = truth[i].inv_mul(&truth[j]);
         let points = views[j].points();

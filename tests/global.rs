@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use visage::geometry::{Motion, Point3, Surface, Unit, Vector3};
-use visage::pipeline::{self, NamedScan, Options, Outcome};
+use visage::pipeline::{self, NamedScan, Options, RegisteredModel};
 use visage::progress::Progress;
 use visage::synthetic::objects;
 use visage::synthetic::scanner::{ScanSet, Scanner};
@@ -34,7 +34,7 @@ impl Stranger {
         }
     }
 
-    fn run(&self, given: &[(usize, Motion)], threads: usize) -> Outcome {
+    fn run(&self, given: &[(usize, Motion)], threads: usize) -> RegisteredModel {
         let given: BTreeMap<String, Motion> = given.iter().map(|(view, m)| (format!("s{view}.ply"), *m)).collect();
         let options = Options { cloud: false, signature: false, ..Options::default() };
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool of threads");
@@ -43,7 +43,7 @@ impl Stranger {
     }
 
     /// Asserts that every view has its place, to within `points_mm`.
-    fn assert_placed(&self, outcome: &Outcome, points_mm: f64) {
+    fn assert_placed(&self, outcome: &RegisteredModel, points_mm: f64) {
         let found: Vec<Motion> = outcome.poses.iter().map(|(name, pose)| pose.expect(name)).collect();
         let samples: Vec<Vec<Point3>> =
             self.scans.iter().map(|scan| scan.surface.cloud.points.iter().step_by(7).copied().collect()).collect();
@@ -52,7 +52,7 @@ impl Stranger {
     }
 }
 
-fn origins(outcome: &Outcome) -> Vec<&str> {
+fn origins(outcome: &RegisteredModel) -> Vec<&str> {
     let views = outcome.report["views"].as_array().expect("a report has views");
     views.iter().map(|view| view["pose"].as_str().unwrap_or("none")).collect()
 }

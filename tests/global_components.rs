@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 
 use visage::geometry::{Motion, Point3, Surface, Unit, Vector3, se3};
-use visage::pipeline::{self, NamedScan, Options, Outcome};
+use visage::pipeline::{self, NamedScan, Options, RegisteredModel};
 use visage::progress::Progress;
 use visage::synthetic::scene::{Ground, SceneOptions, scene_set};
 use visage::synthetic::shapes::{ScanOptions, Shape, catalogue, scan_set};
@@ -41,7 +41,7 @@ impl Pile {
         self
     }
 
-    fn run(&self, given: &[(usize, Motion)], options: &Options) -> Outcome {
+    fn run(&self, given: &[(usize, Motion)], options: &Options) -> RegisteredModel {
         let given: BTreeMap<String, Motion> = given.iter().map(|(k, pose)| (format!("s{k}.ply"), *pose)).collect();
         pipeline::run(self.scans.clone(), &given, Unit::Mm, options, &Progress::silent())
             .unwrap_or_else(|error| panic!("{error}"))
@@ -71,7 +71,7 @@ const BARE: Options = Options {
 };
 
 /// The groups of a report: views and poses.
-fn groups(outcome: &Outcome) -> Vec<(Vec<usize>, Vec<Motion>)> {
+fn groups(outcome: &RegisteredModel) -> Vec<(Vec<usize>, Vec<Motion>)> {
     let groups = outcome.report["groups"].as_array().expect("groups are told");
     groups
         .iter()
@@ -85,7 +85,7 @@ fn groups(outcome: &Outcome) -> Vec<(Vec<usize>, Vec<Motion>)> {
         .collect()
 }
 
-fn of_views<'a>(outcome: &'a Outcome, key: &str) -> Vec<Option<&'a str>> {
+fn of_views<'a>(outcome: &'a RegisteredModel, key: &str) -> Vec<Option<&'a str>> {
     outcome.report["views"].as_array().expect("views").iter().map(|view| view[key].as_str()).collect()
 }
 

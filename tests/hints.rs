@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::f64::consts::FRAC_PI_3;
 
 use visage::geometry::{Motion, Point3, Surface, Unit, Vector3, se3};
-use visage::pipeline::{self, Hints, NamedScan, Options, Outcome, PipelineError, Start};
+use visage::pipeline::{self, Hints, NamedScan, Options, PipelineError, RegisteredModel, Start};
 use visage::progress::Progress;
 use visage::synthetic::scanner::{ScanSet, Scanner};
 use visage::synthetic::{objects, shapes};
@@ -41,22 +41,22 @@ impl Set {
         }
     }
 
-    fn run(&self, start: &Start) -> Result<Outcome, PipelineError> {
+    fn run(&self, start: &Start) -> Result<RegisteredModel, PipelineError> {
         let options = Options { cloud: false, signature: false, ..Options::default() };
         pipeline::run_from(self.scans.clone(), start, Unit::Mm, &options, &Progress::silent())
     }
 
-    fn hinted(&self, hints: serde_json::Value) -> Result<Outcome, PipelineError> {
+    fn hinted(&self, hints: serde_json::Value) -> Result<RegisteredModel, PipelineError> {
         self.run(&Start { hints: read(hints), ..Start::default() })
     }
 
     /// The true place of a scan in the world of the outcome, which is that of view 0.
-    fn true_pose(&self, outcome: &Outcome, view: usize) -> Motion {
+    fn true_pose(&self, outcome: &RegisteredModel, view: usize) -> Motion {
         outcome.poses[0].1.expect("view 0 is placed") * self.truth[0].inverse() * self.truth[view]
     }
 
     /// How far a pose of a scan is off, in degrees and in mm at the scan's middle.
-    fn error(&self, outcome: &Outcome, view: usize, pose: &Motion) -> (f64, f64) {
+    fn error(&self, outcome: &RegisteredModel, view: usize, pose: &Motion) -> (f64, f64) {
         let truth = self.true_pose(outcome, view);
         let middle = self.scans[view].surface.cloud.centroid();
         (truth.rotation.angle_to(&pose.rotation).to_degrees(), (truth * middle - pose * middle).norm())

@@ -8,15 +8,16 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use visage::geometry::{Cloud, Motion, Point3, Vector3, se3};
 use visage::progress::Progress;
+use visage::registration::covariance::weak_axes::{AxisKind, WeakAxis, weak_axes};
 use visage::registration::covariance::{self, PoseCovariance};
-use visage::registration::free_space::intrusions;
 use visage::registration::method::Method;
-use visage::registration::multiview::{Multiview, MultiviewOptions, common_spacing};
+use visage::registration::outcome::{MethodOptions, Outcome};
+use visage::registration::quality::free_space::intrusions;
 use visage::registration::quality::{self, Quality, Verdict};
 use visage::registration::resolution::resolution;
 use visage::registration::sensor::Sensor;
 use visage::registration::view::View;
-use visage::registration::weak_axes::{AxisKind, WeakAxis, weak_axes};
+use visage::registration::view::common_spacing;
 use visage::synthetic::shapes::{ScanOptions, Shape, Symmetry, catalogue, scan_set};
 use visage::synthetic::truth::disturb;
 
@@ -55,7 +56,7 @@ impl Truth {
     }
 
     fn register(&self, initial: &[Motion]) -> Registered {
-        let options = MultiviewOptions { min_overlap: 0.5, range_accuracy: None, max_rounds: 20 };
+        let options = MethodOptions { min_overlap: 0.5, range_accuracy: None, max_rounds: 20 };
         let result = Method::Joint.register(&self.views, initial, &options, &Progress::silent()).expect("not canceled");
         let names: Vec<String> = (0..self.views.len()).map(|view| format!("scan {view}")).collect();
         let spacing = common_spacing(&self.views);
@@ -86,7 +87,7 @@ impl Truth {
 }
 
 struct Registered {
-    result: Multiview,
+    result: Outcome,
     verdict: Verdict,
     known: Vec<Option<PoseCovariance>>,
     spacing: f64,

@@ -18,7 +18,7 @@ use crate::geometry::Unit;
 use crate::jobs::artifacts::{RunFacts, add_readings, report_json};
 use crate::jobs::tracker::Tracker;
 
-use crate::pipeline::{self, Hints, Method, NamedScan, Options, Outcome, PipelineError, Scale, Start};
+use crate::pipeline::{self, Hints, Method, NamedScan, Options, PipelineError, RegisteredModel, Scale, Start};
 use crate::progress::{Progress, Stage};
 
 /// What to register and where to write it.
@@ -201,7 +201,7 @@ fn with_hint(error: PipelineError) -> anyhow::Error {
     }
 }
 
-fn write_model(out: &Path, outcome: &Outcome) -> anyhow::Result<()> {
+fn write_model(out: &Path, outcome: &RegisteredModel) -> anyhow::Result<()> {
     write(&out.join("poses.json"), formats::poses::write_matrices(&outcome.matrices).as_bytes())?;
     if let Some(model) = &outcome.cloud {
         write(&out.join("cloud.ply"), &formats::ply::write_cloud(&model.cloud, Some(&model.views)))?;
@@ -214,7 +214,7 @@ fn write(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
 }
 
 /// The verdict on standard output; an error if the registration failed, since scripts look at the exit status.
-fn summarise(outcome: &Outcome, out: &Path) -> anyhow::Result<()> {
+fn summarise(outcome: &RegisteredModel, out: &Path) -> anyhow::Result<()> {
     let verdict = &outcome.report["verdict"];
     let quality = verdict["quality"].as_str().unwrap_or("unknown");
     let placed = outcome.poses.iter().filter(|(_, pose)| pose.is_some()).count();

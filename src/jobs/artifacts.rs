@@ -6,7 +6,7 @@ use serde_json::Value;
 
 use crate::formats::{self, Dropped};
 use crate::geometry::se3;
-use crate::pipeline::{Outcome, PoseMatrix};
+use crate::pipeline::{PoseMatrix, RegisteredModel};
 
 /// Where something ran and what it took: `report.run`. Apart from the result, since it differs from run to run.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
@@ -86,7 +86,7 @@ pub fn report_json(result: &Value, run: &RunFacts) -> Result<Vec<u8>, serde_json
 
 /// `poses.conf` in Stanford's convention; views without a place are left out. `None` when a name has a blank or a view a
 /// scale, which that format can't hold.
-pub fn poses_conf(outcome: &Outcome) -> Option<String> {
+pub fn poses_conf(outcome: &RegisteredModel) -> Option<String> {
     let has_blank = |name: &str| name.chars().any(char::is_whitespace);
     let is_scaled = |matrix: &PoseMatrix| se3::from_rows(matrix).is_err();
     let holds =
@@ -104,7 +104,7 @@ mod tests {
     fn a_name_with_a_blank_or_a_scale_has_no_conf() {
         let conf = |name: &str, scale: f64| {
             let pose = Motion::identity();
-            poses_conf(&Outcome {
+            poses_conf(&RegisteredModel {
                 poses: vec![(name.to_owned(), Some(pose))],
                 matrices: vec![(name.to_owned(), Some(se3::to_scaled_rows(&pose, scale)))],
                 report: json!({}),

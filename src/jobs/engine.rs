@@ -3,7 +3,7 @@
 use crate::classes::{Annotation, Class, ClassError, Found};
 use crate::faces::{self, DescribeError, Signature};
 use crate::geometry::{Surface, Unit};
-use crate::pipeline::{self, NamedScan, Options, Outcome, PipelineError, Start};
+use crate::pipeline::{self, NamedScan, Options, PipelineError, RegisteredModel, Start};
 use crate::progress::Progress;
 
 /// What the service asks of the algorithms. Calls block, run inside a rayon pool, and may panic: the caller copes.
@@ -16,7 +16,7 @@ pub trait Engine: Send + Sync + 'static {
         unit: Unit,
         options: &Options,
         progress: &Progress,
-    ) -> Result<Outcome, PipelineError>;
+    ) -> Result<RegisteredModel, PipelineError>;
 
     /// Computes a signature; see [`faces::describe`].
     fn describe(&self, surface: &Surface, unit: Unit, progress: &Progress) -> Result<Signature, DescribeError>;
@@ -56,7 +56,7 @@ impl Engine for PipelineEngine {
         unit: Unit,
         options: &Options,
         progress: &Progress,
-    ) -> Result<Outcome, PipelineError> {
+    ) -> Result<RegisteredModel, PipelineError> {
         pipeline::run_from(scans, start, unit, options, progress)
     }
 

@@ -16,7 +16,7 @@ use crate::blobs::{BlobError, Blobs, StagedModel};
 use crate::config::Limits;
 use crate::faces::Signature;
 use crate::formats::{self, Dropped};
-use crate::pipeline::{NamedScan, Outcome, PipelineError};
+use crate::pipeline::{NamedScan, PipelineError, RegisteredModel};
 use crate::progress::{Canceled, Progress, Stage};
 use crate::store::{
     AssetRecord, JobError, JobRecord, ModelId, NewModel, ScanRecord, ScanSetRecord, Store, StoreError, StoredFile,
@@ -215,7 +215,7 @@ impl Work {
     }
 
     /// Writes the model's files and moves them to where they belong.
-    fn keep(&self, outcome: Outcome) -> Result<Made, WorkError> {
+    fn keep(&self, outcome: RegisteredModel) -> Result<Made, WorkError> {
         let staged = self.blobs.stage_model()?;
         let mut assets = Vec::new();
         let mut write = |name: &str, content: &[u8]| -> Result<(), WorkError> {
@@ -242,7 +242,7 @@ impl Work {
         Ok(Made { model: self.model(id, &outcome, assets), signature: outcome.signature })
     }
 
-    fn model(&self, id: ModelId, outcome: &Outcome, assets: Vec<AssetRecord>) -> NewModel {
+    fn model(&self, id: ModelId, outcome: &RegisteredModel, assets: Vec<AssetRecord>) -> NewModel {
         let scanned: u64 = self.set.scans.iter().map(|scan| scan.points).sum();
         NewModel {
             id,

@@ -1,10 +1,10 @@
 //! Scans that were given twice: registered once, and put back beside their originals at the end.
 
 use super::start::Setting;
-use super::{NamedScan, Outcome, PipelineError};
+use super::{NamedScan, PipelineError, RegisteredModel};
 use crate::geometry::{Motion, se3};
 use crate::progress::Progress;
-use crate::registration::copies;
+use crate::registration::cleaning::copies;
 use crate::registration::view::View;
 
 /// A scan that has the points of another one.
@@ -67,7 +67,7 @@ fn nothing_but_copies(copied: &[CopiedScan]) -> PipelineError {
 }
 
 /// Adds the copies to what came out: poses beside their originals', rows that say what they are.
-pub(super) fn put_back(copied: &[CopiedScan], setting: &Setting, outcome: &mut Outcome) {
+pub(super) fn put_back(copied: &[CopiedScan], setting: &Setting, outcome: &mut RegisteredModel) {
     for copy in copied {
         let Some(original) = outcome.poses.iter().position(|(name, _)| *name == copy.of) else { continue };
         let matrix = outcome.matrices[original].1.as_ref();

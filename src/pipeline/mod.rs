@@ -15,18 +15,18 @@ use crate::geometry::{MAX_COORDINATE, Motion, Surface, Unit, Vector3};
 use crate::progress::{Canceled, Progress, Stage};
 pub use crate::reconstruction::merge::ModelCloud;
 use crate::reconstruction::merge::{PosedView, merge};
-use crate::registration::colour::{self, Brightness};
-use crate::registration::free_space::intrusions;
 use crate::registration::global::scan_set::Registered;
 pub use crate::registration::hints::Hints;
 pub use crate::registration::method::Method;
-use crate::registration::multiview::Multiview;
+use crate::registration::outcome::Outcome;
 use crate::registration::quality::Quality;
+use crate::registration::quality::colour::{self, Brightness};
+use crate::registration::quality::free_space::intrusions;
+use crate::registration::quality::witness::Known;
 use crate::registration::report::RegistrationReport;
 use crate::registration::resolution::resolution;
 use crate::registration::sensor::Sensor;
 use crate::registration::view::View;
-use crate::registration::witness::Known;
 use crate::registration::{self, covariance};
 
 use self::start::Setting;
@@ -90,7 +90,7 @@ impl Default for Options {
 
 /// What a run leaves behind.
 #[derive(Debug)]
-pub struct Outcome {
+pub struct RegisteredModel {
     /// Scan name and `pose_world`, in view order; `None` = unplaced.
     pub poses: Vec<(String, Option<Motion>)>,
     /// The same as matrices, which hold the scales too: what is written.
@@ -135,7 +135,7 @@ pub fn run(
     unit: Unit,
     options: &Options,
     progress: &Progress,
-) -> Result<Outcome, PipelineError> {
+) -> Result<RegisteredModel, PipelineError> {
     run_from(scans, &initial_poses.into(), unit, options, progress)
 }
 
@@ -148,7 +148,7 @@ pub fn run_from(
     unit: Unit,
     options: &Options,
     progress: &Progress,
-) -> Result<Outcome, PipelineError> {
+) -> Result<RegisteredModel, PipelineError> {
     let mut setting = Setting::new(start, &mut scans, options)?;
     check_input(&scans, options)?;
     let left_by_regions = hints::apply(&mut scans, &setting.hints)?;
@@ -156,7 +156,7 @@ pub fn run_from(
     readied.iter_mut().zip(left_by_regions).for_each(|(readied, count)| readied.regions = count);
     let copied = copies::take_out(&mut scans, &mut views, &mut readied, &mut setting, progress)?;
     let names: Vec<String> = scans.iter().map(|scan| scan.name.clone()).collect();
-    let holders = registration::copies::holders(&views, progress)?;
+    let holders = registration::cleaning::copies::holders(&views, progress)?;
     let whole = (!options.keep_all).then(|| views.clone());
     let left_out =
         (!options.keep_all).then(|| cleaning::clean_scans(&mut scans, &mut views, options, progress)).transpose()?;
@@ -245,7 +245,7 @@ pub fn run_from(
         }
     }
     let cloud = merged.map(|(cloud, _)| cloud).filter(|_| options.cloud);
-    let mut outcome = Outcome { poses, matrices, report, cloud, signature };
+    let mut outcome = RegisteredModel { poses, matrices, report, cloud, signature };
     copies::put_back(&copied, &setting, &mut outcome);
     Ok(outcome)
 }
@@ -304,7 +304,7 @@ fn merge_views(
     scans: &[NamedScan],
     views: &[View],
     sensors: &[Option<Sensor>],
-    result: &Multiview,
+    result: &Outcome,
     options: &Options,
     progress: &Progress,
 ) -> Result<Option<(ModelCloud, Vec<bool>)>, PipelineError> {

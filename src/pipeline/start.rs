@@ -10,7 +10,7 @@ use crate::registration::global::report::PlacementReport;
 use crate::registration::global::scan_set::{Registered, Set};
 use crate::registration::hinted::Hinted;
 use crate::registration::hints::Hints;
-use crate::registration::multiview::{Multiview, MultiviewOptions};
+use crate::registration::outcome::{MethodOptions, Outcome};
 use crate::registration::sensor::Sensor;
 use crate::registration::view::View;
 use crate::registration::{joint, quality};
@@ -257,16 +257,16 @@ struct Task<'a> {
 }
 
 impl Task<'_> {
-    fn multiview_options(&self) -> MultiviewOptions {
-        MultiviewOptions {
+    fn method_options(&self) -> MethodOptions {
+        MethodOptions {
             min_overlap: self.options.min_overlap,
             range_accuracy: self.options.range_accuracy,
             max_rounds: self.options.max_rounds,
         }
     }
 
-    fn refine(&self, views: &[View], initial: &[Motion]) -> Result<Multiview, Canceled> {
-        self.options.method.register(views, initial, &self.multiview_options(), self.progress)
+    fn refine(&self, views: &[View], initial: &[Motion]) -> Result<Outcome, Canceled> {
+        self.options.method.register(views, initial, &self.method_options(), self.progress)
     }
 
     /// Known poses, local frame to world.
@@ -294,7 +294,7 @@ impl Task<'_> {
         // checked with the start: every scan has one
         let poses = poses.ok_or_else(poses_for_scales)?;
         let is_known: Vec<bool> = self.names.iter().map(|name| self.setting.scales.contains_key(name)).collect();
-        let (fixed, options) = (self.fixed(), self.multiview_options());
+        let (fixed, options) = (self.fixed(), self.method_options());
         let (views, result) = joint::joint_scaled(views, &poses, &is_known, &fixed, &options, self.progress)?;
         let registered = self.judged(&views, PlacementReport::of_given(&result), result);
         Ok((views, registered))
@@ -316,12 +316,12 @@ impl Task<'_> {
             let pose = pose.or(found.map(|placement| placement.result.local_poses[view]));
             initial.push(pose.ok_or_else(|| fits_nowhere(&self.names[view]))?);
         }
-        let result = joint::joint_onto(views, &initial, &self.fixed(), &self.multiview_options(), self.progress)?;
+        let result = joint::joint_onto(views, &initial, &self.fixed(), &self.method_options(), self.progress)?;
         let report = placement.as_ref().map_or_else(|| PlacementReport::of_given(&result), PlacementReport::of);
         Ok(self.judged(views, report, result))
     }
 
-    fn judged(&self, views: &[View], placement: PlacementReport, result: Multiview) -> Registered {
+    fn judged(&self, views: &[View], placement: PlacementReport, result: Outcome) -> Registered {
         self.progress.report(Stage::Judging, 0.0);
         let verdict = quality::judge(views, &result, self.names);
         Registered { result, verdict, placement }

@@ -10,7 +10,7 @@ use crate::progress::Progress;
 use crate::registration::global::scan_set::Registered;
 use crate::registration::quality::{Quality, is_sharp};
 use crate::registration::resolution::resolution;
-use crate::registration::standing_still::from_one_place;
+use crate::registration::sensor::standing_still::from_one_place;
 use crate::registration::view::View;
 
 /// Scans and how they were registered.

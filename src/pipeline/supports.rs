@@ -9,7 +9,7 @@ use super::{NamedScan, Options, PipelineError};
 use crate::geometry::Motion;
 use crate::progress::Progress;
 use crate::registration::global::scan_set::Registered;
-use crate::registration::multiview::{Multiview, MultiviewOptions};
+use crate::registration::outcome::{MethodOptions, Outcome};
 use crate::registration::quality::{self, is_sharp};
 use crate::registration::resolution::resolution;
 use crate::registration::view::View;
@@ -27,7 +27,7 @@ pub(super) struct Held {
     /// The views with their supports,
     pub whole: Vec<View>,
     /// and their registration.
-    pub result: Multiview,
+    pub result: Outcome,
 }
 
 impl Set<'_> {
@@ -59,7 +59,7 @@ impl Set<'_> {
             whole.sensor = view.sensor.map(|sensor| sensor.moved(&moved));
         }
         let initial = reframed(&registered.result.local_poses, self.views, &whole);
-        let refining = MultiviewOptions {
+        let refining = MethodOptions {
             min_overlap: options.min_overlap,
             range_accuracy: options.range_accuracy,
             max_rounds: options.max_rounds,

@@ -1,8 +1,8 @@
 //! Hints as the views of a set see them: local frames and places in the list instead of names.
 
-use super::hints::{Hints, PickFit, Place, pick_distances};
-use super::view::View;
 use crate::geometry::{Motion, Vector3};
+use crate::registration::hints::{Hints, PickFit, Place, pick_distances};
+use crate::registration::view::View;
 
 /// What was said of pairs of views.
 #[derive(Debug, Clone, Default, PartialEq)]

@@ -4,8 +4,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::rigid_fit::RigidFit;
 use crate::geometry::{MAX_COORDINATE, Motion, Point3, Vector3};
+use crate::registration::pairwise::rigid_fit::RigidFit;
 
 /// A place in a scan's own frame.
 pub type Place = [f64; 3];

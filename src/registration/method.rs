@@ -1,11 +1,12 @@
 //! The registration methods a caller may choose.
 
-use super::joint;
-use super::multiview::{self, Multiview, MultiviewOptions, Recipe};
-use super::pairwise::{self, Pairwise};
-use super::view::View;
 use crate::geometry::Motion;
 use crate::progress::{Canceled, Progress};
+use crate::registration::averaging::{self, Recipe};
+use crate::registration::joint;
+use crate::registration::outcome::{MethodOptions, Outcome};
+use crate::registration::pairwise::{self, Pairwise};
+use crate::registration::view::View;
 
 /// How a scan set is registered.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -68,14 +69,14 @@ impl Method {
         self,
         views: &[View],
         initial: &[Motion],
-        options: &MultiviewOptions,
+        options: &MethodOptions,
         progress: &Progress,
-    ) -> Result<Multiview, Canceled> {
+    ) -> Result<Outcome, Canceled> {
         match self {
             Method::Joint => joint::joint(views, initial, options, progress),
-            Method::MaAticp => multiview::register(&Recipe::MA_ATICP, views, initial, options, progress),
-            Method::MaIcp => multiview::register(&Recipe::MA_ICP, views, initial, options, progress),
-            Method::LrsL1alm => multiview::register(&Recipe::LRS_L1ALM, views, initial, options, progress),
+            Method::MaAticp => averaging::register(&Recipe::MA_ATICP, views, initial, options, progress),
+            Method::MaIcp => averaging::register(&Recipe::MA_ICP, views, initial, options, progress),
+            Method::LrsL1alm => averaging::register(&Recipe::LRS_L1ALM, views, initial, options, progress),
             Method::Tricp => Pairwise::TRICP.register(views, initial, progress),
             Method::Icp => Pairwise::ICP.register(views, initial, progress),
         }

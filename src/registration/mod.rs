@@ -1,37 +1,32 @@
 //! From scans and initial poses to accurate poses and a verdict. Pure.
 //!
-//! [`method`] chooses between [`joint`] and the paper's family; [`multiview`] is Algorithm 1 of the paper; the other
-//! modules are their parts.
+//! [`method`] chooses between [`joint`], the paper's family in [`averaging`], and the ICP of two scans in [`pairwise`]; what
+//! any of them leaves is an [`outcome`]. [`global`] finds poses from the scans alone.
+//!
+//! - [`view`], [`sensor`], [`resolution`]: a scan made ready; how it was taken; what a set can resolve
+//! - [`cleaning`]: what is left out of the scans of a set
+//! - [`candidates`], [`overlap`], [`view_graph`]: which pairs may meet, by how much they overlap, which are registered
+//! - [`pairwise`], [`averaging`], [`joint`]: from poses nearby
+//! - [`global`]: from the scans alone; [`hints`], [`hinted`]: what a person says of them
+//! - [`covariance`], [`quality`], [`objective`]: how well each pose is known; the verdict; figures of merit
+//! - [`report`]: what is said of all of it
 
+pub mod averaging;
 pub mod candidates;
 pub mod cleaning;
-pub mod colour;
-pub mod copies;
 pub mod covariance;
-pub mod free_space;
 pub mod global;
 pub mod hinted;
 pub mod hints;
 pub mod joint;
-pub mod low_rank;
 pub mod method;
-pub mod motion_averaging;
-pub mod multiview;
 pub mod objective;
+pub mod outcome;
 pub mod overlap;
 pub mod pairwise;
-pub mod paper_objective;
 pub mod quality;
 pub mod report;
 pub mod resolution;
-pub mod rigid_fit;
 pub mod sensor;
-pub mod standing_still;
-pub mod threshold;
-pub mod trimmed_icp;
 pub mod view;
 pub mod view_graph;
-pub mod viewpoint;
-pub mod walls;
-pub mod weak_axes;
-pub mod witness;

@@ -6,10 +6,10 @@
 
 use rayon::prelude::*;
 
-use super::view::View;
 use crate::geometry::Motion;
 use crate::geometry::neighbours::{LocalPoint, Neighbour};
 use crate::geometry::normals::{LocalPlane, NEIGHBOURS, local_planes};
+use crate::registration::view::View;
 
 /// A pair that is scored, with the shares of points to keep.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -55,17 +55,17 @@ pub fn objective(views: &[View], local_poses: &[Motion], pairs: &[ScoredPair]) -
     let (mut mutual, mut trim, mut plane) = (Sums::default(), Sums::default(), Sums::default());
     for pair in pairs {
         let (i, j) = pair.views;
-        let motion_j_i = local_poses[j].inv_mul(&local_poses[i]);
-        let forward = nearest(&views[i], &views[j], &motion_j_i);
-        let backward = nearest(&views[j], &views[i], &motion_j_i.inverse());
+        let j_from_i = local_poses[j].inv_mul(&local_poses[i]);
+        let forward = nearest(&views[i], &views[j], &j_from_i);
+        let backward = nearest(&views[j], &views[i], &j_from_i.inverse());
         let directions =
-            [(i, j, motion_j_i, &forward, pair.overlaps.0), (j, i, motion_j_i.inverse(), &backward, pair.overlaps.1)];
-        for (a, b, motion_b_a, found, overlap) in directions {
+            [(i, j, j_from_i, &forward, pair.overlaps.0), (j, i, j_from_i.inverse(), &backward, pair.overlaps.1)];
+        for (a, b, b_from_a, found, overlap) in directions {
             let kept = kept(found, overlap);
             trim.add(kept.iter().map(|&k| f64::from(found[k].distance2)).sum(), kept.len());
             let off_plane = |k: &usize| {
                 let target = found[*k].index as usize;
-                let moved = motion_b_a * point(&views[a].points()[*k]);
+                let moved = b_from_a * point(&views[a].points()[*k]);
                 let normal = nalgebra::Vector3::from(planes[b][target].normal).cast::<f64>();
                 normal.dot(&(moved - point(&views[b].points()[target]))).powi(2)
             };
@@ -85,12 +85,12 @@ fn point(local: &LocalPoint) -> nalgebra::Point3<f64> {
 }
 
 /// For each point of `a` its nearest point in `b`.
-fn nearest(a: &View, b: &View, motion_b_a: &Motion) -> Vec<Neighbour> {
+fn nearest(a: &View, b: &View, b_from_a: &Motion) -> Vec<Neighbour> {
     a.points()
         .par_iter()
         .with_min_len(1024)
         .map(|local| {
-            let moved: LocalPoint = (motion_b_a * point(local)).cast::<f32>().coords.into();
+            let moved: LocalPoint = (b_from_a * point(local)).cast::<f32>().coords.into();
             let none = Neighbour { index: 0, distance2: f32::INFINITY };
             b.indexed.tree.nearest(&moved, f32::INFINITY).unwrap_or(none)
         })

@@ -2,9 +2,9 @@
 
 use rayon::prelude::*;
 
-use super::candidates::candidate_pairs;
 use crate::geometry::Motion;
 use crate::geometry::neighbours::{IndexedPoints, LocalPoint};
+use crate::registration::candidates::candidate_pairs;
 
 use crate::progress::{Canceled, Progress};
 
@@ -76,12 +76,12 @@ pub fn overlaps(
 }
 
 /// The share of `queries` (local frame of view i) with a point of view j nearer than `tolerance`;
-/// `motion_j_i` maps the local frame of i into that of j.
-fn directed_overlap(view_j: &IndexedPoints, queries: &[LocalPoint], motion_j_i: &Motion, tolerance: f64) -> f64 {
+/// `j_from_i` maps the local frame of i into that of j.
+fn directed_overlap(view_j: &IndexedPoints, queries: &[LocalPoint], j_from_i: &Motion, tolerance: f64) -> f64 {
     if queries.is_empty() {
         return 0.0;
     }
-    let motion = motion_j_i.cast::<f32>();
+    let motion = j_from_i.cast::<f32>();
     let tolerance2 = (tolerance * tolerance) as f32;
     let hits = queries
         .iter()

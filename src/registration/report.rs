@@ -4,13 +4,13 @@
 
 use serde::Serialize;
 
-use super::covariance::PoseCovariance;
-use super::method::Method;
-use super::multiview::{self, Multiview, Round};
-use super::quality::Verdict;
-use super::trimmed_icp::IcpEnd;
-use super::view::View;
-use super::weak_axes::{WeakAxis, weak_axes};
+use crate::registration::covariance::PoseCovariance;
+use crate::registration::covariance::weak_axes::{WeakAxis, weak_axes};
+use crate::registration::method::Method;
+use crate::registration::outcome::{Outcome, PairOutcome, Round};
+use crate::registration::pairwise::trimmed_icp::IcpEnd;
+use crate::registration::quality::Verdict;
+use crate::registration::view::{View, common_spacing};
 
 /// The registration's part of a report.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -115,11 +115,11 @@ impl RegistrationReport {
         unit: &'static str,
         names: &[String],
         views: &[View],
-        result: &Multiview,
+        result: &Outcome,
         poses: &[Option<PoseCovariance>],
         verdict: Verdict,
     ) -> Self {
-        let spacing = multiview::common_spacing(views);
+        let spacing = common_spacing(views);
         let view_report = |view: usize| ViewReport {
             uncertainty: poses[view].as_ref().map(|pose| UncertaintyReport::new(pose, spacing)),
             ..view_report(view, names, views, result, spacing)
@@ -138,7 +138,7 @@ impl RegistrationReport {
     }
 }
 
-fn view_report(index: usize, names: &[String], views: &[View], result: &Multiview, spacing: f64) -> ViewReport {
+fn view_report(index: usize, names: &[String], views: &[View], result: &Outcome, spacing: f64) -> ViewReport {
     let (mut sum, mut count) = (0.0, 0.0);
     for pair in result.pairs.iter().filter(|pair| (pair.i == index || pair.j == index) && pair.icp.correspondences > 0)
     {
@@ -158,8 +158,8 @@ fn view_report(index: usize, names: &[String], views: &[View], result: &Multivie
     }
 }
 
-fn pair_reports(result: &Multiview) -> Vec<PairReport> {
-    let report = |pair: &multiview::PairOutcome| PairReport {
+fn pair_reports(result: &Outcome) -> Vec<PairReport> {
+    let report = |pair: &PairOutcome| PairReport {
         i: pair.i,
         j: pair.j,
         overlap_i_j: result.overlaps.directed(pair.i, pair.j),

@@ -6,10 +6,11 @@
 
 use rayon::prelude::*;
 
-use super::joint::surfels::Surfels;
-use super::multiview::{Multiview, common_spacing};
-use super::view::View;
 use crate::geometry::Motion;
+use crate::registration::joint::surfels::Surfels;
+use crate::registration::outcome::Outcome;
+use crate::registration::view::View;
+use crate::registration::view::common_spacing;
 
 /// Surfels of a pair whose distances are measured.
 const SAMPLES: usize = 150;
@@ -25,7 +26,7 @@ const NORMAL: f64 = 1.4826;
 pub const WITHIN: f64 = 1.5;
 
 /// What the views resolve at the poses of `result`: their spacing, or what their best pairs lie apart if that is more.
-pub fn resolution(views: &[View], result: &Multiview) -> f64 {
+pub fn resolution(views: &[View], result: &Outcome) -> f64 {
     let spacing = common_spacing(views);
     let Some(surfels) = &result.surfels else { return spacing };
     let mut apart: Vec<f64> = result
@@ -44,8 +45,8 @@ pub fn resolution(views: &[View], result: &Multiview) -> f64 {
 }
 
 /// How far apart the surfels of two views lie along their normals, as a standard deviation.
-fn apart(i: &Surfels, j: &Surfels, motion_i_j: &Motion, reach: f64) -> Option<f64> {
-    let motion = motion_i_j.cast::<f32>();
+fn apart(i: &Surfels, j: &Surfels, i_from_j: &Motion, reach: f64) -> Option<f64> {
+    let motion = i_from_j.cast::<f32>();
     let (rotation, shift) = (motion.rotation.to_rotation_matrix(), motion.translation.vector);
     let vector = |v: [f32; 3]| nalgebra::Vector3::from(v);
     let step = j.inner.len().div_ceil(SAMPLES).max(1);

@@ -2,12 +2,12 @@
 
 use rayon::prelude::*;
 
-use super::sensor::Sensor;
-use super::viewpoint::{self, PointShare};
 use crate::geometry::neighbours::{IndexedPoints, LocalPoint};
 use crate::geometry::normals;
 use crate::geometry::thinning::representatives;
 use crate::geometry::{Cloud, Motion, Point3, Surface, Vector3, organised};
+use crate::registration::sensor::Sensor;
+use crate::registration::sensor::viewpoint::{self, PointShare};
 
 /// A view in its local frame: the scan's own frame shifted so that the scan's centroid is the origin (with specks that
 /// were left out since).
@@ -204,6 +204,18 @@ fn spreads(points: &[LocalPoint]) -> (f64, f64) {
     let mut eigenvalues: Vec<f64> = scatter.symmetric_eigenvalues().iter().copied().collect();
     eigenvalues.sort_by(f64::total_cmp);
     (scatter.trace().sqrt(), eigenvalues[1].max(0.0).sqrt())
+}
+
+/// The median spacing of the views: the length to which tolerances are tied.
+pub fn common_spacing(views: &[View]) -> f64 {
+    let mut spacings: Vec<f64> = views.iter().map(|view| view.spacing).collect();
+    spacings.sort_by(f64::total_cmp);
+    spacings.get(spacings.len() / 2).copied().unwrap_or(0.0)
+}
+
+/// The largest of the views' radii: turned into a length by it, a turn moves no typical point farther.
+pub fn largest_radius(views: &[View]) -> f64 {
+    views.iter().map(|view| view.radius).fold(0.0, f64::max)
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! Which pairs of views are registered with each other, and whether they hold all views together.
 
-use super::overlap::OverlapMatrix;
 use crate::geometry::UnionFind;
+use crate::registration::overlap::OverlapMatrix;
 
 /// The pairs chosen in one round.
 #[derive(Debug, Clone, PartialEq)]

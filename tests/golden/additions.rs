@@ -6,7 +6,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use visage::formats::poses;
 use visage::geometry::{Cloud, Motion, Point3, Surface, Unit};
-use visage::pipeline::{self, NamedScan, Options, Outcome, PipelineError, Scale, Start};
+use visage::pipeline::{self, NamedScan, Options, PipelineError, RegisteredModel, Scale, Start};
 use visage::progress::Progress;
 use visage::synthetic::objects;
 use visage::synthetic::scanner::{ScanSet, Scanner};
@@ -28,7 +28,7 @@ fn start(poses: &[Motion]) -> Start {
     Start::from(&poses.iter().enumerate().map(|(view, pose)| (name(view), *pose)).collect::<BTreeMap<_, _>>())
 }
 
-fn run(scans: Vec<NamedScan>, start: &Start, options: &Options) -> Result<Outcome, PipelineError> {
+fn run(scans: Vec<NamedScan>, start: &Start, options: &Options) -> Result<RegisteredModel, PipelineError> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().expect("a pool of threads");
     pool.install(|| pipeline::run_from(scans, start, Unit::Mm, options, &Progress::silent()))
 }
@@ -37,14 +37,14 @@ fn quick() -> Options {
     Options { cloud: false, signature: false, ..Options::default() }
 }
 
-fn code(refused: Result<Outcome, PipelineError>) -> &'static str {
+fn code(refused: Result<RegisteredModel, PipelineError>) -> &'static str {
     match refused {
         Err(PipelineError::Unusable { code, .. }) => code,
         other => panic!("{other:?} instead of a refusal"),
     }
 }
 
-fn placed(outcome: &Outcome) -> Vec<Motion> {
+fn placed(outcome: &RegisteredModel) -> Vec<Motion> {
     outcome.poses.iter().map(|(name, pose)| pose.unwrap_or_else(|| panic!("{name} is unplaced"))).collect()
 }
 
@@ -98,7 +98,7 @@ fn scales_can_be_taken_up_again_but_not_left_out_unseen() {
     let again = Start { poses: file.to_map(), scales: file.scales, ..Start::default() };
     assert_eq!(code(run(named(&scans), &again, &quick())), "scaled_pose");
     let second = run(named(&scans), &again, &options).expect("a sound set");
-    let scale = |outcome: &Outcome| outcome.report["views"][2]["scale"].as_f64().expect("a scale");
+    let scale = |outcome: &RegisteredModel| outcome.report["views"][2]["scale"].as_f64().expect("a scale");
     assert!((scale(&first) / scale(&second) - 1.0).abs() < 2e-4);
     let method = Options { method: "ma-aticp".parse().expect("a method"), ..options };
     assert_eq!(code(run(named(&scans), &start(&set.poses), &method)), "bad_option");
@@ -123,7 +123,7 @@ fn a_scan_is_added_and_the_model_stays_to_the_last_bit() {
     let error = pose_error(&placed(&outcome), &set.poses, &samples(&set.scans));
     assert!(error.rotation_deg_max < 0.4 && error.points_rms < 0.3, "{error:?}");
 
-    let all = |outcome: &Outcome| Start { base: matrices(outcome), ..start(&initial) };
+    let all = |outcome: &RegisteredModel| Start { base: matrices(outcome), ..start(&initial) };
     assert_eq!(code(run(named(&set.scans), &all(&outcome), &quick())), "nothing_to_add");
     let elsewhere = Start { base: [("x.ply".to_owned(), add.base["scan_00.ply"])].into(), ..start(&initial) };
     assert_eq!(code(run(named(&set.scans), &elsewhere, &quick())), "wrong_base");
@@ -131,7 +131,7 @@ fn a_scan_is_added_and_the_model_stays_to_the_last_bit() {
     assert_eq!(code(run(named(&set.scans), &add, &reference)), "bad_option");
 }
 
-fn matrices(outcome: &Outcome) -> BTreeMap<String, pipeline::PoseMatrix> {
+fn matrices(outcome: &RegisteredModel) -> BTreeMap<String, pipeline::PoseMatrix> {
     outcome.matrices.iter().filter_map(|(name, matrix)| Some((name.clone(), (*matrix)?))).collect()
 }
 

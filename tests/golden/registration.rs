@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use visage::formats::{ply, poses};
 use visage::geometry::{Motion, Point3, Unit};
-use visage::pipeline::{self, Method, NamedScan, Options, Outcome, PipelineError};
+use visage::pipeline::{self, Method, NamedScan, Options, PipelineError, RegisteredModel};
 use visage::progress::Progress;
 use visage::synthetic::head::{Proportions, head};
 use visage::synthetic::scanner::{ScanSet, Scanner};
@@ -18,7 +18,7 @@ fn names(views: usize) -> Vec<String> {
     (0..views).map(|view| format!("scan_{view:02}.ply")).collect()
 }
 
-fn run(set: &ScanSet, initial: &[Motion], threads: usize, options: &Options) -> Result<Outcome, PipelineError> {
+fn run(set: &ScanSet, initial: &[Motion], threads: usize, options: &Options) -> Result<RegisteredModel, PipelineError> {
     let names = names(set.scans.len());
     let scans = names.iter().zip(&set.scans);
     let scans = scans.map(|(name, surface)| NamedScan { name: name.clone(), surface: surface.clone() }).collect();
@@ -36,7 +36,7 @@ fn samples(set: &ScanSet) -> Vec<Vec<Point3>> {
     set.scans.iter().map(|scan| scan.cloud.points.iter().step_by(7).copied().collect()).collect()
 }
 
-fn placed(outcome: &Outcome) -> Vec<Motion> {
+fn placed(outcome: &RegisteredModel) -> Vec<Motion> {
     let pose = |(name, pose): &(String, Option<Motion>)| pose.unwrap_or_else(|| panic!("{name} is unplaced"));
     outcome.poses.iter().map(pose).collect()
 }

@@ -1,12 +1,12 @@
 //! A thing turns before a scanner and a background that stand still.
 
 use visage::geometry::{Motion, Unit, se3};
-use visage::pipeline::{self, NamedScan, Options, Outcome, Start};
+use visage::pipeline::{self, NamedScan, Options, RegisteredModel, Start};
 use visage::progress::Progress;
 use visage::synthetic::scenery::SceneKind;
 use visage::synthetic::sensors::{SensorKind, SensorSet, sensor_set};
 
-fn registered(set: &SensorSet) -> Outcome {
+fn registered(set: &SensorSet) -> RegisteredModel {
     let scans = set.scans.iter().enumerate();
     let scans = scans.map(|(k, scan)| NamedScan { name: format!("scan{k}.ply"), surface: scan.clone() }).collect();
     let options = Options { cloud: false, signature: false, ..Options::default() };

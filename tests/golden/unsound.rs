@@ -6,7 +6,7 @@ use std::sync::OnceLock;
 
 use proptest::prelude::*;
 use visage::geometry::{Motion, Point3, Surface, Unit, Vector3};
-use visage::pipeline::{self, NamedScan, Options, Outcome, PipelineError};
+use visage::pipeline::{self, NamedScan, Options, PipelineError, RegisteredModel};
 use visage::progress::Progress;
 use visage::synthetic::head::{Proportions, head};
 use visage::synthetic::objects;
@@ -32,20 +32,20 @@ fn set() -> Set {
     Set { scans: scans.into_iter().enumerate().map(named).collect(), truth: poses, initial }
 }
 
-fn run(scans: &[NamedScan], initial: &[Motion]) -> Result<Outcome, PipelineError> {
+fn run(scans: &[NamedScan], initial: &[Motion]) -> Result<RegisteredModel, PipelineError> {
     let initial: BTreeMap<String, Motion> =
         scans.iter().zip(initial).map(|(scan, pose)| (scan.name.clone(), *pose)).collect();
     let options = Options { signature: false, ..Options::default() };
     pipeline::run(scans.to_vec(), &initial, Unit::Mm, &options, &Progress::silent())
 }
 
-fn registered(scans: &[NamedScan], initial: &[Motion]) -> Outcome {
+fn registered(scans: &[NamedScan], initial: &[Motion]) -> RegisteredModel {
     run(scans, initial).unwrap_or_else(|error| panic!("{error}"))
 }
 
 /// The set as it should come out.
-fn sound() -> &'static (Set, Outcome) {
-    static SOUND: OnceLock<(Set, Outcome)> = OnceLock::new();
+fn sound() -> &'static (Set, RegisteredModel) {
+    static SOUND: OnceLock<(Set, RegisteredModel)> = OnceLock::new();
     SOUND.get_or_init(|| {
         let set = set();
         let outcome = registered(&set.scans, &set.initial);
@@ -62,18 +62,18 @@ fn changed(set: &Set, change: impl Fn(usize, &mut Vec<Point3>)) -> Vec<NamedScan
     scans
 }
 
-fn matrices(outcome: &Outcome) -> Vec<Option<pipeline::PoseMatrix>> {
+fn matrices(outcome: &RegisteredModel) -> Vec<Option<pipeline::PoseMatrix>> {
     outcome.matrices.iter().map(|(_, matrix)| *matrix).collect()
 }
 
-fn error_mm(set: &Set, outcome: &Outcome) -> f64 {
+fn error_mm(set: &Set, outcome: &RegisteredModel) -> f64 {
     let found: Vec<Motion> = outcome.poses.iter().map(|(_, pose)| pose.expect("all are placed")).collect();
     let samples: Vec<Vec<Point3>> =
         set.scans.iter().map(|scan| scan.surface.cloud.points.iter().step_by(7).copied().collect()).collect();
     pose_error(&found, &set.truth, &samples).points_rms
 }
 
-fn left_out(outcome: &Outcome, what: &str) -> u64 {
+fn left_out(outcome: &RegisteredModel, what: &str) -> u64 {
     let views = outcome.report["views"].as_array().expect("views are reported");
     views.iter().map(|view| view["left_out"][what].as_u64().expect("a count")).sum()
 }
@@ -228,7 +228,7 @@ fn the_pose_of_a_copy_serves_its_original() {
 }
 
 /// The share of a model's normals that look away from the scanners, which stood at the origins of the scans.
-fn inward(outcome: &Outcome) -> f64 {
+fn inward(outcome: &RegisteredModel) -> f64 {
     let model = outcome.cloud.as_ref().expect("a cloud was asked for");
     let normals = model.cloud.normals.as_ref().expect("a cloud has normals");
     let away = (0..normals.len()).filter(|k| {

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use visage::formats::{self, ReadLimits, poses};
 use visage::geometry::{Motion, Unit};
-use visage::pipeline::{self, NamedScan, Options, Outcome, Scale, Start};
+use visage::pipeline::{self, NamedScan, Options, RegisteredModel, Scale, Start};
 use visage::progress::Progress;
 
 use crate::{data, read};
@@ -22,7 +22,7 @@ fn bunny(factors: impl Fn(usize) -> f64) -> (Vec<NamedScan>, BTreeMap<String, Mo
     (start.keys().enumerate().map(scan).collect(), start)
 }
 
-fn run(scans: Vec<NamedScan>, start: &Start, scale: Scale) -> Outcome {
+fn run(scans: Vec<NamedScan>, start: &Start, scale: Scale) -> RegisteredModel {
     let options = Options { scale, cloud: false, signature: false, ..Options::default() };
     pipeline::run_from(scans, start, Unit::M, &options, &Progress::silent()).expect("a sound set")
 }
@@ -37,7 +37,7 @@ fn scaled_copies_of_the_bunny_are_scaled_back() {
     let (scans, _) = bunny(|_| 1.0);
     let plain = run(scans, &Start::from(&start), Scale::PerView);
     for (view, factor) in FACTORS.iter().enumerate() {
-        let scale = |outcome: &Outcome| outcome.report["views"][view]["scale"].as_f64().expect("a scale");
+        let scale = |outcome: &RegisteredModel| outcome.report["views"][view]["scale"].as_f64().expect("a scale");
         let (from_scaled, from_plain) = (scale(&scaled) / factor - 1.0, scale(&plain) - 1.0);
         println!("{view}: {:.4} % from scaled scans, {:.4} % from plain ones", from_scaled * 100.0, from_plain * 100.0);
         assert!((from_scaled - from_plain).abs() < 1e-3);
@@ -58,7 +58,7 @@ fn scans_are_added_to_the_bunny() {
     assert_eq!(added.report["verdict"]["quality"], "good");
     let anew = run(all, &Start::from(&start), Scale::None);
     for view in 8..10 {
-        let pose = |outcome: &Outcome| outcome.poses[view].1.expect("placed");
+        let pose = |outcome: &RegisteredModel| outcome.poses[view].1.expect("placed");
         let off = pose(&anew).inv_mul(&pose(&added));
         println!(
             "{view}: {:.3} deg, {:.3} mm from where it lies anew",

@@ -80,7 +80,7 @@ fn head_sets_are_placed_from_their_scans_alone() {
 }
 
 /// Views of the groups of a report, with what each is a scan of; `objects[k]` is what scan `s<k>.ply` shows.
-fn groups(outcome: &pipeline::Outcome, objects: &[usize]) -> Vec<Vec<usize>> {
+fn groups(outcome: &pipeline::RegisteredModel, objects: &[usize]) -> Vec<Vec<usize>> {
     let groups = outcome.report["groups"].as_array().expect("groups are told");
     let place = |name: &serde_json::Value| outcome.poses.iter().position(|(n, _)| *name == **n).expect("a known name");
     groups
@@ -90,7 +90,7 @@ fn groups(outcome: &pipeline::Outcome, objects: &[usize]) -> Vec<Vec<usize>> {
 }
 
 /// Registers the first `count` scans of each set as one pile.
-fn mixture(parts: &[(&str, &str, usize)]) -> (pipeline::Outcome, Vec<usize>) {
+fn mixture(parts: &[(&str, &str, usize)]) -> (pipeline::RegisteredModel, Vec<usize>) {
     let (mut scans, mut objects) = (Vec::new(), Vec::new());
     for (object, (folder, pose_file, count)) in parts.iter().enumerate() {
         for scan in strangers(&data(folder), pose_file, 5).0.into_iter().take(*count) {

@@ -10,8 +10,8 @@ use visage::geometry::Motion;
 use visage::geometry::neighbours::{IndexedPoints, LocalPoint};
 use visage::pipeline::Method;
 use visage::progress::Progress;
-use visage::registration::multiview::{Multiview, MultiviewOptions};
 use visage::registration::objective::{Objective, ScoredPair, objective};
+use visage::registration::outcome::{MethodOptions, Outcome};
 use visage::registration::overlap::overlaps;
 use visage::registration::quality::{self, Quality};
 use visage::registration::view::View;
@@ -124,12 +124,12 @@ fn in_mm(o: Objective) -> Objective {
     Objective { mutual: 1e3 * o.mutual, trim: 1e3 * o.trim, plane: 1e3 * o.plane }
 }
 
-fn register_only(loaded: &Loaded, set: &StanfordSet, method: Method, level: &str, seed: u32) -> Multiview {
+fn register_only(loaded: &Loaded, set: &StanfordSet, method: Method, level: &str, seed: u32) -> Outcome {
     let file = data("init").join(format!("{}_a{level}_o_s{seed}.json", set.name));
     let initial: BTreeMap<String, Motion> = read_poses(&file).into_iter().collect();
     let initial: Vec<Motion> =
         loaded.names.iter().zip(&loaded.views).map(|(name, view)| view.local_pose(&initial[name])).collect();
-    let options = MultiviewOptions { min_overlap: 0.5, range_accuracy: None, max_rounds: 20 };
+    let options = MethodOptions { min_overlap: 0.5, range_accuracy: None, max_rounds: 20 };
     method.register(&loaded.views, &initial, &options, &Progress::silent()).expect("not canceled")
 }
 
@@ -182,7 +182,7 @@ fn joint_is_as_good_as_the_strongest_peer_from_every_start() {
 fn fifty_starts_at_each_level_of_noise_end_at_the_same_poses() {
     let [bunny, ..] = &SETS;
     let loaded = load(bunny);
-    let spacing = visage::registration::multiview::common_spacing(&loaded.views);
+    let spacing = visage::registration::view::common_spacing(&loaded.views);
     let corner = nalgebra::Point3::from([0.1; 3]);
     for level in ["0.02", "0.04", "0.06"] {
         let seeds: Vec<u32> = (0..50).collect();
@@ -234,7 +234,7 @@ fn simulated_heads_are_placed_within_half_a_millimetre_of_the_truth() {
             let views: Vec<View> = truth.iter().map(|(scan, _)| read_view(&folder.join(scan))).collect();
             let initial: Vec<Motion> =
                 truth.iter().zip(&views).map(|((scan, _), view)| view.local_pose(&start[scan])).collect();
-            let options = MultiviewOptions { min_overlap: 0.5, range_accuracy: None, max_rounds: 20 };
+            let options = MethodOptions { min_overlap: 0.5, range_accuracy: None, max_rounds: 20 };
             let result = method.register(&views, &initial, &options, &Progress::silent()).expect("not canceled");
             let poses: Vec<Motion> =
                 views.iter().zip(&result.local_poses).map(|(view, pose)| view.scan_pose(pose)).collect();

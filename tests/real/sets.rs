@@ -7,7 +7,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use visage::formats::{self, ReadLimits};
 use visage::geometry::{Motion, Point3, Surface, Unit, Vector3};
-use visage::pipeline::{self, NamedScan, Options, Outcome};
+use visage::pipeline::{self, NamedScan, Options, RegisteredModel};
 use visage::progress::Progress;
 
 use crate::{data, read};
@@ -55,7 +55,7 @@ impl Set {
 
     /// For each placed view how far off it is, as a share of the set's size, and by which angle; the first of them fixes
     /// the world.
-    fn errors(&self, outcome: &Outcome) -> Vec<(f64, f64)> {
+    fn errors(&self, outcome: &RegisteredModel) -> Vec<(f64, f64)> {
         let truth = self.truth.as_ref().expect("the set has true poses");
         let poses: BTreeMap<&str, Motion> =
             outcome.poses.iter().filter_map(|(name, pose)| Some((name.as_str(), (*pose)?))).collect();
@@ -85,7 +85,7 @@ impl Set {
     }
 }
 
-fn registered(set: &Set) -> Outcome {
+fn registered(set: &Set) -> RegisteredModel {
     let options = Options { cloud: false, signature: false, ..Options::default() };
     pipeline::run(set.scans.clone(), &BTreeMap::new(), Unit::Unknown, &options, &Progress::silent())
         .expect("a set that can be registered")

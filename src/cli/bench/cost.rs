@@ -15,9 +15,8 @@ use super::child;
 use crate::formats::{self, ReadLimits, poses};
 use crate::geometry::Motion;
 use crate::progress::Progress;
-use crate::registration::multiview;
 use crate::registration::overlap::overlaps;
-use crate::registration::view::View;
+use crate::registration::view::{View, common_spacing};
 
 /// What to measure.
 #[derive(Debug, Args)]
@@ -91,7 +90,7 @@ fn measure_pass(dir: &Path, poses: &Path, runs: usize) -> anyhow::Result<Pass> {
         local_poses.push(view.local_pose(pose));
         views.push(view);
     }
-    let reach = REACH * multiview::common_spacing(&views);
+    let reach = REACH * common_spacing(&views);
     let targets: Vec<_> = views.iter().map(|view| &view.indexed).collect();
     let queries: Vec<_> = views.iter().map(View::points).collect();
     let matrix = overlaps(&targets, &queries, &local_poses, reach, &Progress::silent())?;

@@ -3,8 +3,8 @@
 use nalgebra::{Matrix6, Vector6};
 use rayon::prelude::*;
 
-use super::super::joint::surfels::Surfels;
 use crate::geometry::{Motion, Vector3};
+use crate::registration::joint::surfels::Surfels;
 
 /// A piece of surface: a cubic cell of the world.
 pub type Cell = [i32; 3];
@@ -83,10 +83,10 @@ struct Between<'a> {
 impl Between<'_> {
     fn matches(&self, distance: f64) -> Vec<Match> {
         let ((a, pose_a), (b, pose_b)) = (self.a, self.b);
-        let motion_b_a = pose_b.inv_mul(pose_a).cast::<f32>();
+        let b_from_a = pose_b.inv_mul(pose_a).cast::<f32>();
         let distance2 = (distance * distance) as f32;
         let ask = |&index: &u32| {
-            let moved = (motion_b_a * nalgebra::Point3::from(a.indexed.points[index as usize])).coords;
+            let moved = (b_from_a * nalgebra::Point3::from(a.indexed.points[index as usize])).coords;
             let target = b.indexed.tree.nearest(&moved.into(), distance2)?.index;
             let residual = self.correspondence(index, target)?.residual;
             Some(Match { index, target, residual })

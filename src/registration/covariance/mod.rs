@@ -14,6 +14,7 @@
 //! their poses (view 0). Units: the scans' unit and radians.
 
 mod evidence;
+pub mod weak_axes;
 
 use std::collections::BTreeMap;
 
@@ -22,12 +23,12 @@ use nalgebra_sparse::factorization::CscCholesky;
 use nalgebra_sparse::{CooMatrix, CscMatrix};
 
 use self::evidence::{Cell, PairEvidence, gather};
-use super::joint;
-use super::joint::surfels::{FineSurfels, Surfels};
-use super::multiview::Multiview;
-use super::view::View;
 use crate::geometry::se3::{self, Twist};
 use crate::geometry::{Motion, Point3, Vector3};
+use crate::registration::joint;
+use crate::registration::joint::surfels::{FineSurfels, Surfels};
+use crate::registration::outcome::Outcome;
+use crate::registration::view::View;
 
 /// How well one pose is known.
 #[derive(Debug, Clone, PartialEq)]
@@ -77,7 +78,7 @@ const CELL: f64 = 3.0;
 
 /// The covariance of each view's pose, from the surfels that the method left, else from ones as fine as `joint`'s;
 /// `None` for view 0, for views not joined to it, and where nothing can be said.
-pub fn of_result(views: &[View], result: &Multiview) -> Vec<Option<PoseCovariance>> {
+pub fn of_result(views: &[View], result: &Outcome) -> Vec<Option<PoseCovariance>> {
     match &result.surfels {
         Some(surfels) => covariances(surfels, result),
         None => covariances(&joint::judged_surfels(views), result),
@@ -86,7 +87,7 @@ pub fn of_result(views: &[View], result: &Multiview) -> Vec<Option<PoseCovarianc
 
 fn covariances(
     FineSurfels { views: surfels, edge, reach, share }: &FineSurfels,
-    result: &Multiview,
+    result: &Outcome,
 ) -> Vec<Option<PoseCovariance>> {
     let none = vec![None; surfels.len()];
     let pairs: Vec<(usize, usize)> = result

@@ -121,7 +121,7 @@ fn try_join(
     let radius = right.views.iter().map(|view| coarse_views[*view].radius).fold(0.0, f64::max);
     let rivals = waiting.iter().filter(|other| {
         let same_pair = (other.i, other.j) == (hypothesis.i, hypothesis.j);
-        let is_other = !alike(&other.motion_i_j, &hypothesis.motion_i_j, radius, DRIFT * edge);
+        let is_other = !alike(&other.i_from_j, &hypothesis.i_from_j, radius, DRIFT * edge);
         same_pair && is_other && coarse_set.score(other) > RIVAL * coarse_set.score(hypothesis)
     });
     for rival in rivals {
@@ -153,7 +153,7 @@ pub(super) fn touching(coarse_set: &CoarseSet, measured: &[PairHypothesis]) -> f
             contact(
                 &coarse_set.views[hypothesis.i],
                 &coarse_set.views[hypothesis.j],
-                &hypothesis.motion_i_j,
+                &hypothesis.i_from_j,
                 coarse_set.resolution,
             )
         })
@@ -165,10 +165,10 @@ pub(super) fn touching(coarse_set: &CoarseSet, measured: &[PairHypothesis]) -> f
 /// The motion from the right component's world into the left one's that a hypothesis stands for, whichever way round it is.
 pub(super) fn implied(left: &Component, right: &Component, hypothesis: &PairHypothesis) -> Option<Motion> {
     match (left.pose_of(hypothesis.i), right.pose_of(hypothesis.j)) {
-        (Some(pose_i), Some(pose_j)) => Some(pose_i * hypothesis.motion_i_j * pose_j.inverse()),
+        (Some(pose_i), Some(pose_j)) => Some(pose_i * hypothesis.i_from_j * pose_j.inverse()),
         _ => {
             let (pose_j, pose_i) = (left.pose_of(hypothesis.j)?, right.pose_of(hypothesis.i)?);
-            Some(pose_j * hypothesis.motion_i_j.inverse() * pose_i.inverse())
+            Some(pose_j * hypothesis.i_from_j.inverse() * pose_i.inverse())
         }
     }
 }
@@ -187,8 +187,8 @@ pub(super) fn measure_all(
         .par_iter()
         .with_max_len(1)
         .filter_map(|&(i, j)| {
-            let motion_i_j = left.pose_of(i)?.inv_mul(&(motion * right.pose_of(j)?));
-            measure(coarse_views, i, j, &motion_i_j, edge)
+            let i_from_j = left.pose_of(i)?.inv_mul(&(motion * right.pose_of(j)?));
+            measure(coarse_views, i, j, &i_from_j, edge)
         })
         .collect()
 }
@@ -206,8 +206,7 @@ pub(super) fn measure(
         return None;
     }
     let (a, b) = (&coarse_views[i], &coarse_views[j]);
-    let at =
-        |motion_i_j: Motion| PairHypothesis { i, j, motion_i_j, evidence: verify(a, b, &motion_i_j, edge, SAMPLES) };
+    let at = |i_from_j: Motion| PairHypothesis { i, j, i_from_j, evidence: verify(a, b, &i_from_j, edge, SAMPLES) };
     let raw = at(*implied);
     if raw.evidence.overlap() < 0.5 * LEAST_OVERLAP {
         return Some(raw);

@@ -2,7 +2,7 @@
 
 use super::coarse_view::CoarseView;
 use crate::geometry::{Motion, se3};
-use crate::registration::joint::normal_equations::{PairSums, RIGID};
+use crate::registration::joint::normal_equations::{NormalEquations, RIGID};
 
 /// Search distances of the steps, in edges.
 const REACHES: [f64; 6] = [3.0, 2.5, 2.0, 1.5, 1.2, 1.0];
@@ -11,17 +11,17 @@ const SAMPLES: usize = 350;
 /// Normals farther apart don't belong to one surface.
 const LEAST_COSINE: f32 = 0.6;
 
-/// Improves `motion_i_j`, which maps view j's local frame into view i's.
-pub fn align(i: &CoarseView, j: &CoarseView, motion_i_j: &Motion, edge: f64) -> Motion {
+/// Improves `i_from_j`, which maps view j's local frame into view i's.
+pub fn align(i: &CoarseView, j: &CoarseView, i_from_j: &Motion, edge: f64) -> Motion {
     let step = j.inner.len().div_ceil(SAMPLES).max(1);
-    let mut motion = *motion_i_j;
+    let mut motion = *i_from_j;
     let mut last = vec![u32::MAX; j.inner.len()];
     for reach in REACHES {
         let reach = reach * edge;
         let moved_by = motion.cast::<f32>();
         let (rotation, shift) = (moved_by.rotation.to_rotation_matrix(), moved_by.translation.vector);
         let scale2 = (0.5 * reach as f32).powi(2);
-        let mut sums = PairSums::<RIGID>::default();
+        let mut sums = NormalEquations::<RIGID>::default();
         for (k, &index) in j.inner.iter().enumerate().step_by(step) {
             let index = index as usize;
             let moved = rotation * j.position(index) + shift;
@@ -54,7 +54,7 @@ pub fn align_onto(others: &[(&CoarseView, Motion)], j: &CoarseView, pose: &Motio
     let mut pose = *pose;
     for reach in GROUP_REACHES.map(|reach| reach * edge) {
         let scale2 = (0.5 * reach as f32).powi(2);
-        let mut sums = PairSums::<RIGID>::default();
+        let mut sums = NormalEquations::<RIGID>::default();
         for (i, pose_i) in others {
             let motion = pose_i.inv_mul(&pose);
             if motion.translation.vector.norm() > i.radius + j.radius {

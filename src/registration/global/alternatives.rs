@@ -16,9 +16,9 @@ use super::{Search, onto};
 use crate::geometry::{Motion, Point3, Vector3, se3};
 use crate::progress::{Canceled, Progress};
 use crate::registration::global::coarse_set::resolution;
-use crate::registration::joint::normal_equations::{PairSums, RIGID};
-use crate::registration::multiview::{self, Multiview};
-use crate::registration::view::View;
+use crate::registration::joint::normal_equations::{NormalEquations, RIGID};
+use crate::registration::outcome::Outcome;
+use crate::registration::view::{View, common_spacing};
 
 /// The most places that are told.
 pub const MOST: usize = 8;
@@ -117,7 +117,7 @@ impl Alternatives {
 pub fn alternatives(
     views: &[View],
     search: &Search,
-    result: &Multiview,
+    result: &Outcome,
     pieces: Vec<Piece>,
     progress: &Progress,
 ) -> Result<Vec<Alternatives>, Canceled> {
@@ -148,7 +148,7 @@ struct Ground<'a> {
 }
 
 impl<'a> Ground<'a> {
-    fn new(views: &'a [View], search: &'a Search, result: &Multiview, piece: Piece) -> Option<Self> {
+    fn new(views: &'a [View], search: &'a Search, result: &Outcome, piece: Piece) -> Option<Self> {
         let is_beside = |view: &usize| result.placed[*view] && !piece.views.contains(view);
         let placed: Vec<(usize, Motion)> =
             (0..views.len()).filter(is_beside).map(|view| (view, result.local_poses[view])).collect();
@@ -202,8 +202,8 @@ impl<'a> Ground<'a> {
         let world = |hypothesis: &PairHypothesis| {
             let (i, j) = (hypothesis.i, hypothesis.j);
             match (pose(&self.placed, i), pose(&self.members, j)) {
-                (Some(pose_i), Some(pose_j)) => Some(pose_i * hypothesis.motion_i_j * pose_j.inverse()),
-                _ => Some(pose(&self.placed, j)? * hypothesis.motion_i_j.inverse() * pose(&self.members, i)?.inverse()),
+                (Some(pose_i), Some(pose_j)) => Some(pose_i * hypothesis.i_from_j * pose_j.inverse()),
+                _ => Some(pose(&self.placed, j)? * hypothesis.i_from_j.inverse() * pose(&self.members, i)?.inverse()),
             }
         };
         let mut hypotheses: Vec<&PairHypothesis> =
@@ -222,7 +222,7 @@ impl<'a> Ground<'a> {
 
     /// Draws a place onto the surface and keeps it if it is a new one; the best stay first.
     fn try_place(&self, world: &Motion, found: &mut Vec<(f64, Motion)>) -> bool {
-        let spacing = multiview::common_spacing(self.views);
+        let spacing = common_spacing(self.views);
         let spacing = resolution(spacing, self.search.noise, self.edge());
         let refined = onto::settled(self.views, &self.placed, &self.members, world, spacing);
         let world = if self.is_same(&refined, world) { refined } else { *world };
@@ -270,15 +270,11 @@ impl<'a> Ground<'a> {
     fn measured(&self, world: &Motion) -> impl Iterator<Item = PairHypothesis> {
         let pairs = self.placed.iter().flat_map(|placed| self.members.iter().map(move |member| (placed, member)));
         pairs.filter_map(move |((i, pose_i), (j, pose_j))| {
-            let motion_i_j = pose_i.inv_mul(&(world * pose_j));
+            let i_from_j = pose_i.inv_mul(&(world * pose_j));
             let (a, b) = (self.coarse_view(*i), self.coarse_view(*j));
-            let is_near = motion_i_j.translation.vector.norm() <= a.radius + b.radius;
-            let hypothesis = || PairHypothesis {
-                i: *i,
-                j: *j,
-                motion_i_j,
-                evidence: verify(a, b, &motion_i_j, self.edge(), SAMPLES),
-            };
+            let is_near = i_from_j.translation.vector.norm() <= a.radius + b.radius;
+            let hypothesis =
+                || PairHypothesis { i: *i, j: *j, i_from_j, evidence: verify(a, b, &i_from_j, self.edge(), SAMPLES) };
             is_near.then(hypothesis)
         })
     }
@@ -321,7 +317,7 @@ fn weakest(surfels: &[(Vector3, Vector3)]) -> Option<Freedom> {
     if surfels.len() < RIGID || spread <= 0.0 {
         return None;
     }
-    let mut sums = PairSums::<RIGID>::default();
+    let mut sums = NormalEquations::<RIGID>::default();
     for (place, normal) in surfels {
         sums.add(normal, &((place - middle) / spread), 0.0, 1.0);
     }

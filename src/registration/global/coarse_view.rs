@@ -8,9 +8,9 @@ use crate::geometry::Vector3;
 use crate::geometry::neighbours::{IndexedPoints, LocalPoint};
 use crate::geometry::normals::{Patch, patch_within};
 use crate::geometry::thinning::thin;
+use crate::registration::sensor::viewpoint;
 use crate::registration::sensor::{Facet, Sensor, outer_side, viewing_axis};
 use crate::registration::view::View;
-use crate::registration::viewpoint;
 
 /// What is kept of a view, in its local frame.
 #[derive(Debug, Clone)]

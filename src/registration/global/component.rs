@@ -3,7 +3,7 @@
 use super::coarse_view::CoarseView;
 use super::pair_hypothesis::PairHypothesis;
 use crate::geometry::Motion;
-use crate::registration::motion_averaging::{self, AveragingOptions, RelativeMotion};
+use crate::registration::averaging::motion_averaging::{self, AveragingOptions, RelativeMotion};
 
 /// Views that hang together.
 #[derive(Debug, Clone, PartialEq)]
@@ -74,7 +74,7 @@ impl Component {
             .map(|hypothesis| RelativeMotion {
                 i: place(hypothesis.i),
                 j: place(hypothesis.j),
-                motion_i_j: hypothesis.motion_i_j,
+                i_from_j: hypothesis.i_from_j,
                 weight: hypothesis.evidence.overlap().max(0.01),
             })
             .collect();

@@ -2,7 +2,7 @@
 
 use super::pose_support::PoseSupport;
 use crate::registration::quality::limits;
-use crate::registration::witness::Witness;
+use crate::registration::quality::witness::Witness;
 
 /// Coefficients of the logistic model; see [`features`] and docs/results/scanners.md.
 pub const MODEL: [f64; FEATURES] = [1.28, -0.32, -0.91, -0.78, 0.77, -0.69, -0.57, 2.39, -0.43, 0.98, -1.94];

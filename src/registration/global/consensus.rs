@@ -8,13 +8,13 @@
 use super::coarse_view::CoarseView;
 use super::matching::Match;
 use crate::geometry::Motion;
-use crate::registration::rigid_fit::RigidFit;
+use crate::registration::pairwise::rigid_fit::RigidFit;
 
 /// A motion and the matches it explains.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Proposal {
     /// Maps view j's local frame into view i's.
-    pub motion_i_j: Motion,
+    pub i_from_j: Motion,
     /// Matches that it explains.
     pub support: usize,
 }
@@ -119,8 +119,8 @@ pub fn proposals(
             inliers = explained(&oriented, &motion, edge as f32);
         }
         inliers.iter().for_each(|k| used[*k] = true);
-        let proposal = Proposal { motion_i_j: motion, support: inliers.len() };
-        match kept.iter_mut().find(|other| alike(&other.motion_i_j, &motion, j.radius, 4.0 * edge)) {
+        let proposal = Proposal { i_from_j: motion, support: inliers.len() };
+        match kept.iter_mut().find(|other| alike(&other.i_from_j, &motion, j.radius, 4.0 * edge)) {
             Some(other) if other.support < proposal.support => *other = proposal,
             Some(_) => {}
             None => kept.push(proposal),

@@ -4,7 +4,7 @@ use crate::geometry::Motion;
 use crate::geometry::neighbours::LocalPoint;
 use crate::geometry::normals::{self, local_planes};
 use crate::geometry::se3;
-use crate::registration::joint::normal_equations::PairSums;
+use crate::registration::joint::normal_equations::NormalEquations;
 use crate::registration::quality::NEAR;
 use crate::registration::view::View;
 
@@ -25,7 +25,7 @@ const REACHES: [f64; 5] = [8.0, 6.0, 4.0, 3.0, 3.0];
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Contact {
     /// Maps view j's local frame into view i's, improved.
-    pub motion_i_j: Motion,
+    pub i_from_j: Motion,
     /// Of the points of view j that lie near view i's surface, the share that touches it.
     pub touching: f64,
     /// The share that lies as near to it as the noise of the scans lets them.
@@ -34,16 +34,16 @@ pub struct Contact {
     pub rms_noise: f64,
 }
 
-/// How view j lies on view i; `None` if none of its points is near. `motion_i_j` is improved first.
-pub fn contact(i: &View, j: &View, motion_i_j: &Motion, spacing: f64) -> Option<Contact> {
+/// How view j lies on view i; `None` if none of its points is near. `i_from_j` is improved first.
+pub fn contact(i: &View, j: &View, i_from_j: &Motion, spacing: f64) -> Option<Contact> {
     let points = j.points();
     let samples: Vec<LocalPoint> = points.iter().step_by(points.len().div_ceil(SAMPLES).max(1)).copied().collect();
-    let mut motion = *motion_i_j;
+    let mut motion = *i_from_j;
     for reach in REACHES {
         let found = nearest(i, &samples, &motion, reach * spacing);
         let places: Vec<LocalPoint> = found.iter().map(|(_, target)| *target).collect();
         let planes = local_planes(&i.indexed, &places, normals::NEIGHBOURS);
-        let mut sums = PairSums::default();
+        let mut sums = NormalEquations::default();
         let scale2 = (0.5 * reach * spacing).powi(2);
         for ((moved, target), plane) in found.iter().zip(&planes) {
             let normal = nalgebra::Vector3::from(plane.normal).cast::<f64>();
@@ -61,7 +61,7 @@ pub fn contact(i: &View, j: &View, motion_i_j: &Motion, spacing: f64) -> Option<
     let squares: f64 = heights.iter().filter(|height| **height < ON * spacing).map(|height| height * height).sum();
     let near = heights.len() as f64;
     (near > 0.0).then(|| Contact {
-        motion_i_j: motion,
+        i_from_j: motion,
         touching: touching / near,
         meeting: within((MEETING_NOISE * noise).max(MEETING * spacing)) / near,
         rms_noise: (squares / touching.max(1.0)).sqrt() / noise,

@@ -125,8 +125,8 @@ fn without_contradicted(coarse_set: &CoarseSet, hypotheses: &[PairHypothesis], c
             {
                 return [Some(k), Some(l)];
             }
-            let pose_l = component.local_poses[k] * hypothesis.motion_i_j;
-            let pose_k = component.local_poses[l] * hypothesis.motion_i_j.inverse();
+            let pose_l = component.local_poses[k] * hypothesis.i_from_j;
+            let pose_k = component.local_poses[l] * hypothesis.i_from_j.inverse();
             [(k, pose_k), (l, pose_l)]
                 .map(|(place, pose)| is_as_well_at(coarse_set, component, place, &pose).then_some(place))
         })
@@ -143,7 +143,7 @@ fn without_contradicted(coarse_set: &CoarseSet, hypotheses: &[PairHypothesis], c
 fn contradicts(coarse_set: &CoarseSet, hypothesis: &PairHypothesis, implied: &Motion) -> bool {
     let score = coarse_set.score(hypothesis);
     score >= CONTRADICTING
-        && !alike(implied, &hypothesis.motion_i_j, coarse_set.coarse_views[hypothesis.j].radius, SAME * coarse_set.edge)
+        && !alike(implied, &hypothesis.i_from_j, coarse_set.coarse_views[hypothesis.j].radius, SAME * coarse_set.edge)
         && measure(coarse_set.coarse_views, hypothesis.i, hypothesis.j, implied, coarse_set.edge)
             .is_none_or(|own| score > coarse_set.score(&own))
 }
@@ -173,8 +173,8 @@ fn is_coherent(coarse_set: &CoarseSet, component: &Component) -> bool {
         .par_iter()
         .map(|&(k, l)| {
             let (i, j) = (&coarse_set.coarse_views[component.views[k]], &coarse_set.coarse_views[component.views[l]]);
-            let motion_i_j = component.local_poses[k].inv_mul(&component.local_poses[l]);
-            verify(i, j, &motion_i_j, coarse_set.edge, SAMPLES).both()
+            let i_from_j = component.local_poses[k].inv_mul(&component.local_poses[l]);
+            verify(i, j, &i_from_j, coarse_set.edge, SAMPLES).both()
         })
         .collect();
     let votes: SurfelVotes = votes.into_iter().sum();
@@ -204,7 +204,7 @@ fn more_hypotheses(
             let (a, b) = (&coarse_set.coarse_views[i], &coarse_set.coarse_views[j]);
             let agreed = proposals(a, b, &matches, Support::AcrossPlanes, coarse_set.edge, PROPOSALS);
             let turned = rotation_search(&scorers[i], &scorers[j], &matches, coarse_set.edge, PROPOSALS);
-            let proposed = agreed.into_iter().map(|proposal| proposal.motion_i_j).chain(turned);
+            let proposed = agreed.into_iter().map(|proposal| proposal.i_from_j).chain(turned);
             let known: Vec<PairHypothesis> =
                 known.iter().filter(|hypothesis| (hypothesis.i, hypothesis.j) == (i, j)).copied().collect();
             Ok(hypotheses_of(coarse_set.coarse_views, (i, j), proposed, &known, coarse_set.edge))

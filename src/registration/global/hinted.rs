@@ -104,14 +104,14 @@ fn followed(coarse_set: &CoarseSet, hypotheses: &[PairHypothesis], pair: &Picked
     let picked = pair.fit.a_from_b;
     let refined = align(a, b, &picked, coarse_set.edge);
     let stays = pair.distances(&refined).0 <= pair.tolerance.max(pair.fit.rms + DRAWN * coarse_set.edge);
-    let motion_i_j = if stays { refined } else { picked };
-    let hypothesis = PairHypothesis { i, j, motion_i_j, evidence: verify(a, b, &motion_i_j, coarse_set.edge, SAMPLES) };
+    let i_from_j = if stays { refined } else { picked };
+    let hypothesis = PairHypothesis { i, j, i_from_j, evidence: verify(a, b, &i_from_j, coarse_set.edge, SAMPLES) };
     let touches =
-        || contact(&coarse_set.views[i], &coarse_set.views[j], &motion_i_j, coarse_set.resolution).map(|c| c.touching);
+        || contact(&coarse_set.views[i], &coarse_set.views[j], &i_from_j, coarse_set.resolution).map(|c| c.touching);
     let consistency = hypothesis.evidence.both().consistency();
     let is_overruled = |other: &PairHypothesis| {
         (other.i, other.j) == (i, j)
-            && !alike(&other.motion_i_j, &motion_i_j, b.radius, SAME * coarse_set.edge)
+            && !alike(&other.i_from_j, &i_from_j, b.radius, SAME * coarse_set.edge)
             && other.evidence.both().consistency() >= consistency
             && coarse_set.score(other) > OVERRULED * coarse_set.score(&hypothesis)
     };
@@ -261,7 +261,7 @@ pub fn proposed(
     let proposals = consensus::proposals(&coarse_views[i], &coarse_views[j], &matches, Support::Any, edge, count);
     prior
         .proposed(i, j)
-        .chain(proposals.into_iter().map(|proposal| proposal.motion_i_j))
+        .chain(proposals.into_iter().map(|proposal| proposal.i_from_j))
         .chain(prior.exhaustively_proposed(coarse_views, (i, j), &matches, edge))
         .collect()
 }

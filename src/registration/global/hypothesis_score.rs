@@ -7,7 +7,7 @@ use super::coarse_view::CoarseView;
 use super::depth_image::Seen;
 use super::grid::NearGrid;
 use crate::geometry::{Motion, se3};
-use crate::registration::joint::normal_equations::{PairSums, RIGID};
+use crate::registration::joint::normal_equations::{NormalEquations, RIGID};
 
 /// Surfels of a view that can be queried.
 pub const WITNESSES: usize = 120;
@@ -121,7 +121,7 @@ impl<'a> HypothesisScorer<'a> {
             let by = motion.cast::<f32>();
             let (rotation, shift) = (by.rotation.to_rotation_matrix(), by.translation.vector);
             let scale2 = (0.5 * reach).powi(2);
-            let mut sums = PairSums::<RIGID>::default();
+            let mut sums = NormalEquations::<RIGID>::default();
             for (place, normal) in &self.witnesses {
                 let (moved, turned) = (rotation * place + shift, rotation * normal);
                 let Some(target) = other.grid.near(&moved).filter(|k| other.coarse_view.is_inner[*k]) else { continue };

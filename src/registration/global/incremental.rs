@@ -112,7 +112,7 @@ impl IncrementalSearch<'_> {
         let seeds: Vec<Placed> =
             self.seeds(free)
                 .into_iter()
-                .map(|hypothesis| vec![(hypothesis.i, Motion::identity()), (hypothesis.j, hypothesis.motion_i_j)])
+                .map(|hypothesis| vec![(hypothesis.i, Motion::identity()), (hypothesis.j, hypothesis.i_from_j)])
                 .chain(components.map(|component| {
                     component.views.iter().copied().zip(component.local_poses.iter().copied()).collect()
                 }))
@@ -137,7 +137,7 @@ impl IncrementalSearch<'_> {
         let between_free =
             self.hypotheses.par_iter().filter(|hypothesis| is_free(&hypothesis.i) && is_free(&hypothesis.j));
         let mut seeds: Vec<(f64, &PairHypothesis)> = between_free
-            .map(|hypothesis| (self.balance(hypothesis.i, hypothesis.j, &hypothesis.motion_i_j), hypothesis))
+            .map(|hypothesis| (self.balance(hypothesis.i, hypothesis.j, &hypothesis.i_from_j), hypothesis))
             .filter(|(balance, _)| *balance >= LEAST)
             .collect();
         seeds.sort_by(|a, b| b.0.total_cmp(&a.0).then((a.1.i, a.1.j).cmp(&(b.1.i, b.1.j))));
@@ -181,8 +181,8 @@ impl IncrementalSearch<'_> {
     /// The poses of `view` that its hypotheses to another at `pose_other` propose.
     fn proposed(&self, other: usize, pose_other: &Motion, view: usize) -> impl Iterator<Item = Motion> {
         self.hypotheses.iter().filter_map(move |hypothesis| match (hypothesis.i, hypothesis.j) {
-            (i, j) if i == other && j == view => Some(pose_other * hypothesis.motion_i_j),
-            (i, j) if i == view && j == other => Some(pose_other * hypothesis.motion_i_j.inverse()),
+            (i, j) if i == other && j == view => Some(pose_other * hypothesis.i_from_j),
+            (i, j) if i == view && j == other => Some(pose_other * hypothesis.i_from_j.inverse()),
             _ => None,
         })
     }
@@ -199,12 +199,12 @@ impl IncrementalSearch<'_> {
     }
 
     /// How much speaks for a motion between two views.
-    fn balance(&self, i: usize, j: usize, motion_i_j: &Motion) -> f64 {
+    fn balance(&self, i: usize, j: usize, i_from_j: &Motion) -> f64 {
         let (a, b) = (&self.coarse_set.coarse_views[i], &self.coarse_set.coarse_views[j]);
-        if motion_i_j.translation.vector.norm() > a.radius + b.radius {
+        if i_from_j.translation.vector.norm() > a.radius + b.radius {
             return 0.0;
         }
-        let votes = verify(a, b, motion_i_j, self.coarse_set.edge, SAMPLES).both();
+        let votes = verify(a, b, i_from_j, self.coarse_set.edge, SAMPLES).both();
         ENOUGH * (1.0 - (-votes.agree / self.coarse_set.excess(&votes) / ENOUGH).exp()) - votes.against()
     }
 
@@ -326,12 +326,12 @@ mod tests {
         let coarse_set =
             CoarseSet { views: &views, coarse_views: &coarse_views, resolution: 1.0, edge: EDGE, noise: 0.05 };
         let hypothesis = |i: usize, j: usize, shift: Vector3| {
-            let motion_i_j = Motion::from(nalgebra::Translation3::from(shift));
+            let i_from_j = Motion::from(nalgebra::Translation3::from(shift));
             PairHypothesis {
                 i,
                 j,
-                motion_i_j,
-                evidence: verify(&coarse_views[i], &coarse_views[j], &motion_i_j, EDGE, 400),
+                i_from_j,
+                evidence: verify(&coarse_views[i], &coarse_views[j], &i_from_j, EDGE, 400),
             }
         };
         let between = |i: usize, j: usize| views[j].center - views[i].center;

@@ -49,11 +49,10 @@ use self::hinted::{Prior, agglomerate_hinted};
 use self::pair_hypothesis::PairHypothesis;
 use self::pose_support::PoseSupport;
 use self::sensor_side::try_other_sensor_sides;
-use super::multiview;
-use super::sensor::Sensor;
-use super::view::View;
 use crate::geometry::Motion;
 use crate::progress::{Canceled, Progress, Stage};
+use crate::registration::sensor::Sensor;
+use crate::registration::view::{View, common_spacing};
 
 /// About how many surfels stand for a view.
 const SURFELS: f64 = 1500.0;
@@ -142,7 +141,7 @@ impl Search {
 pub fn edge_of(views: &[View]) -> f64 {
     let count = views.len().max(1) as f64;
     let points = views.iter().map(|view| view.points().len() as f64).sum::<f64>() / count;
-    let edge = multiview::common_spacing(views) * (EDGE_FACTOR * (points / SURFELS).sqrt()).max(FINEST_EDGE);
+    let edge = common_spacing(views) * (EDGE_FACTOR * (points / SURFELS).sqrt()).max(FINEST_EDGE);
     let voxels: usize = views.par_iter().map(|view| count_voxels(view.points(), edge)).sum();
     edge * (voxels as f64 / count / MOST_SURFELS).sqrt().max(1.0)
 }
@@ -213,7 +212,7 @@ fn find_at_once(
         hypotheses = best_hypotheses(&coarse_views, &pairs, &refined, edge);
     }
     let mut noise = noise_level(&hypotheses, edge);
-    let spacing = multiview::common_spacing(views);
+    let spacing = common_spacing(views);
     let coarse_set =
         CoarseSet { views, coarse_views: &coarse_views, resolution: resolution(spacing, noise, edge), edge, noise };
     let mut agglomeration = agglomerate_hinted(&coarse_set, &hypotheses, Vec::new(), prior.hinted, progress)?;
@@ -280,7 +279,7 @@ fn refined_motions(
     let mut refined: Vec<Motion> = Vec::new();
     for motion in proposed {
         let motion = alignment::align(a, b, &motion, edge);
-        let is_known = known.iter().any(|hypothesis| is_same(&hypothesis.motion_i_j, &motion));
+        let is_known = known.iter().any(|hypothesis| is_same(&hypothesis.i_from_j, &motion));
         if !is_known && !refined.iter().any(|other| is_same(other, &motion)) {
             refined.push(motion);
         }
@@ -307,9 +306,9 @@ fn best_of_pair(
     motions: &[Motion],
     edge: f64,
 ) -> Vec<PairHypothesis> {
-    let hypothesis = |motion_i_j: &Motion| {
-        let evidence = verification::verify(&coarse_views[i], &coarse_views[j], motion_i_j, edge, SAMPLES);
-        PairHypothesis { i, j, motion_i_j: *motion_i_j, evidence }
+    let hypothesis = |i_from_j: &Motion| {
+        let evidence = verification::verify(&coarse_views[i], &coarse_views[j], i_from_j, edge, SAMPLES);
+        PairHypothesis { i, j, i_from_j: *i_from_j, evidence }
     };
     let mut hypotheses: Vec<PairHypothesis> = motions.iter().map(hypothesis).collect();
     hypotheses.sort_by(|a, b| b.score().total_cmp(&a.score()));

@@ -3,7 +3,7 @@
 use crate::geometry::neighbours::LocalPoint;
 use crate::geometry::normals::{self, local_planes};
 use crate::geometry::{Motion, Point3, Vector3, se3};
-use crate::registration::joint::normal_equations::{PairSums, RIGID};
+use crate::registration::joint::normal_equations::{NormalEquations, RIGID};
 use crate::registration::view::View;
 
 /// Points that are laid on the others.
@@ -30,7 +30,7 @@ pub fn settled(
         .collect();
     let mut world = *world_from_piece;
     for reach in REACHES.map(|reach| reach * resolution) {
-        let mut sums = PairSums::<RIGID>::default();
+        let mut sums = NormalEquations::<RIGID>::default();
         for (view, pose) in placed {
             add(&mut sums, &views[*view], pose, &samples, &world, reach);
         }
@@ -41,7 +41,7 @@ pub fn settled(
 }
 
 /// Adds what the samples near one placed view say, in the world.
-fn add(sums: &mut PairSums<RIGID>, view: &View, pose: &Motion, samples: &[Point3], world: &Motion, reach: f64) {
+fn add(sums: &mut NormalEquations<RIGID>, view: &View, pose: &Motion, samples: &[Point3], world: &Motion, reach: f64) {
     let (motion, reach2) = (pose.inv_mul(world), (reach * reach) as f32);
     let found: Vec<(Vector3, LocalPoint)> = samples
         .iter()

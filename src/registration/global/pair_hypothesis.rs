@@ -11,7 +11,7 @@ pub struct PairHypothesis {
     /// The view that is mapped.
     pub j: usize,
     /// Maps the local frame of view j into that of view i.
-    pub motion_i_j: Motion,
+    pub i_from_j: Motion,
     /// What the surfaces say.
     pub evidence: Evidence,
 }

@@ -10,12 +10,12 @@ use super::scan_set::Set;
 use super::{Search, find};
 use crate::geometry::Motion;
 use crate::progress::{Canceled, Progress};
-use crate::registration::multiview::{Multiview, PairOutcome};
+use crate::registration::outcome::{Outcome, PairOutcome};
 use crate::registration::overlap::OverlapMatrix;
+use crate::registration::quality::witness::Witness;
 use crate::registration::quality::{self, Verdict};
 use crate::registration::resolution::resolution;
 use crate::registration::view::View;
-use crate::registration::witness::Witness;
 
 /// Where a view's pose came from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
@@ -44,7 +44,7 @@ pub struct PlacedComponent {
 #[derive(Debug, Clone)]
 pub struct Placement {
     /// All views; those that are not in the first component are unplaced.
-    pub result: Multiview,
+    pub result: Outcome,
     /// For each view where its pose came from; `None` = unplaced.
     pub origins: Vec<Option<Origin>>,
     /// For each view the probability that its pose is right relative to the others; 0 for unplaced ones.
@@ -60,7 +60,7 @@ pub struct Placement {
 }
 
 /// Refines poses; see [`crate::registration::method::Method::register`].
-pub type Refine<'a> = dyn Fn(&[View], &[Motion]) -> Result<Multiview, Canceled> + 'a;
+pub type Refine<'a> = dyn Fn(&[View], &[Motion]) -> Result<Outcome, Canceled> + 'a;
 
 /// A given pose that is off by less than this share of the view's size is one that refinement can start from.
 const NEAR: f64 = 0.3;
@@ -71,7 +71,7 @@ pub fn place(set: &Set, refine: &Refine, progress: &Progress) -> Result<Placemen
     let prior = Prior { given: set.given, hinted: set.hinted };
     let found = find(views, &prior, set.sensors, progress)?;
     let mut components = Vec::new();
-    let mut placed: Option<Multiview> = None;
+    let mut placed: Option<Outcome> = None;
     let mut pose_supports = vec![None; views.len()];
     for component in found.components.iter().filter(|component| component.views.len() > 1) {
         let search = &found.searches[component.search];
@@ -82,7 +82,7 @@ pub fn place(set: &Set, refine: &Refine, progress: &Progress) -> Result<Placemen
             placed = Some(spread(&component, &refined, views.len()));
         }
     }
-    let mut result = placed.unwrap_or_else(|| Multiview::alone(views.len()));
+    let mut result = placed.unwrap_or_else(|| Outcome::alone(views.len()));
     let origins = settle_world(views, set.given, &mut result);
     let sure = |view: usize| {
         pose_supports[view].filter(|_| result.placed[view]).map(|support| confidence(&support, &Witness::default()))
@@ -106,7 +106,7 @@ const MOST_PIECES: usize = 24;
 /// that looks the same from several sides.
 fn open_pieces(
     ambiguous: &[bool],
-    result: &Multiview,
+    result: &Outcome,
     components: &[PlacedComponent],
     pose_supports: &[Option<PoseSupport>],
     confidences: &[f64],
@@ -135,7 +135,7 @@ fn settle_component(
     component: &Component,
     search: &Search,
     refine: &Refine,
-) -> Result<(Component, Multiview, Vec<PoseSupport>), Canceled> {
+) -> Result<(Component, Outcome, Vec<PoseSupport>), Canceled> {
     let members = search.seen(views, &component.views);
     let refined = refine(&members, &component.local_poses)?;
     let pose_supports = pose_supports_of(&members, &component.views, &refined, search);
@@ -156,7 +156,7 @@ fn settle_component(
 }
 
 /// How the views of a refined component stand; `members` are its views.
-fn pose_supports_of(members: &[View], views: &[usize], refined: &Multiview, search: &Search) -> Vec<PoseSupport> {
+fn pose_supports_of(members: &[View], views: &[usize], refined: &Outcome, search: &Search) -> Vec<PoseSupport> {
     let sharpness = quality::sharpness(members, refined, resolution(members, refined));
     let mut pose_supports = search.pose_supports(views, &refined.local_poses);
     for (support, sharpness) in pose_supports.iter_mut().zip(sharpness) {
@@ -169,7 +169,7 @@ fn pose_supports_of(members: &[View], views: &[usize], refined: &Multiview, sear
 fn held_together(
     set: &Set,
     component: &Component,
-    refined: &Multiview,
+    refined: &Outcome,
     found: &[PoseSupport],
 ) -> Option<PlacedComponent> {
     let kept: Vec<usize> = (0..component.views.len()).filter(|k| refined.placed[*k]).collect();
@@ -191,8 +191,8 @@ fn held_together(
 }
 
 /// A component's registration as one of all `n` views.
-fn spread(component: &Component, refined: &Multiview, n: usize) -> Multiview {
-    let mut result = Multiview { rounds: refined.rounds.clone(), ..Multiview::alone(n) };
+fn spread(component: &Component, refined: &Outcome, n: usize) -> Outcome {
+    let mut result = Outcome { rounds: refined.rounds.clone(), ..Outcome::alone(n) };
     result.placed = vec![false; n];
     let mut rows = OverlapMatrix::identity(n).rows().to_vec();
     for (k, &view) in component.views.iter().enumerate() {
@@ -211,7 +211,7 @@ fn spread(component: &Component, refined: &Multiview, n: usize) -> Multiview {
 
 /// Moves the placed views into the world that most given poses agree on, else into the frame of the first; says where
 /// each pose came from.
-fn settle_world(views: &[View], given: &[Option<Motion>], result: &mut Multiview) -> Vec<Option<Origin>> {
+fn settle_world(views: &[View], given: &[Option<Motion>], result: &mut Outcome) -> Vec<Option<Origin>> {
     let placed: Vec<usize> = (0..views.len()).filter(|view| result.placed[*view]).collect();
     let near = |world: &Motion, view: usize| {
         given[view].is_some_and(|pose| {

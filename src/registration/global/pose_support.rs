@@ -13,7 +13,7 @@ use super::pair_hypothesis::PairHypothesis;
 use super::verification::{Evidence, verify};
 use super::votes::SurfelVotes;
 use crate::geometry::{Motion, Vector3};
-use crate::registration::joint::normal_equations::{PairSums, RIGID};
+use crate::registration::joint::normal_equations::{NormalEquations, RIGID};
 
 /// Surfels of a view that are queried of its place,
 const SAMPLES: usize = 400;
@@ -123,7 +123,7 @@ fn agreeing(
     for hypothesis in best.into_values() {
         let found = local_poses[hypothesis.i].inv_mul(&local_poses[hypothesis.j]);
         let radius = coarse_views[hypothesis.i].radius.max(coarse_views[hypothesis.j].radius);
-        let is_of_component = alike(&found, &hypothesis.motion_i_j, radius, ELSEWHERE * edge);
+        let is_of_component = alike(&found, &hypothesis.i_from_j, radius, ELSEWHERE * edge);
         for view in [hypothesis.i, hypothesis.j].into_iter().filter(|_| is_of_component || hypothesis.is_promising()) {
             counts[view][usize::from(is_of_component)] += 1.0;
         }
@@ -145,8 +145,8 @@ fn rival(
     let mut places = vec![local_poses[view]];
     for hypothesis in proposing {
         let place = match hypothesis.j == view {
-            true => local_poses[hypothesis.i] * hypothesis.motion_i_j,
-            false => local_poses[hypothesis.j] * hypothesis.motion_i_j.inverse(),
+            true => local_poses[hypothesis.i] * hypothesis.i_from_j,
+            false => local_poses[hypothesis.j] * hypothesis.i_from_j.inverse(),
         };
         if places.iter().all(|other| !alike(other, &place, coarse_views[view].radius, ELSEWHERE * edge)) {
             places.push(place);
@@ -204,7 +204,7 @@ fn hold(held: &[(Vector3, Vector3)]) -> f64 {
     let count = held.len() as f64;
     let middle = held.iter().map(|(place, _)| place).sum::<Vector3>() / count;
     let spread = (held.iter().map(|(place, _)| (place - middle).norm_squared()).sum::<f64>() / count).sqrt();
-    let mut sums = PairSums::<RIGID>::default();
+    let mut sums = NormalEquations::<RIGID>::default();
     for (place, normal) in held {
         sums.add(normal, &((place - middle) / spread), 0.0, 1.0);
     }

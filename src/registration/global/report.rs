@@ -7,10 +7,10 @@ use super::confidence::confidence;
 use super::placement::{Origin, PlacedComponent, Placement};
 use super::pose_support::PoseSupport;
 use crate::geometry::{Motion, se3};
-use crate::registration::multiview::Multiview;
+use crate::registration::outcome::Outcome;
+use crate::registration::quality::witness::Witness;
 use crate::registration::quality::{Quality, Verdict};
 use crate::registration::view::View;
-use crate::registration::witness::Witness;
 
 /// How the views came to their poses.
 #[derive(Debug, Clone)]
@@ -54,7 +54,7 @@ pub struct ViewEvidence {
 
 impl PlacementReport {
     /// All poses were given, and refined from there.
-    pub fn of_given(result: &Multiview) -> Self {
+    pub fn of_given(result: &Outcome) -> Self {
         PlacementReport {
             origins: result.placed.iter().map(|placed| placed.then_some(Origin::Given)).collect(),
             pose_supports: None,
@@ -88,7 +88,7 @@ impl PlacementReport {
     }
 
     /// The motion between the local frames of two views, from j's to i's, if both are placed or in one component.
-    pub fn relative(&self, result: &Multiview, views: &[View], i: usize, j: usize) -> Option<Motion> {
+    pub fn relative(&self, result: &Outcome, views: &[View], i: usize, j: usize) -> Option<Motion> {
         if result.placed[i] && result.placed[j] {
             return Some(result.local_poses[i].inv_mul(&result.local_poses[j]));
         }

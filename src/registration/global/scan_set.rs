@@ -6,7 +6,7 @@ use super::report::PlacementReport;
 use crate::geometry::Motion;
 use crate::progress::{Canceled, Progress, Stage};
 use crate::registration::hinted::Hinted;
-use crate::registration::multiview::Multiview;
+use crate::registration::outcome::Outcome;
 use crate::registration::quality::{self, Quality, Verdict};
 use crate::registration::sensor::Sensor;
 use crate::registration::view::View;
@@ -30,7 +30,7 @@ pub struct Set<'a> {
 #[derive(Debug, Clone)]
 pub struct Registered {
     /// Poses, pairs, overlaps.
-    pub result: Multiview,
+    pub result: Outcome,
     /// How good they are, judged by themselves.
     pub verdict: Verdict,
     /// How the views came to their poses.
@@ -52,7 +52,7 @@ impl Set<'_> {
         let Some(initial) = all else { return self.placed(refine, progress) };
         let result = refine(self.views, &initial)?;
         let verdict = self.judge(&result, progress);
-        let is_met = |result: &Multiview| self.hinted.is_met(&result.local_poses, &result.placed);
+        let is_met = |result: &Outcome| self.hinted.is_met(&result.local_poses, &result.placed);
         let good = verdict.quality == Quality::Good && is_met(&result);
         let from_given = Registered { placement: PlacementReport::of_given(&result), result, verdict };
         if good {
@@ -71,7 +71,7 @@ impl Set<'_> {
         Ok(Registered { placement: PlacementReport::of(&placement), result: placement.result, verdict })
     }
 
-    fn judge(&self, result: &Multiview, progress: &Progress) -> Verdict {
+    fn judge(&self, result: &Outcome, progress: &Progress) -> Verdict {
         progress.report(Stage::Judging, 0.0);
         quality::judge(self.views, result, self.names)
     }

@@ -7,7 +7,7 @@ use super::pair_hypothesis::PairHypothesis;
 use super::verification::verify;
 use super::votes::SurfelVotes;
 use crate::geometry::{Vector3, se3};
-use crate::registration::joint::normal_equations::PairSums;
+use crate::registration::joint::normal_equations::NormalEquations;
 
 /// How far surfaces are slid, in edges: several times what counts as lying on each other.
 const SLIDE: f64 = 4.0;
@@ -27,7 +27,7 @@ pub fn can_slip(coarse_views: &[CoarseView], measured: &[PairHypothesis], edge: 
         let (i, j) = (&coarse_views[hypothesis.i], &coarse_views[hypothesis.j]);
         let slid = weakest_moves(i, j, hypothesis, edge)
             .into_iter()
-            .map(|twist| verify(i, j, &(se3::exp(&twist) * hypothesis.motion_i_j), edge, samples).both())
+            .map(|twist| verify(i, j, &(se3::exp(&twist) * hypothesis.i_from_j), edge, samples).both())
             .max_by(|a, b| a.consistency().total_cmp(&b.consistency()));
         let Some(slid) = slid else { continue };
         (before, after) = (before + hypothesis.evidence.both(), after + slid);
@@ -42,7 +42,7 @@ pub fn can_slip(coarse_views: &[CoarseView], measured: &[PairHypothesis], edge: 
 /// The move (to and fro) that changes the distances of the surfaces least, scaled to [`SLIDE`]; twists of view i's
 /// frame.
 fn weakest_moves(i: &CoarseView, j: &CoarseView, hypothesis: &PairHypothesis, edge: f64) -> Vec<Vector6<f64>> {
-    let motion = hypothesis.motion_i_j.cast::<f32>();
+    let motion = hypothesis.i_from_j.cast::<f32>();
     let (rotation, shift) = (motion.rotation.to_rotation_matrix(), motion.translation.vector);
     let moved: Vec<(Vector3, Vector3)> = j
         .inner
@@ -60,7 +60,7 @@ fn weakest_moves(i: &CoarseView, j: &CoarseView, hypothesis: &PairHypothesis, ed
     let middle = moved.iter().map(|(place, _)| place).sum::<Vector3>() / count;
     let spread = (moved.iter().map(|(place, _)| (place - middle).norm_squared()).sum::<f64>() / count).sqrt();
     // about the middle of what overlaps and in units of its size, turning and shifting can be compared
-    let mut sums = PairSums::default();
+    let mut sums = NormalEquations::default();
     for (place, normal) in &moved {
         sums.add(normal, &((place - middle) / spread), 0.0, 1.0);
     }

@@ -39,10 +39,10 @@ const IN_FRONT: f32 = 1.5;
 /// A surface faces a scanner that it should be seen by from this cosine of its normal on.
 const FACING: f32 = 0.6;
 /// Asks both views, at most about `samples` surfels each.
-pub fn verify(i: &CoarseView, j: &CoarseView, motion_i_j: &Motion, edge: f64, samples: usize) -> Evidence {
+pub fn verify(i: &CoarseView, j: &CoarseView, i_from_j: &Motion, edge: f64, samples: usize) -> Evidence {
     Evidence {
-        j_in_i: votes(j, i, motion_i_j, edge as f32, samples),
-        i_in_j: votes(i, j, &motion_i_j.inverse(), edge as f32, samples),
+        j_in_i: votes(j, i, i_from_j, edge as f32, samples),
+        i_in_j: votes(i, j, &i_from_j.inverse(), edge as f32, samples),
     }
 }
 

@@ -12,8 +12,8 @@ use super::refine::{LEAST_COSINE, Placement};
 use super::surfels::Surfels;
 use crate::geometry::Motion;
 use crate::progress::{Canceled, Progress};
-use crate::registration::multiview::common_spacing;
 use crate::registration::view::View;
+use crate::registration::view::common_spacing;
 
 /// Scales between the inverse of this and this are tried.
 const RANGE: f64 = 1.4;

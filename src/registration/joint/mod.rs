@@ -21,14 +21,14 @@ use self::normal_equations::RIGID;
 use self::refine::{RefineOptions, refine};
 pub use self::scaled::joint_scaled;
 use self::surfels::{FineSurfels, Surfels};
-use super::multiview::{self, Multiview, MultiviewOptions, PairOutcome, Round};
-use super::overlap::overlaps;
-use super::trimmed_icp::{IcpEnd, IcpOptions, IcpResult, Trim, trimmed_icp};
-use super::view::View;
-use super::view_graph::ViewGraph;
 use crate::geometry::Motion;
 use crate::geometry::neighbours::{IndexedPoints, LocalPoint};
 use crate::progress::{Canceled, Progress, Stage};
+use crate::registration::outcome::{MethodOptions, Outcome, PairOutcome, Round, first_of_each_piece, largest_turn};
+use crate::registration::overlap::overlaps;
+use crate::registration::pairwise::trimmed_icp::{IcpEnd, IcpOptions, IcpResult, Trim, trimmed_icp};
+use crate::registration::view::{View, common_spacing};
+use crate::registration::view_graph::ViewGraph;
 
 /// A pass of the refinement.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
@@ -102,7 +102,7 @@ const JUDGED_REACH: f64 = 0.63;
 
 /// The surfels that results are judged by, whatever the method was.
 pub fn judged_surfels(views: &[View]) -> FineSurfels {
-    let edge = PASSES[1].edge(views, multiview::common_spacing(views));
+    let edge = PASSES[1].edge(views, common_spacing(views));
     let fine: Vec<Surfels> = views.par_iter().map(|view| Surfels::new(view, edge)).collect();
     FineSurfels { share: 1.0, ..judged(&fine, edge) }
 }
@@ -129,9 +129,9 @@ const OVERLAP_SHARE: f64 = 0.6;
 pub fn joint(
     views: &[View],
     initial: &[Motion],
-    options: &MultiviewOptions,
+    options: &MethodOptions,
     progress: &Progress,
-) -> Result<Multiview, Canceled> {
+) -> Result<Outcome, Canceled> {
     joint_onto(views, initial, &[0], options, progress)
 }
 
@@ -141,11 +141,11 @@ pub fn joint_onto(
     views: &[View],
     initial: &[Motion],
     fixed: &[usize],
-    options: &MultiviewOptions,
+    options: &MethodOptions,
     progress: &Progress,
-) -> Result<Multiview, Canceled> {
-    let run = Run { options, fixed, spacing: multiview::common_spacing(views), progress };
-    let mut state = Multiview::at(initial);
+) -> Result<Outcome, Canceled> {
+    let run = Run { options, fixed, spacing: common_spacing(views), progress };
+    let mut state = Outcome::at(initial);
     let [coarse, fine] = PASSES.map(|pass| pass.edge(views, run.spacing));
     let mut surfels: Vec<Surfels> = views.par_iter().map(|view| Surfels::new(view, fine)).collect();
     let mut judged = judged(&surfels, fine);
@@ -163,7 +163,7 @@ pub fn joint_onto(
 
 /// What all passes of one registration share.
 struct Run<'a> {
-    options: &'a MultiviewOptions,
+    options: &'a MethodOptions,
     /// Views that keep their poses: at least one.
     fixed: &'a [usize],
     spacing: f64,
@@ -190,7 +190,7 @@ impl Run<'_> {
         index: usize,
         pass: &Pass,
         edge: f64,
-        state: &mut Multiview,
+        state: &mut Outcome,
     ) -> Result<Vec<f64>, Canceled> {
         let targets: Vec<&IndexedPoints> = surfels.iter().map(|s| &s.indexed).collect();
         let samples: Vec<Vec<LocalPoint>> = surfels.iter().map(sampled).collect();
@@ -214,7 +214,7 @@ impl Run<'_> {
             min_overlap: graph.min_overlap,
             icp_iterations: 0,
             averaging_rounds: refined.steps,
-            rotation_change: multiview::largest_turn(&state.local_poses, &refined.local_poses),
+            rotation_change: largest_turn(&state.local_poses, &refined.local_poses),
         });
         state.placed = graph.pieces.iter().map(|piece| self.holds(&graph, *piece)).collect();
         state.pairs = graph
@@ -233,7 +233,7 @@ impl Run<'_> {
 
     /// The fixed views, and the first of each piece that holds none.
     fn anchors(&self, graph: &ViewGraph) -> Vec<usize> {
-        let mut anchors = multiview::first_of_each_piece(&graph.pieces);
+        let mut anchors = first_of_each_piece(&graph.pieces);
         anchors.retain(|&view| !self.holds(graph, graph.pieces[view]));
         anchors.extend(self.fixed);
         anchors
@@ -241,7 +241,7 @@ impl Run<'_> {
 
     /// What ICP would say of each pair at the final poses: overlaps, correspondences and their distance, measured from
     /// some surfels to all points of the other view.
-    fn measure_pairs(&self, views: &[View], surfels: &[Surfels], state: &mut Multiview) -> Result<(), Canceled> {
+    fn measure_pairs(&self, views: &[View], surfels: &[Surfels], state: &mut Outcome) -> Result<(), Canceled> {
         let options = IcpOptions {
             trim: Trim::Share(1.0),
             max_distance: TOUCHING * self.spacing,

@@ -33,20 +33,20 @@ pub struct PairBlock<const D: usize> {
 
 /// Sums over correspondences in some frame; of the matrix only the upper triangle.
 #[derive(Debug, Clone)]
-pub struct PairSums<const D: usize> {
+pub struct NormalEquations<const D: usize> {
     upper: [[f64; D]; D],
     gradient: [f64; D],
     cost: f64,
     weight: f64,
 }
 
-impl<const D: usize> Default for PairSums<D> {
+impl<const D: usize> Default for NormalEquations<D> {
     fn default() -> Self {
-        PairSums { upper: [[0.0; D]; D], gradient: [0.0; D], cost: 0.0, weight: 0.0 }
+        NormalEquations { upper: [[0.0; D]; D], gradient: [0.0; D], cost: 0.0, weight: 0.0 }
     }
 }
 
-impl<const D: usize> PairSums<D> {
+impl<const D: usize> NormalEquations<D> {
     /// Adds a correspondence with unit normal `n` at the place `x` and residual `r`.
     #[inline]
     pub fn add(&mut self, n: &nalgebra::Vector3<f64>, x: &nalgebra::Vector3<f64>, r: f64, weight: f64) {
@@ -101,7 +101,7 @@ impl<const D: usize> PairSums<D> {
     }
 }
 
-impl PairSums<RIGID> {
+impl NormalEquations<RIGID> {
     /// The twist that moves view a onto view b, both in the frame of the sums; `None` if nothing holds it.
     pub fn step(&self) -> Option<se3::Twist> {
         let information = self.information();
@@ -195,7 +195,7 @@ mod tests {
     /// Solves for view 1 (= a), whose points are brought by `disturbed` from where they belong, against view 0 (= b);
     /// sums are taken in `frame`, in a unit of `unit` world units.
     fn solved<const D: usize>(disturbed: impl Fn(Point3) -> Point3, frame: &Motion, unit: f64) -> SVector<f64, D> {
-        let mut sums = PairSums::<D>::default();
+        let mut sums = NormalEquations::<D>::default();
         for k in 0..60 {
             let x = Vector3::new((k % 5) as f64, (k % 7) as f64, (k % 3) as f64);
             let n = Vector3::new((k % 4) as f64 - 1.5, (k % 6) as f64 - 2.5, 1.0).normalize();

@@ -1,8 +1,9 @@
 //! Gauss-Newton over all poses, with correspondences renewed in every step.
 
+use crate::registration::pairwise::trimmed_icp::largest_step;
 use rayon::prelude::*;
 
-use super::normal_equations::{PairBlock, PairSums, SCALED, columns, solve};
+use super::normal_equations::{NormalEquations, PairBlock, SCALED, columns, solve};
 use super::surfels::Surfels;
 use crate::geometry::neighbours::Pursuit;
 use crate::geometry::se3::{self, Twist};
@@ -168,8 +169,7 @@ impl Placement {
 
     /// How far the change from this placement to another moves a point within `radius` of a's origin, at most.
     fn largest_step(&self, to: &Placement, radius: f64) -> f64 {
-        super::super::trimmed_icp::largest_step(&self.motion, &to.motion, radius)
-            + (to.ratio - self.ratio).abs() * radius
+        largest_step(&self.motion, &to.motion, radius) + (to.ratio - self.ratio).abs() * radius
     }
 }
 
@@ -217,7 +217,7 @@ fn assemble<const D: usize>(
     &Reach { distance, scale }: &Reach,
     sparing: usize,
     search: &mut Search,
-) -> PairSums<D> {
+) -> NormalEquations<D> {
     let ask_all = search.must_ask_all(placement, a.radius, distance);
     if ask_all {
         search.asked_at = Some(*placement);
@@ -231,7 +231,7 @@ fn assemble<const D: usize>(
     let distance2 = (distance * distance) as f32;
     let scale2 = (scale * scale) as f32;
     let Search { stride, first, pursuits, active, .. } = search;
-    let mut sums = PairSums::<D>::default();
+    let mut sums = NormalEquations::<D>::default();
     active.retain(|&query| {
         let query = query as usize;
         let index = a.inner[*first + query * *stride] as usize;

@@ -12,8 +12,8 @@ use super::surfels::Surfels;
 use super::{PASSES, Pass, Run};
 use crate::geometry::Motion;
 use crate::progress::{Canceled, Progress, Stage};
-use crate::registration::multiview::{self, Multiview, MultiviewOptions};
-use crate::registration::view::View;
+use crate::registration::outcome::{MethodOptions, Outcome};
+use crate::registration::view::{View, common_spacing};
 
 /// Once more after the last pass: the surfels of a view that has been scaled are not those that its scale was refined
 /// with, and scales settle more slowly than poses.
@@ -28,24 +28,24 @@ pub fn joint_scaled(
     scan_poses: &[Motion],
     is_known: &[bool],
     fixed: &[usize],
-    options: &MultiviewOptions,
+    options: &MethodOptions,
     progress: &Progress,
-) -> Result<(Vec<View>, Multiview), Canceled> {
+) -> Result<(Vec<View>, Outcome), Canceled> {
     progress.report(Stage::Registering, 0.0);
     let growth = coarse_scales(&views, scan_poses, is_known, fixed, progress)?;
     views = scaled(views, &growth);
     let initial: Vec<Motion> = views.iter().zip(scan_poses).map(|(view, pose)| view.local_pose(pose)).collect();
-    let mut state = Multiview::at(&initial);
+    let mut state = Outcome::at(&initial);
     let passes = [&PASSES[0], &PASSES[1], &FINISH, &FINISH];
     for (index, pass) in passes.into_iter().enumerate() {
         progress.report(Stage::Registering, (index + 1) as f64 / (passes.len() + 1) as f64);
-        let run = Run { options, fixed, spacing: multiview::common_spacing(&views), progress };
+        let run = Run { options, fixed, spacing: common_spacing(&views), progress };
         let edge = pass.edge(&views, run.spacing);
         let surfels = surfels(&views, edge);
         let growth = run.pass::<SCALED>(&surfels, index, pass, edge, &mut state)?;
         views = scaled(views, &growth);
         if index + 1 == passes.len() {
-            let run = Run { spacing: multiview::common_spacing(&views), ..run };
+            let run = Run { spacing: common_spacing(&views), ..run };
             run.measure_pairs(&views, &self::surfels(&views, edge), &mut state)?;
         }
     }

@@ -5,9 +5,9 @@
 
 use rayon::prelude::*;
 
-use super::super::sensor::Sensor;
 use super::surfels::Surfels;
 use crate::geometry::Motion;
+use crate::registration::sensor::Sensor;
 
 /// Cells of a picture along an edge, at most.
 const LARGEST: usize = 48;

@@ -2,11 +2,11 @@
 
 use rayon::prelude::*;
 
-use super::super::sensor::{Facet, Sensor, viewing_axis};
-use super::super::view::View;
 use crate::geometry::neighbours::{IndexedPoints, LocalPoint, Neighbour};
 use crate::geometry::normals::least_spread;
 use crate::geometry::thinning::{representatives, thin};
+use crate::registration::sensor::{Facet, Sensor, viewing_axis};
+use crate::registration::view::View;
 
 /// The means of a view's voxels with the normals of the surface there, in the view's local frame.
 #[derive(Debug, Clone)]
@@ -17,7 +17,7 @@ pub struct Surfels {
     pub normals: Vec<[f32; 3]>,
     /// Whether it is known from which side the surface was seen.
     pub is_sided: Vec<bool>,
-    /// Points there for a unit of area, in a unit of the view's own: see [`Facet`](super::super::sensor::Facet).
+    /// Points there for a unit of area, in a unit of the view's own: see [`Facet`](crate::registration::sensor::Facet).
     pub densities: Vec<f32>,
     /// Whether the surface goes on all around. What lies beyond a rim was not seen, and the nearest point that was
     /// seen is no counterpart.

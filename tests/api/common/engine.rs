@@ -9,7 +9,7 @@ use visage::classes::{Class, Found};
 use visage::faces::{DescribeError, Signature};
 use visage::geometry::{Cloud, Motion, Surface, Unit, se3};
 use visage::jobs::engine::{Engine, PipelineEngine};
-use visage::pipeline::{ModelCloud, NamedScan, Options, Outcome, PipelineError, Start};
+use visage::pipeline::{ModelCloud, NamedScan, Options, PipelineError, RegisteredModel, Start};
 use visage::progress::{Progress, Stage};
 
 /// What the next registration does.
@@ -68,7 +68,7 @@ impl Engine for FakeEngine {
         _unit: Unit,
         _options: &Options,
         progress: &Progress,
-    ) -> Result<Outcome, PipelineError> {
+    ) -> Result<RegisteredModel, PipelineError> {
         self.runs.fetch_add(1, Ordering::Relaxed);
         let mode = *self.mode.lock().expect("never poisoned");
         match mode {
@@ -90,7 +90,7 @@ impl Engine for FakeEngine {
             poses.insert(name.clone(), se3::from_rows(matrix).expect("rigid"));
         }
         let signature = if mode == Mode::Described { Some(self.signature_of_a_ball()) } else { None };
-        Ok(Outcome { signature, ..outcome(&scans, &poses) })
+        Ok(RegisteredModel { signature, ..outcome(&scans, &poses) })
     }
 
     fn describe(&self, surface: &Surface, unit: Unit, progress: &Progress) -> Result<Signature, DescribeError> {
@@ -140,7 +140,7 @@ fn wait(time: Duration, progress: &Progress, listens: bool) -> Result<(), Pipeli
     Ok(())
 }
 
-fn outcome(scans: &[NamedScan], poses: &BTreeMap<String, Motion>) -> Outcome {
+fn outcome(scans: &[NamedScan], poses: &BTreeMap<String, Motion>) -> RegisteredModel {
     let pose = |scan: &NamedScan| poses.get(&scan.name).copied().unwrap_or_default();
     let mut merged = ModelCloud { cloud: Cloud::default(), views: Vec::new() };
     for (index, scan) in scans.iter().enumerate() {
@@ -149,7 +149,7 @@ fn outcome(scans: &[NamedScan], poses: &BTreeMap<String, Motion>) -> Outcome {
         merged.cloud.points.extend(moved.points);
     }
     let names: Vec<&str> = scans.iter().map(|scan| scan.name.as_str()).collect();
-    Outcome {
+    RegisteredModel {
         matrices: scans.iter().map(|scan| (scan.name.clone(), Some(se3::to_rows(&pose(scan))))).collect(),
         poses: scans.iter().map(|scan| (scan.name.clone(), Some(pose(scan)))).collect(),
         report: serde_json::json!({"verdict": {"quality": "good"}, "views": names}),

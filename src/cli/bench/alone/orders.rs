@@ -10,12 +10,12 @@ use nix::sys::time::TimeValLike;
 use super::set::KnownSet;
 use crate::geometry::neighbours::{IndexedPoints, LocalPoint};
 use crate::geometry::{Motion, Surface, Unit};
-use crate::pipeline::{self, NamedScan, Options, Outcome};
+use crate::pipeline::{self, NamedScan, Options, RegisteredModel};
 use crate::progress::Progress;
-use crate::registration::multiview::common_spacing;
 use crate::registration::objective::{ScoredPair, objective};
 use crate::registration::overlap::overlaps;
 use crate::registration::view::View;
+use crate::registration::view::common_spacing;
 
 /// Pairs with more overlap than this at the true poses are scored, as far as they lie within so many spacings.
 const SCORED_OVERLAP: f64 = 0.5;
@@ -53,7 +53,7 @@ pub fn run(data: &Path, sets: &[String], orders: u64) -> anyhow::Result<()> {
 }
 
 /// Registers a set by the default method; without `poses` from its scans alone.
-pub fn registered(set: &KnownSet, poses: &[Motion]) -> anyhow::Result<Outcome> {
+pub fn registered(set: &KnownSet, poses: &[Motion]) -> anyhow::Result<RegisteredModel> {
     let name = |view: usize| format!("s{view}.ply");
     let scan = |(view, cloud): (usize, &crate::geometry::Cloud)| NamedScan {
         name: name(view),
@@ -95,7 +95,7 @@ impl Scorer {
     }
 
     /// The plane objective in mm; `None` if a view has no place.
-    fn plane_mm(&self, outcome: &Outcome) -> Option<f64> {
+    fn plane_mm(&self, outcome: &RegisteredModel) -> Option<f64> {
         const MM: f64 = 1e3;
         let local = |(view, (_, pose)): (&View, &(String, Option<Motion>))| Some(view.local_pose(&(*pose)?));
         let poses: Vec<Motion> = self.views.iter().zip(&outcome.poses).map(local).collect::<Option<_>>()?;

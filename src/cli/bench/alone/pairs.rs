@@ -9,7 +9,7 @@ use super::orders::{Scorer, cpu_seconds, registered};
 use super::set::KnownSet;
 use crate::formats::{ply, poses};
 use crate::geometry::{Motion, se3};
-use crate::registration::multiview::common_spacing;
+use crate::registration::view::common_spacing;
 
 /// Lower limits of the classes of overlap.
 const CLASSES: [f64; 4] = [0.5, 0.3, 0.1, 0.0];

@@ -6,7 +6,7 @@ use anyhow::{Context, ensure};
 
 use crate::formats::{self, ReadLimits};
 use crate::geometry::{Cloud, Motion};
-use crate::registration::paper_objective::{STRIDE, paper_objective};
+use crate::registration::averaging::paper_objective::{STRIDE, paper_objective};
 use crate::registration::view::View;
 
 /// A set that was read. Its scans are in metres.

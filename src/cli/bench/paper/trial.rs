@@ -7,8 +7,9 @@ use super::{NOISE, starts};
 use crate::geometry::Motion;
 use crate::pipeline::Method;
 use crate::progress::Progress;
-use crate::registration::multiview::{self, Multiview, MultiviewOptions, Recipe};
-use crate::registration::trimmed_icp::IcpEnd;
+use crate::registration::averaging::{self, Recipe};
+use crate::registration::outcome::{MethodOptions, Outcome};
+use crate::registration::pairwise::trimmed_icp::IcpEnd;
 use crate::registration::view::View;
 
 /// The methods of the tables, in the paper's order, ours last.
@@ -95,11 +96,11 @@ fn recipe(method: Method) -> Option<Recipe> {
     }
 }
 
-fn register(method: Method, views: &[View], initial: &[Motion]) -> anyhow::Result<Multiview> {
-    let options = MultiviewOptions { min_overlap: 0.5, range_accuracy: None, max_rounds: 20 };
+fn register(method: Method, views: &[View], initial: &[Motion]) -> anyhow::Result<Outcome> {
+    let options = MethodOptions { min_overlap: 0.5, range_accuracy: None, max_rounds: 20 };
     let progress = Progress::silent();
     Ok(match recipe(method) {
-        Some(recipe) => multiview::register(&recipe, views, initial, &options, &progress)?,
+        Some(recipe) => averaging::register(&recipe, views, initial, &options, &progress)?,
         None => method.register(views, initial, &options, &progress)?,
     })
 }

@@ -6,9 +6,9 @@
 
 use rayon::prelude::*;
 
-use super::multiview::Multiview;
-use super::view::View;
 use crate::geometry::neighbours::LocalPoint;
+use crate::registration::outcome::Outcome;
+use crate::registration::view::View;
 
 /// Points of a view that are held against another.
 const SAMPLES: usize = 500;
@@ -27,7 +27,7 @@ pub type Brightness = Vec<f32>;
 /// For each view how well its texture agrees with the neighbour that it agrees with best, in what noise lets it: about 1
 /// where views lie right, about 0 where they don't; `None` where there is no texture, or too little of it overlaps.
 /// `unit` is what the views resolve, a length.
-pub fn agreement(views: &[View], brightness: &[Option<Brightness>], result: &Multiview, unit: f64) -> Vec<Option<f64>> {
+pub fn agreement(views: &[View], brightness: &[Option<Brightness>], result: &Outcome, unit: f64) -> Vec<Option<f64>> {
     let textures: Vec<Option<Texture>> = views
         .par_iter()
         .zip(brightness)
@@ -143,7 +143,7 @@ mod tests {
         let (views, brightness): (Vec<View>, Vec<Option<Brightness>>) = sheets.into_iter().unzip();
         let poses: Vec<Motion> = views.iter().map(|view| view.local_pose(&Motion::identity())).collect();
         let overlaps = OverlapMatrix::from_rows(vec![vec![1.0; 2]; 2]);
-        let result = Multiview { overlaps, ..Multiview::at(&poses) };
+        let result = Outcome { overlaps, ..Outcome::at(&poses) };
         agreement(&views, &brightness, &result, 1.0)
     }
 

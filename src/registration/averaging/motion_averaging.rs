@@ -17,8 +17,8 @@ pub struct RelativeMotion {
     pub i: usize,
     /// The view that is mapped.
     pub j: usize,
-    /// `motion_i_j` = M_ij: maps the frame of view j into the frame of view i.
-    pub motion_i_j: Motion,
+    /// `i_from_j` = M_ij: maps the frame of view j into the frame of view i.
+    pub i_from_j: Motion,
     /// How much it counts, usually its overlap; positive.
     pub weight: f64,
 }
@@ -104,7 +104,7 @@ pub fn disagreements(poses: &[Motion], relative: &[RelativeMotion], radius: f64)
 
 /// [P3], [P4], [P5]: `log(M_i M_ij M_j^-1)`.
 fn correction(poses: &[Motion], pair: &RelativeMotion) -> Twist {
-    se3::log(&(poses[pair.i] * pair.motion_i_j * poses[pair.j].inverse()))
+    se3::log(&(poses[pair.i] * pair.i_from_j * poses[pair.j].inverse()))
 }
 
 /// A twist as a length: the translation part, and the rotation times the radius.
@@ -212,7 +212,7 @@ mod tests {
         start[0] = truth[0];
         let relative = (0..10)
             .flat_map(|i| [(i, (i + 1) % 10), (i, (i + 2) % 10)])
-            .map(|(i, j)| RelativeMotion { i, j, motion_i_j: truth[i].inv_mul(&truth[j]), weight: 0.7 })
+            .map(|(i, j)| RelativeMotion { i, j, i_from_j: truth[i].inv_mul(&truth[j]), weight: 0.7 })
             .collect();
         (truth, start, relative)
     }
@@ -233,7 +233,7 @@ mod tests {
     #[test]
     fn one_pair_turned_by_30_degrees_moves_nothing_when_robust() {
         let (truth, start, mut relative) = ring();
-        relative[4].motion_i_j *= Motion::new(Vector3::zeros(), Vector3::z() * 30f64.to_radians());
+        relative[4].i_from_j *= Motion::new(Vector3::zeros(), Vector3::z() * 30f64.to_radians());
         let robust = average(&start, &relative, &[0], &OPTIONS).expect("a ring is connected");
         assert!(largest_error(&robust.poses, &truth) < 0.01, "{}", largest_error(&robust.poses, &truth));
         assert!(robust.trusts[4] < 1e-3);
@@ -247,7 +247,7 @@ mod tests {
         let (_, start, mut relative) = ring();
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(5);
         for pair in &mut relative {
-            pair.motion_i_j *= random_motion(&mut rng, 0.05 * spacing, 0.05 * spacing / OPTIONS.radius);
+            pair.i_from_j *= random_motion(&mut rng, 0.05 * spacing, 0.05 * spacing / OPTIONS.radius);
         }
         let poses = |relative: &[RelativeMotion], robust| {
             average(&start, relative, &[0], &AveragingOptions { robust, ..OPTIONS }).expect("connected").poses
@@ -256,7 +256,7 @@ mod tests {
         for wrong in 0..relative.len() {
             let axis = Vector3::ith_axis(wrong % 3);
             let mut turned = relative.clone();
-            turned[wrong].motion_i_j *= Motion::new(Vector3::zeros(), axis.into_inner() * 30f64.to_radians());
+            turned[wrong].i_from_j *= Motion::new(Vector3::zeros(), axis.into_inner() * 30f64.to_radians());
             let robust = largest_error(&poses(&turned, true), &right[0]);
             assert!(robust <= 0.1 * spacing, "pair {wrong}: {} spacings", robust / spacing);
             let plain = largest_error(&poses(&turned, false), &right[1]);

@@ -13,8 +13,8 @@
 use nalgebra::{DMatrix, Dyn, Matrix3, Matrix4, OMatrix, U4};
 use rand::{RngExt, SeedableRng};
 
-use super::motion_averaging::{RelativeMotion, disagreements};
 use crate::geometry::{Motion, UnionFind};
+use crate::registration::averaging::motion_averaging::{RelativeMotion, disagreements};
 
 /// What the decomposition found.
 #[derive(Debug, Clone, PartialEq)]
@@ -137,7 +137,7 @@ impl Piece {
         let mut measured = DMatrix::identity(4 * n, 4 * n);
         let mut known = DMatrix::from_fn(n, n, |i, j| i == j);
         for pair in &relative {
-            for (i, j, motion) in [(pair.i, pair.j, pair.motion_i_j), (pair.j, pair.i, pair.motion_i_j.inverse())] {
+            for (i, j, motion) in [(pair.i, pair.j, pair.i_from_j), (pair.j, pair.i, pair.i_from_j.inverse())] {
                 measured.fixed_view_mut::<4, 4>(4 * i, 4 * j).copy_from(&scaled(&motion, radius));
                 known[(i, j)] = true;
             }
@@ -326,8 +326,8 @@ mod tests {
         let start = start.collect();
         let pairs = (0..10).flat_map(|i| [(i, (i + 1) % 10), (i, (i + 2) % 10)]);
         let relative = pairs.map(|(i, j)| {
-            let motion_i_j = truth[i].inv_mul(&truth[j]) * random_motion(&mut rng, noise * RADIUS, noise);
-            RelativeMotion { i, j, motion_i_j, weight: 1.0 }
+            let i_from_j = truth[i].inv_mul(&truth[j]) * random_motion(&mut rng, noise * RADIUS, noise);
+            RelativeMotion { i, j, i_from_j, weight: 1.0 }
         });
         let relative = relative.collect();
         (truth, start, relative)
@@ -353,7 +353,7 @@ mod tests {
     fn two_wrong_pairs_change_nothing() {
         let (truth, start, mut relative) = ring(0.0, 0.05);
         for wrong in [4, 11] {
-            relative[wrong].motion_i_j *= Motion::new(Vector3::y() * 5.0, Vector3::z() * 30f64.to_radians());
+            relative[wrong].i_from_j *= Motion::new(Vector3::y() * 5.0, Vector3::z() * 30f64.to_radians());
         }
         let found = decompose(&start, &relative, &[0], RADIUS).expect("converges");
         assert!(largest_error(&found.poses, &truth) < 1e-3 * RADIUS, "{}", largest_error(&found.poses, &truth));

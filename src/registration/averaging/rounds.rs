@@ -4,14 +4,15 @@ use rayon::prelude::*;
 
 use super::agreement::agree;
 use super::recipe::{Agreement, Level, Reach, Recipe, StopRule, TrimRule};
-use super::{Multiview, MultiviewOptions, PairOutcome, Round, common_spacing, largest_radius, largest_turn};
 use crate::geometry::Motion;
 use crate::geometry::neighbours::{IndexedPoints, LocalPoint};
 use crate::progress::{Canceled, Progress, Stage};
+use crate::registration::outcome::{MethodOptions, Outcome, PairOutcome, Round, largest_turn};
 use crate::registration::overlap::overlaps;
-use crate::registration::threshold::{adaptive_threshold, array_threshold};
-use crate::registration::trimmed_icp::{IcpOptions, Trim, trimmed_icp};
+use crate::registration::pairwise::threshold::{adaptive_threshold, array_threshold};
+use crate::registration::pairwise::trimmed_icp::{IcpOptions, Trim, trimmed_icp};
 use crate::registration::view::View;
+use crate::registration::view::{common_spacing, largest_radius};
 use crate::registration::view_graph::ViewGraph;
 
 /// Registers `views` from `initial` poses (local frame to world). View 0 keeps its pose.
@@ -19,10 +20,10 @@ pub fn register(
     recipe: &Recipe,
     views: &[View],
     initial: &[Motion],
-    options: &MultiviewOptions,
+    options: &MethodOptions,
     progress: &Progress,
-) -> Result<Multiview, Canceled> {
-    let mut state = Multiview::at(initial);
+) -> Result<Outcome, Canceled> {
+    let mut state = Outcome::at(initial);
     for (index, level) in recipe.levels.iter().enumerate() {
         let queries: Vec<Vec<LocalPoint>> = views.par_iter().map(|view| queries(view, level, views)).collect();
         let thinned: Option<Vec<IndexedPoints>> =
@@ -61,7 +62,7 @@ struct LevelRun<'a> {
     /// The unit of the level's lengths.
     spacing: f64,
     level: &'a Level,
-    options: &'a MultiviewOptions,
+    options: &'a MethodOptions,
     /// For each view the points that look for counterparts.
     queries: Vec<&'a [LocalPoint]>,
     /// For each view the points among which counterparts are looked for.
@@ -74,7 +75,7 @@ impl LevelRun<'_> {
         index: usize,
         agreement: Agreement,
         share: impl Fn(usize) -> f64,
-        state: &mut Multiview,
+        state: &mut Outcome,
         progress: &Progress,
     ) -> Result<(), Canceled> {
         let settled_angle = self.level.settled * self.spacing / largest_radius(self.views);
@@ -118,7 +119,7 @@ impl LevelRun<'_> {
         &self,
         graph: &ViewGraph,
         tolerance: f64,
-        state: &Multiview,
+        state: &Outcome,
         progress: &Progress,
     ) -> Result<Vec<PairOutcome>, Canceled> {
         graph

@@ -5,11 +5,11 @@
 
 use rayon::prelude::*;
 
-use super::rigid_fit::RigidFit;
-use super::view::View;
 use crate::geometry::neighbours::LocalPoint;
 use crate::geometry::{Motion, Vector3};
 use crate::progress::{Canceled, Progress};
+use crate::registration::pairwise::rigid_fit::RigidFit;
+use crate::registration::view::View;
 
 /// A view that has the points of another one.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -106,20 +106,20 @@ fn motion_if_same(a: &View, b: &View) -> Option<Motion> {
     let same_frame = same_frame(a, b);
     let turned =
         [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)].map(|(x, y)| moments_b.turned_onto(&moments_a, x, y));
-    let motion_a_b = std::iter::once(same_frame).chain(turned).find_map(|start| fitted(a, b, start))?;
+    let a_from_b = std::iter::once(same_frame).chain(turned).find_map(|start| fitted(a, b, start))?;
     let local = |view: &View| nalgebra::Translation3::from(view.center);
-    Some(local(a) * motion_a_b * local(b).inverse())
+    Some(local(a) * a_from_b * local(b).inverse())
 }
 
 /// The motion between the local frames, fitted to the points that are the same, if nearly all are.
 fn fitted(a: &View, b: &View, start: Motion) -> Option<Motion> {
-    let mut motion_a_b = start;
+    let mut a_from_b = start;
     let samples = samples_of(b);
     for _ in 0..FITS {
         let mut fit = RigidFit::default();
         let mut near = 0;
         for sample in &samples {
-            if let Some(nearest) = nearest(a, &motion_a_b, sample, NEARLY * a.spacing) {
+            if let Some(nearest) = nearest(a, &a_from_b, sample, NEARLY * a.spacing) {
                 fit.add(sample, &nearest);
                 near += 1;
             }
@@ -127,15 +127,15 @@ fn fitted(a: &View, b: &View, start: Motion) -> Option<Motion> {
         if (near as f64) < SHARE * samples.len() as f64 {
             return None;
         }
-        motion_a_b = fit.solve()?;
+        a_from_b = fit.solve()?;
     }
-    let motion_b_a = motion_a_b.inverse();
+    let b_from_a = a_from_b.inverse();
     let same_share = |from: &[LocalPoint], to: &View, motion: &Motion| {
         let same = from.iter().filter(|sample| nearest(to, motion, sample, SAME * a.spacing).is_some()).count();
         same as f64 / from.len() as f64
     };
-    let is_same = same_share(&samples, a, &motion_a_b) >= SHARE && same_share(&samples_of(a), b, &motion_b_a) >= SHARE;
-    is_same.then_some(motion_a_b)
+    let is_same = same_share(&samples, a, &a_from_b) >= SHARE && same_share(&samples_of(a), b, &b_from_a) >= SHARE;
+    is_same.then_some(a_from_b)
 }
 
 fn samples_of(view: &View) -> Vec<LocalPoint> {

@@ -3,10 +3,10 @@
 //! Chetverikov, Stepanov, Krsek, "Robust Euclidean alignment of 3D point sets: the trimmed iterative closest point
 //! algorithm", Image and Vision Computing 2005; stopping rule after section 2.2 of the paper.
 
-use super::rigid_fit::RigidFit;
 use crate::geometry::Motion;
 use crate::geometry::neighbours::{IndexedPoints, LocalPoint, Pursuit};
 use crate::progress::{Canceled, Progress};
+use crate::registration::pairwise::rigid_fit::RigidFit;
 
 /// Which share of the source points is kept, those with the smallest distances.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -223,7 +223,7 @@ fn fit(target: &IndexedPoints, source: &[LocalPoint], kept: &[Correspondence]) -
 }
 
 /// How far the change from one motion to another moves a point within `reach` of the origin, at most.
-pub(super) fn largest_step(from: &Motion, to: &Motion, reach: f64) -> f64 {
+pub(in crate::registration) fn largest_step(from: &Motion, to: &Motion, reach: f64) -> f64 {
     let angle = crate::geometry::se3::rotation_angle(&from.rotation.rotation_to(&to.rotation));
     2.0 * (0.5 * angle).sin() * reach + (to.translation.vector - from.translation.vector).norm()
 }

@@ -2,9 +2,9 @@
 
 use nalgebra::{Matrix6, Vector6};
 
-use super::covariance::PoseCovariance;
 use crate::geometry::se3::Twist;
 use crate::geometry::{Point3, Vector3};
+use crate::registration::covariance::PoseCovariance;
 
 /// What kind of motion.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]

@@ -6,9 +6,9 @@
 
 use rayon::prelude::*;
 
-use super::view::View;
 use crate::geometry::Motion;
 use crate::geometry::neighbours::LocalPoint;
+use crate::registration::view::View;
 
 /// The paper runs on every 8th point.
 pub const STRIDE: usize = 8;
@@ -30,9 +30,9 @@ fn nearest2(views: &[View], local_poses: &[Motion], i: usize) -> Vec<f32> {
     others.sort_by(|&a, &b| apart(a).total_cmp(&apart(b)));
     let mut nearest = vec![f32::INFINITY; views[i].points().len()];
     for j in others {
-        let motion_j_i = local_poses[j].inv_mul(&local_poses[i]).cast::<f32>();
+        let j_from_i = local_poses[j].inv_mul(&local_poses[i]).cast::<f32>();
         for (point, nearest) in views[i].points().iter().zip(&mut nearest) {
-            let moved: LocalPoint = (motion_j_i * nalgebra::Point3::from(*point)).coords.into();
+            let moved: LocalPoint = (j_from_i * nalgebra::Point3::from(*point)).coords.into();
             if let Some(found) = views[j].indexed.tree.nearest(&moved, *nearest) {
                 *nearest = found.distance2;
             }

@@ -1,11 +1,11 @@
 //! What speaks for or against a view's pose once all poses are final: how well it is known, where other scanners looked
 //! through its surface, whether colours agree, and whether a background holds it before which something moved.
 
-use super::covariance::PoseCovariance;
-use super::free_space::Intrusion;
-use super::multiview::Multiview;
-use super::view::View;
 use crate::geometry::Vector3;
+use crate::registration::covariance::PoseCovariance;
+use crate::registration::outcome::Outcome;
+use crate::registration::quality::free_space::Intrusion;
+use crate::registration::view::View;
 
 /// What is known of one view's final pose beside how it stands among the others. The default says nothing.
 #[derive(Debug, Clone, Copy, Default, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -35,7 +35,7 @@ pub struct Known<'a> {
 
 impl Known<'_> {
     /// The witness of each view.
-    pub fn witnesses(&self, views: &[View], result: &Multiview) -> Vec<Witness> {
+    pub fn witnesses(&self, views: &[View], result: &Outcome) -> Vec<Witness> {
         let size = size(views, result);
         let witness = |view: usize| Witness {
             displacement: self.covariances[view].as_ref().map(|pose| pose.displacement() / size),
@@ -48,7 +48,7 @@ impl Known<'_> {
 }
 
 /// The diagonal of an evenly filled box whose points are spread as those of the placed views: a length.
-fn size(views: &[View], result: &Multiview) -> f64 {
+fn size(views: &[View], result: &Outcome) -> f64 {
     let placed = || (0..views.len()).filter(|view| result.placed[*view]);
     let weight = |view: usize| views[view].points().len() as f64;
     let place = |view: usize| result.local_poses[view].translation.vector;
@@ -70,7 +70,7 @@ mod tests {
         let cloud = Cloud::from_points(places.map(|p| Point3::new(3.0 * p[0], p[1], 2.0 * p[2])).collect());
         let view = View::new(&cloud).expect("a box of points can be used");
         let box_of = |motion: &Motion| {
-            let mut result = Multiview::alone(2);
+            let mut result = Outcome::alone(2);
             result.placed = vec![true; 2];
             result.local_poses = vec![view.local_pose(motion); 2];
             size(&[view.clone(), view.clone()], &result)

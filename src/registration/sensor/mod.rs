@@ -2,6 +2,9 @@
 //!
 //! Rays leave a scanner evenly spread, so how densely points lie on a surface says how it was turned to the scanner.
 
+pub mod standing_still;
+pub mod viewpoint;
+
 use crate::geometry::neighbours::LocalPoint;
 use crate::geometry::{Motion, Vector3};
 

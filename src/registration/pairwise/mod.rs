@@ -1,14 +1,19 @@
 //! Plain ICP and trimmed ICP of exactly two scans.
 
+pub mod rigid_fit;
+pub mod threshold;
+pub mod trimmed_icp;
+
 use rayon::prelude::*;
 
-use super::multiview::{Multiview, PairOutcome, Round, common_spacing, largest_turn};
-use super::overlap::overlaps;
-use super::trimmed_icp::{IcpEnd, IcpOptions, Trim, trimmed_icp};
-use super::view::View;
 use crate::geometry::Motion;
 use crate::geometry::neighbours::{IndexedPoints, LocalPoint};
 use crate::progress::{Canceled, Progress, Stage};
+use crate::registration::outcome::{Outcome, PairOutcome, Round, largest_turn};
+use crate::registration::overlap::overlaps;
+use crate::registration::pairwise::trimmed_icp::{IcpEnd, IcpOptions, Trim, trimmed_icp};
+use crate::registration::view::View;
+use crate::registration::view::common_spacing;
 
 /// What ICP of two scans keeps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
@@ -55,8 +60,8 @@ impl Pairwise {
 
     /// Moves the second of two views onto the first. With other numbers of views the others keep their initial pose and
     /// are not placed; callers refuse them before.
-    pub fn register(&self, views: &[View], initial: &[Motion], progress: &Progress) -> Result<Multiview, Canceled> {
-        let mut state = Multiview::at(initial);
+    pub fn register(&self, views: &[View], initial: &[Motion], progress: &Progress) -> Result<Outcome, Canceled> {
+        let mut state = Outcome::at(initial);
         state.placed.fill(false);
         let [target, source, ..] = views else { return Ok(state) };
         let spacing = common_spacing(views);

@@ -3,10 +3,10 @@
 
 use rayon::prelude::*;
 
-use super::quality::limits;
-use super::view::View;
 use crate::geometry::neighbours::LocalPoint;
 use crate::geometry::{Motion, Vector3};
+use crate::registration::quality::limits;
+use crate::registration::view::View;
 
 /// What one view's scanner saw, as a picture of depths.
 struct DepthMap {
@@ -137,11 +137,11 @@ pub fn intrusions(
     found.into_iter().flatten().flatten().collect()
 }
 
-fn intrusion(map: &DepthMap, (i, j): (usize, usize), view: &View, motion_j_i: &Motion, spacing: f64) -> Intrusion {
+fn intrusion(map: &DepthMap, (i, j): (usize, usize), view: &View, j_from_i: &Motion, spacing: f64) -> Intrusion {
     let points: &[LocalPoint] = view.points();
     let (mut seen, mut free) = (0usize, 0usize);
     for point in points.iter().step_by(points.len().div_ceil(SAMPLES).max(1)) {
-        let place = motion_j_i * nalgebra::Point3::from(*point).cast::<f64>();
+        let place = j_from_i * nalgebra::Point3::from(*point).cast::<f64>();
         if let Some(is_free) = map.is_free(&place.coords, DEPTH * spacing) {
             seen += 1;
             free += usize::from(is_free);

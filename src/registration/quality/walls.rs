@@ -5,8 +5,8 @@
 
 use rayon::prelude::*;
 
-use super::joint::surfels::FineSurfels;
-use super::multiview::Multiview;
+use crate::registration::joint::surfels::FineSurfels;
+use crate::registration::outcome::Outcome;
 
 /// Surfels of a view that are asked, at most.
 const SAMPLES: usize = 400;
@@ -19,11 +19,11 @@ const LEAST: usize = 40;
 
 /// For each view the share of its counterparts that face the rarer of both ways, 0 to 0.5; `None` where its side is
 /// known, or no view whose side is known lies near.
-pub fn mixed_faces(result: &Multiview, surfels: &FineSurfels) -> Vec<Option<f64>> {
+pub fn mixed_faces(result: &Outcome, surfels: &FineSurfels) -> Vec<Option<f64>> {
     (0..surfels.views.len()).into_par_iter().map(|view| mixed(result, surfels, view)).collect()
 }
 
-fn mixed(result: &Multiview, surfels: &FineSurfels, view: usize) -> Option<f64> {
+fn mixed(result: &Outcome, surfels: &FineSurfels, view: usize) -> Option<f64> {
     let own = &surfels.views[view];
     if !result.placed[view] || own.has_side() {
         return None;
@@ -59,12 +59,12 @@ fn mixed(result: &Multiview, surfels: &FineSurfels, view: usize) -> Option<f64> 
 
 #[cfg(test)]
 mod tests {
-    use super::super::joint::judged_surfels;
-    use super::super::overlap::OverlapMatrix;
-    use super::super::sensor::Sensor;
-    use super::super::view::View;
     use super::*;
     use crate::geometry::{Cloud, Motion, Point3, Vector3};
+    use crate::registration::joint::judged_surfels;
+    use crate::registration::overlap::OverlapMatrix;
+    use crate::registration::sensor::Sensor;
+    use crate::registration::view::View;
 
     /// A square of 60 mm about `(center, 0, z)`.
     fn plate(center: f64, z: f64, toward: Option<f64>) -> View {
@@ -77,7 +77,7 @@ mod tests {
     fn mixed_of_last(views: &[View]) -> Option<f64> {
         let poses: Vec<Motion> = views.iter().map(|view| view.local_pose(&Motion::identity())).collect();
         let overlaps = OverlapMatrix::from_rows(vec![vec![1.0; views.len()]; views.len()]);
-        let result = Multiview { overlaps, ..Multiview::at(&poses) };
+        let result = Outcome { overlaps, ..Outcome::at(&poses) };
         *mixed_faces(&result, &judged_surfels(views)).last().expect("one a view")
     }
 

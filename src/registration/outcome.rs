@@ -1,25 +1,13 @@
-//! Multi-view registration: Algorithm 1 of the paper, coarse to fine.
-//!
-//! A round is: directed overlaps, pairs above xi_0, ICP of each pair from the current poses, agreement of the relative
-//! motions. Rounds repeat until no view turns any more. The members of the family differ in what ICP keeps, when it
-//! ends and how motions are made to agree: a [`Recipe`]. The paper runs on all points; here the *queries* are thinned to
-//! voxels (targets keep all points), the first level is coarse, and searches are bounded: all of it is reported.
+//! What a registration leaves behind, whatever method made it: poses, the pairs that were registered, and what each round did.
 
-mod agreement;
-mod recipe;
-mod rounds;
-
-pub use self::recipe::{Agreement, Level, Reach, Recipe, StopRule, TrimRule};
-pub use self::rounds::register;
-use super::joint::surfels::FineSurfels;
-use super::overlap::OverlapMatrix;
-use super::trimmed_icp::{IcpEnd, IcpResult};
-use super::view::View;
 use crate::geometry::{Motion, se3};
+use crate::registration::joint::surfels::FineSurfels;
+use crate::registration::overlap::OverlapMatrix;
+use crate::registration::pairwise::trimmed_icp::{IcpEnd, IcpResult};
 
 /// What the caller may set.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct MultiviewOptions {
+pub struct MethodOptions {
     /// xi_0: pairs with a smaller mutual overlap are not registered, unless the views would fall into pieces.
     pub min_overlap: f64,
     /// R_e in the scans' unit; each view's own estimate when absent.
@@ -47,9 +35,9 @@ pub struct PairOutcome {
 
 impl PairOutcome {
     /// A pair of which only the relative motion is known (local frame of j to local frame of i).
-    pub(super) fn unmeasured(i: usize, j: usize, motion_i_j: Motion) -> Self {
+    pub(in crate::registration) fn unmeasured(i: usize, j: usize, i_from_j: Motion) -> Self {
         let icp = IcpResult {
-            motion: motion_i_j,
+            motion: i_from_j,
             correspondences: 0,
             share: 0.0,
             mean_distance2: f64::INFINITY,
@@ -82,7 +70,7 @@ pub struct Round {
 
 /// Registered views.
 #[derive(Debug, Clone)]
-pub struct Multiview {
+pub struct Outcome {
     /// Local frame to world.
     pub local_poses: Vec<Motion>,
     /// For each view whether it hangs together with view 0.
@@ -97,15 +85,15 @@ pub struct Multiview {
     pub surfels: Option<FineSurfels>,
 }
 
-impl Multiview {
+impl Outcome {
     /// `n` views of which none hangs together with another; the first is where it is.
-    pub(super) fn alone(n: usize) -> Self {
-        Multiview { placed: (0..n).map(|view| view == 0).collect(), ..Multiview::at(&vec![Motion::identity(); n]) }
+    pub(in crate::registration) fn alone(n: usize) -> Self {
+        Outcome { placed: (0..n).map(|view| view == 0).collect(), ..Outcome::at(&vec![Motion::identity(); n]) }
     }
 
     /// Nothing done yet.
-    pub(super) fn at(initial: &[Motion]) -> Self {
-        Multiview {
+    pub(in crate::registration) fn at(initial: &[Motion]) -> Self {
+        Outcome {
             local_poses: initial.to_vec(),
             placed: vec![true; initial.len()],
             overlaps: OverlapMatrix::identity(initial.len()),
@@ -117,24 +105,12 @@ impl Multiview {
 }
 
 /// The view that keeps its pose in each connected piece: the first.
-pub(super) fn first_of_each_piece(pieces: &[usize]) -> Vec<usize> {
+pub(in crate::registration) fn first_of_each_piece(pieces: &[usize]) -> Vec<usize> {
     (0..pieces.len()).filter(|&view| !pieces[..view].contains(&pieces[view])).collect()
 }
 
-/// The median spacing of the views: the length to which tolerances are tied.
-pub fn common_spacing(views: &[View]) -> f64 {
-    let mut spacings: Vec<f64> = views.iter().map(|view| view.spacing).collect();
-    spacings.sort_by(f64::total_cmp);
-    spacings.get(spacings.len() / 2).copied().unwrap_or(0.0)
-}
-
-/// The largest of the views' radii: turned into a length by it, a turn moves no typical point farther.
-fn largest_radius(views: &[View]) -> f64 {
-    views.iter().map(|view| view.radius).fold(0.0, f64::max)
-}
-
 /// e^k of Algorithm 1: the largest angle between a view's rotation before and after, radians.
-pub(super) fn largest_turn(before: &[Motion], after: &[Motion]) -> f64 {
+pub(in crate::registration) fn largest_turn(before: &[Motion], after: &[Motion]) -> f64 {
     let angles = before.iter().zip(after).map(|(a, b)| se3::rotation_angle(&a.rotation.rotation_to(&b.rotation)));
     angles.fold(0.0, f64::max)
 }

@@ -6,13 +6,13 @@
 
 use rayon::prelude::*;
 
-use super::joint::surfels::Surfels;
-use super::multiview::Multiview;
-use super::sensor::Sensor;
-use super::view::{View, median};
-use super::viewpoint::{self, is_single};
 use crate::geometry::neighbours::{IndexedPoints, LocalPoint, Neighbour};
 use crate::geometry::{Motion, Point3, UnionFind, Vector3};
+use crate::registration::joint::surfels::Surfels;
+use crate::registration::outcome::Outcome;
+use crate::registration::sensor::Sensor;
+use crate::registration::sensor::viewpoint::{self, is_single};
+use crate::registration::view::{View, median};
 
 /// Edge of the surfels by which pictures are compared, in what the set resolves.
 const EDGE: f64 = 2.5;
@@ -79,12 +79,7 @@ pub struct Still {
 
 /// Whether all placed views were taken from one place and show the same, so that nothing can be told of what moved by what
 /// did not. `resolution` is what the set resolves.
-pub fn from_one_place(
-    views: &[View],
-    sensors: &[Option<Sensor>],
-    result: &Multiview,
-    resolution: f64,
-) -> Option<Still> {
+pub fn from_one_place(views: &[View], sensors: &[Option<Sensor>], result: &Outcome, resolution: f64) -> Option<Still> {
     let pose = |view: usize| result.placed[view].then(|| result.local_poses[view]);
     let poses: Vec<Option<Motion>> = (0..views.len()).map(pose).collect();
     let placed: Vec<usize> = (0..views.len()).filter(|view| result.placed[*view]).collect();
@@ -419,7 +414,7 @@ mod tests {
         let poses: Vec<Motion> = views.iter().zip(eyes).map(pose).collect();
         let everywhere = vec![vec![1.0; views.len()]; views.len()];
         let overlaps = OverlapMatrix::from_rows(everywhere);
-        let result = Multiview { overlaps, ..Multiview::at(&poses) };
+        let result = Outcome { overlaps, ..Outcome::at(&poses) };
         from_one_place(views, &vec![None; views.len()], &result, 2.0)
     }
 

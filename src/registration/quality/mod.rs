@@ -4,17 +4,22 @@
 //! [`NEAR`] spacings), the share that has it at touching distance ([`TOUCHING`] spacings). Surfaces that are the same
 //! lie on each other; surfaces brought together wrongly cross, and most points near the crossing don't touch.
 
+pub mod colour;
+pub mod free_space;
+pub mod walls;
+pub mod witness;
+
 use rayon::prelude::*;
 
-use super::covariance::PoseCovariance;
-use super::free_space::Intrusion;
-use super::multiview::{Multiview, PairOutcome};
-use super::resolution::resolution;
-use super::view::View;
-use super::walls::mixed_faces;
-use super::weak_axes::weak_axes;
 use crate::geometry::neighbours::LocalPoint;
 use crate::geometry::normals;
+use crate::registration::covariance::PoseCovariance;
+use crate::registration::covariance::weak_axes::weak_axes;
+use crate::registration::outcome::{Outcome, PairOutcome};
+use crate::registration::quality::free_space::Intrusion;
+use crate::registration::quality::walls::mixed_faces;
+use crate::registration::resolution::resolution;
+use crate::registration::view::View;
 
 /// "Near" in spacings.
 pub const NEAR: f64 = 8.0;
@@ -70,7 +75,7 @@ pub(super) mod limits {
 }
 
 /// Judges a registration of the views with these names.
-pub fn judge(views: &[View], result: &Multiview, names: &[String]) -> Verdict {
+pub fn judge(views: &[View], result: &Outcome, names: &[String]) -> Verdict {
     let spacing = resolution(views, result);
     let sharpness = sharpness(views, result, spacing);
     let mut verdict = Verdict { quality: Quality::Good, reasons: Vec::new(), sharpness };
@@ -164,7 +169,7 @@ impl Verdict {
     }
 }
 
-fn judge_placement(result: &Multiview, names: &[String], verdict: &mut Verdict) {
+fn judge_placement(result: &Outcome, names: &[String], verdict: &mut Verdict) {
     let unplaced: Vec<&str> =
         names.iter().zip(&result.placed).filter(|(_, placed)| !**placed).map(|(name, _)| name.as_str()).collect();
     if unplaced.is_empty() {
@@ -192,7 +197,7 @@ fn judge_sharpness(names: &[String], verdict: &mut Verdict) {
     }
 }
 
-fn judge_pairs(result: &Multiview, spacing: f64, names: &[String], verdict: &mut Verdict) {
+fn judge_pairs(result: &Outcome, spacing: f64, names: &[String], verdict: &mut Verdict) {
     let apart = |pair: &PairOutcome| pair.disagreement / spacing > limits::DISAGREEMENT;
     let overruled: Vec<&PairOutcome> = result.pairs.iter().filter(|pair| apart(pair)).collect();
     if overruled.len() as f64 > limits::OVERRULED * result.pairs.len() as f64 {
@@ -220,7 +225,7 @@ fn judge_pairs(result: &Multiview, spacing: f64, names: &[String], verdict: &mut
     }
 }
 
-fn judge_walls(result: &Multiview, names: &[String], verdict: &mut Verdict) {
+fn judge_walls(result: &Outcome, names: &[String], verdict: &mut Verdict) {
     let Some(surfels) = &result.surfels else { return };
     for (mixed, name) in mixed_faces(result, surfels).into_iter().zip(names) {
         if mixed.is_some_and(|share| share > limits::MIXED_FACES) {
@@ -241,7 +246,7 @@ const BESIDE: f64 = 2.0;
 /// Sharpness of each view against all placed views that overlap it, together. `spacing` is what the views resolve.
 ///
 /// A point touches if another view has a point there or goes through there as a plane; beyond a rim it has no counterpart.
-pub fn sharpness(views: &[View], result: &Multiview, spacing: f64) -> Vec<Option<f64>> {
+pub fn sharpness(views: &[View], result: &Outcome, spacing: f64) -> Vec<Option<f64>> {
     (0..views.len())
         .into_par_iter()
         .map(|i| {
@@ -321,10 +326,10 @@ mod tests {
     fn a_pair_without_a_point_that_touches_has_no_distance() {
         let sheet = || (0..400).map(|k| Point3::new(f64::from(k % 20), f64::from(k / 20), 0.0));
         let views = [(); 2].map(|()| View::new(&Cloud::from_points(sheet().collect())).expect("a sound sheet"));
-        let result = Multiview {
+        let result = Outcome {
             placed: vec![true; 2],
             pairs: vec![PairOutcome::unmeasured(0, 1, Motion::identity())],
-            ..Multiview::alone(2)
+            ..Outcome::alone(2)
         };
         let verdict = judge(&views, &result, &["a.ply".into(), "b.ply".into()]);
         assert_eq!(verdict.quality, Quality::Doubtful);

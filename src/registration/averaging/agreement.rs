@@ -1,17 +1,18 @@
 //! From the relative motions of a round to poses that agree with them.
 
 use super::recipe::Agreement;
-use super::{Multiview, first_of_each_piece, largest_radius};
 use crate::geometry::{Motion, UnionFind, Vector3};
-use crate::registration::low_rank;
-use crate::registration::motion_averaging::{self, AveragingOptions, RelativeMotion, disagreements};
-use crate::registration::trimmed_icp::IcpEnd;
+use crate::registration::averaging::low_rank;
+use crate::registration::averaging::motion_averaging::{self, AveragingOptions, RelativeMotion, disagreements};
+use crate::registration::outcome::{Outcome, first_of_each_piece};
+use crate::registration::pairwise::trimmed_icp::IcpEnd;
 use crate::registration::view::View;
+use crate::registration::view::largest_radius;
 
 /// Makes the pairs' motions agree and moves the poses there; pairs without correspondences don't take part, and views
 /// that hang on none of the others keep their pose and are not placed. Returns the solves that it took, 0 if it failed:
 /// then all poses stay.
-pub(super) fn agree(agreement: Agreement, views: &[View], spacing: f64, state: &mut Multiview) -> usize {
+pub(super) fn agree(agreement: Agreement, views: &[View], spacing: f64, state: &mut Outcome) -> usize {
     let usable: Vec<usize> =
         (0..state.pairs.len()).filter(|&pair| state.pairs[pair].icp.end != IcpEnd::NoCorrespondences).collect();
     let relative: Vec<RelativeMotion> = usable.iter().map(|&pair| relative_motion(state, pair)).collect();
@@ -50,10 +51,10 @@ pub(super) fn agree(agreement: Agreement, views: &[View], spacing: f64, state: &
     steps
 }
 
-fn relative_motion(state: &Multiview, pair: usize) -> RelativeMotion {
+fn relative_motion(state: &Outcome, pair: usize) -> RelativeMotion {
     let pair = &state.pairs[pair];
     let weight = state.overlaps.mutual(pair.i, pair.j).max(0.01);
-    RelativeMotion { i: pair.i, j: pair.j, motion_i_j: pair.icp.motion, weight }
+    RelativeMotion { i: pair.i, j: pair.j, i_from_j: pair.icp.motion, weight }
 }
 
 fn weighted_middle(views: &[View], local_poses: &[Motion]) -> Vector3 {

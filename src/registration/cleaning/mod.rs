@@ -4,14 +4,16 @@
 //! stands about it in many scans, while a flat part of the object looks like a floor from a few sides at most. In doubt
 //! everything is kept.
 
+pub mod copies;
+
 use rayon::prelude::*;
 
-use super::sensor::Sensor;
-use super::view::{MIN_POINTS, View};
 use crate::geometry::cleaning::support::{Support, ToScanner};
 use crate::geometry::cleaning::{Survey, strays, support};
 use crate::geometry::neighbours::LocalPoint;
 use crate::progress::{Canceled, Progress};
+use crate::registration::sensor::Sensor;
+use crate::registration::view::{MIN_POINTS, View};
 
 /// What is left out of a scan.
 #[derive(Debug, Clone, Default, PartialEq, serde::Serialize)]
