@@ -52,7 +52,7 @@ impl Filter {
     /// Whether the model may be answered with.
     pub fn takes(&self, id: ModelId, facets: &Facets) -> bool {
         let (label, created) = (facets.label.as_deref(), created_ms(id));
-        (self.labels.is_empty() || label.is_some_and(|label| self.labels.iter().any(|wanted| wanted == label)))
+        (self.labels.is_empty() || label.is_some_and(|label| self.labels.iter().any(|top_k| top_k == label)))
             && self.label_prefix.as_ref().is_none_or(|prefix| label.is_some_and(|label| label.starts_with(prefix)))
             && self.created_after_ms.is_none_or(|time| created > time)
             && self.created_before_ms.is_none_or(|time| created < time)

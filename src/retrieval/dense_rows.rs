@@ -1,7 +1,7 @@
 //! The dense signatures of many models in one flat array, and a bound that rules most of them out in one pass of
-//! integers ([`super::capped`]).
+//! integers ([`super::trimmed_lower_bound`]).
 
-use super::capped::{LANES, Reach, Shift, capped_square, capped_squares};
+use super::trimmed_lower_bound::{LANES, Reach, Shift, capped_square, capped_squares};
 use crate::faces::dense::{DenseSignature, KEPT_SHARE, LEAST_COMMON, STEP_MM, UNSEEN};
 use crate::faces::template::TEMPLATE_POINTS;
 

@@ -9,13 +9,13 @@ use std::collections::BTreeMap;
 
 use rayon::prelude::*;
 
-use super::entry::{self, Entry};
-use super::part::Part;
+use super::indexed_model::{self, IndexedModel};
+use super::live_segment::LiveSegment;
 use super::probe::Probe;
 use super::ranking;
 use super::segment::{Kept, Segment};
 use super::triangle_query::TriangleQuery;
-use super::{Match, MatchMethod, ModelId, Wanted};
+use super::{Match, MatchMethod, ModelId, TopK};
 use crate::faces::{Signature, Triangle, judgement, standard};
 use crate::geometry::{Point3, Vector3};
 
@@ -27,14 +27,15 @@ pub(super) const YOUNG_SEGMENT: usize = 64;
 /// The signatures of all stored models, searchable. A clone is cheap and stays as it is.
 #[derive(Debug, Clone, Default)]
 pub struct Gallery {
-    pub(super) parts: Vec<Part>,
+    pub(super) segments: Vec<LiveSegment>,
 }
 
 impl Gallery {
     /// An index over all `entries`; of entries with one id the last counts. Runs inside the caller's rayon pool.
     pub fn build(entries: Vec<(ModelId, Signature)>) -> Self {
         let distinct: BTreeMap<ModelId, Signature> = entries.into_iter().collect();
-        let entries: Vec<Entry> = distinct.into_par_iter().map(|(id, signature)| Entry::new(id, signature)).collect();
+        let entries: Vec<IndexedModel> =
+            distinct.into_par_iter().map(|(id, signature)| IndexedModel::new(id, signature)).collect();
         let mut gallery = Gallery::default();
         for chunk in entries.chunks(FULL_SEGMENT) {
             gallery.append(chunk);
@@ -43,36 +44,37 @@ impl Gallery {
     }
 
     /// Adds models that are not in it yet, as a segment of their own. Runs inside the caller's rayon pool.
-    pub fn append(&mut self, entries: &[Entry]) {
+    pub fn append(&mut self, entries: &[IndexedModel]) {
         if !entries.is_empty() {
-            self.parts.push(Part::new(Segment::build(&[], entries)));
+            self.segments.push(LiveSegment::new(Segment::build(&[], entries)));
         }
     }
 
     /// Adds or replaces a model; seen by the next search.
     pub fn insert(&mut self, id: ModelId, signature: Signature) {
-        self.put(&Entry::new(id, signature));
+        self.put(&IndexedModel::new(id, signature));
     }
 
     /// [`Gallery::insert`] of a model that was made ready elsewhere.
-    pub fn put(&mut self, entry: &Entry) {
+    pub fn put(&mut self, entry: &IndexedModel) {
         self.remove(entry.id());
-        let young = self.parts.pop_if(|part| part.models < YOUNG_SEGMENT && part.segment.ids.len() < 2 * YOUNG_SEGMENT);
-        let kept: Vec<Kept> = young.iter().map(Part::kept).collect();
+        let young =
+            self.segments.pop_if(|live| live.models < YOUNG_SEGMENT && live.segment.ids.len() < 2 * YOUNG_SEGMENT);
+        let kept: Vec<Kept> = young.iter().map(LiveSegment::kept).collect();
         let segment = Segment::build(&kept, std::slice::from_ref(entry));
-        self.parts.push(Part::new(segment));
+        self.segments.push(LiveSegment::new(segment));
     }
 
     /// Forgets a model; true if it was there.
     pub fn remove(&mut self, id: ModelId) -> bool {
-        let was_there = self.parts.iter_mut().any(|part| part.forget(id));
-        self.parts.retain(|part| part.models > 0);
+        let was_there = self.segments.iter_mut().any(|live| live.forget(id));
+        self.segments.retain(|live| live.models > 0);
         was_there
     }
 
     /// The number of models.
     pub fn len(&self) -> usize {
-        self.parts.iter().map(|part| part.models).sum()
+        self.segments.iter().map(|live| live.models).sum()
     }
 
     /// Whether there are none.
@@ -82,32 +84,32 @@ impl Gallery {
 
     /// Models judged against the named built-in standard ("face"), best first, ties by id; `None` if there is no
     /// such standard. The threshold (default [`judgement::MATCH_SCORE`]) decides `is_match`.
-    pub fn by_standard(&self, standard: &str, method: MatchMethod, wanted: &Wanted) -> Option<Vec<Match>> {
+    pub fn by_standard(&self, standard: &str, method: MatchMethod, top_k: &TopK) -> Option<Vec<Match>> {
         standard::by_name(standard)?;
-        let threshold = wanted.threshold.unwrap_or(judgement::MATCH_SCORE);
-        let ranked = ranking::ranked(&self.parts, entry::slot(method), wanted.after)
-            .take_while(|(_, standing)| !wanted.only_matches || standing.score >= threshold)
-            .filter(|(id, _)| (wanted.accepts)(*id));
-        Some(ranked.take(wanted.limit).map(|(id, standing)| standing.answer(id, threshold)).collect())
+        let threshold = top_k.threshold.unwrap_or(judgement::MATCH_SCORE);
+        let ranked = ranking::ranked(&self.segments, indexed_model::slot(method), top_k.after)
+            .take_while(|(_, standing)| !top_k.only_matches || standing.score >= threshold)
+            .filter(|(id, _)| (top_k.accepts)(*id));
+        Some(ranked.take(top_k.limit).map(|(id, standing)| standing.answer(id, threshold)).collect())
     }
 
     /// Models that look like the probe, best first, ties by id; `exclude` is left out (the probe itself, when
     /// stored). How likeness is measured: [`super::probe`].
-    pub fn by_probe(&self, probe: &Signature, exclude: Option<ModelId>, wanted: &Wanted) -> Vec<Match> {
-        let accepts = |id| Some(id) != exclude && (wanted.accepts)(id);
-        Probe::new(probe).search(&self.parts, &Wanted { accepts: &accepts, ..*wanted })
+    pub fn by_probe(&self, probe: &Signature, exclude: Option<ModelId>, top_k: &TopK) -> Vec<Match> {
+        let accepts = |id| Some(id) != exclude && (top_k.accepts)(id);
+        Probe::new(probe).search(&self.segments, &TopK { accepts: &accepts, ..*top_k })
     }
 
     /// The models with the least matching error to a bare triangle: exact, ties by id. The corners may come in any
     /// order. With `outward` the triangle is seen from that side; without it either side will do.
     ///
     /// `score` is 1 minus the chord between the shapes; errors are scaled as for a query by probe.
-    pub fn by_triangle(&self, corners: [Point3; 3], outward: Option<Vector3>, wanted: &Wanted) -> Vec<Match> {
+    pub fn by_triangle(&self, corners: [Point3; 3], outward: Option<Vector3>, top_k: &TopK) -> Vec<Match> {
         let triangle = Triangle::new(corners);
-        if wanted.limit == 0 || !triangle.size().is_finite() || triangle.size() <= 0.0 {
+        if top_k.limit == 0 || !triangle.size().is_finite() || triangle.size() <= 0.0 {
             return Vec::new();
         }
-        TriangleQuery::new(triangle, outward).search(&self.parts, wanted)
+        TriangleQuery::new(triangle, outward).search(&self.segments, top_k)
     }
 }
 
@@ -141,24 +143,21 @@ mod tests {
     #[test]
     fn changes_are_seen_at_once_by_every_query() {
         let (gallery, truth) = eventful();
-        assert!(gallery.parts.iter().any(|part| part.models < part.segment.ids.len()), "the test must meet gaps");
+        assert!(gallery.segments.iter().any(|live| live.models < live.segment.ids.len()), "the test must meet gaps");
         let anew = Gallery::build(truth.iter().map(|(id, s)| (*id, s.clone())).collect());
         assert_eq!(gallery.len(), truth.len());
-        for method in entry::METHODS {
-            let ranked = gallery.by_standard("face", method, &Wanted::best(1000));
-            assert_eq!(ranked, anew.by_standard("face", method, &Wanted::best(1000)));
+        for method in indexed_model::METHODS {
+            let ranked = gallery.by_standard("face", method, &TopK::best(1000));
+            assert_eq!(ranked, anew.by_standard("face", method, &TopK::best(1000)));
             assert_eq!(ranked.expect("the face is built in").len(), truth.len());
         }
         for k in [3, 170, 299] {
             let probe = signature(k);
-            assert_eq!(
-                gallery.by_probe(&probe, None, &Wanted::best(50)),
-                anew.by_probe(&probe, None, &Wanted::best(50))
-            );
+            assert_eq!(gallery.by_probe(&probe, None, &TopK::best(50)), anew.by_probe(&probe, None, &TopK::best(50)));
             let corners = triangles_of(&probe)[4].corners;
             assert_eq!(
-                gallery.by_triangle(corners, None, &Wanted::best(20)),
-                anew.by_triangle(corners, None, &Wanted::best(20))
+                gallery.by_triangle(corners, None, &TopK::best(20)),
+                anew.by_triangle(corners, None, &TopK::best(20))
             );
         }
     }
@@ -170,23 +169,23 @@ mod tests {
         assert!(gallery.remove(1));
         gallery.insert(999, signature(1));
         assert_eq!((before.len(), gallery.len()), (truth.len(), truth.len()));
-        let best = before.by_probe(&signature(1), None, &Wanted::best(1));
+        let best = before.by_probe(&signature(1), None, &TopK::best(1));
         assert_eq!(best[0].model_id, 1);
-        assert_eq!(gallery.by_probe(&signature(1), None, &Wanted::best(1))[0].model_id, 999);
+        assert_eq!(gallery.by_probe(&signature(1), None, &TopK::best(1))[0].model_id, 999);
     }
 
     #[test]
     fn a_standard_ranks_best_first_and_ties_by_id() {
         let mut gallery = Gallery::build([9, 4].map(|id| (id, signature(5))).into());
         gallery.insert(7, signature(5));
-        let ranked = gallery.by_standard("face", MatchMethod::Literal, &Wanted::best(2)).expect("the face is built in");
+        let ranked = gallery.by_standard("face", MatchMethod::Literal, &TopK::best(2)).expect("the face is built in");
         assert_eq!(ranked.iter().map(|m| m.model_id).collect::<Vec<_>>(), [4, 7]);
-        assert_eq!(gallery.by_standard("teapot", MatchMethod::Literal, &Wanted::best(2)), None);
+        assert_eq!(gallery.by_standard("teapot", MatchMethod::Literal, &TopK::best(2)), None);
         let strict = gallery
-            .by_standard("face", MatchMethod::Literal, &Wanted { threshold: Some(1.1), ..Wanted::best(1) })
+            .by_standard("face", MatchMethod::Literal, &TopK { threshold: Some(1.1), ..TopK::best(1) })
             .expect("the face is built in");
         assert!(!strict[0].is_match);
-        let odd = Wanted { accepts: &|id| id % 2 == 1, ..Wanted::best(2) };
+        let odd = TopK { accepts: &|id| id % 2 == 1, ..TopK::best(2) };
         let odd = gallery.by_standard("face", MatchMethod::Literal, &odd).expect("the face is built in");
         assert_eq!(odd.iter().map(|m| m.model_id).collect::<Vec<_>>(), [7, 9]);
     }
@@ -224,7 +223,7 @@ mod tests {
                 })
                 .collect();
             brute.sort_by(f64::total_cmp);
-            let found = gallery.by_triangle(corners, outward, &Wanted::best(25));
+            let found = gallery.by_triangle(corners, outward, &TopK::best(25));
             assert_eq!(found.len(), 25);
             for (found, chord) in found.iter().zip(&brute) {
                 assert!((1.0 - found.score - chord).abs() < 1e-9, "{} {chord}", 1.0 - found.score);
@@ -258,7 +257,7 @@ mod tests {
                 let corners = triangles_of(&signature(k))[number].corners;
                 let outward = from_one_side.then(Vector3::z);
                 let query = TriangleQuery::new(Triangle::new(corners), outward);
-                let found = gallery.by_triangle(corners, outward, &Wanted::best(limit));
+                let found = gallery.by_triangle(corners, outward, &TopK::best(limit));
                 let found: Vec<(f64, ModelId)> = found.into_iter().map(|m| (1.0 - m.score, m.model_id)).collect();
                 let brute: Vec<(f64, ModelId)> = brute_force(&truth, &query).into_iter().take(limit).collect();
                 prop_assert_eq!(found.len(), brute.len());
@@ -272,22 +271,22 @@ mod tests {
     #[test]
     fn nonsense_for_a_triangle_finds_nothing() {
         let (gallery, _) = eventful();
-        assert!(gallery.by_triangle([Point3::origin(); 3], None, &Wanted::best(5)).is_empty());
+        assert!(gallery.by_triangle([Point3::origin(); 3], None, &TopK::best(5)).is_empty());
         let corners = [Point3::origin(), Point3::new(1.0, 0.0, 0.0), Point3::new(0.0, 1.0, 0.0)];
-        assert!(gallery.by_triangle(corners, None, &Wanted::best(0)).is_empty());
+        assert!(gallery.by_triangle(corners, None, &TopK::best(0)).is_empty());
         assert!(
             gallery
-                .by_triangle([corners[0], corners[1], Point3::new(f64::NAN, 0.0, 0.0)], None, &Wanted::best(5))
+                .by_triangle([corners[0], corners[1], Point3::new(f64::NAN, 0.0, 0.0)], None, &TopK::best(5))
                 .is_empty()
         );
     }
 
     /// All pages of a ranking, one after the other.
-    fn paged(limit: usize, page: impl Fn(&Wanted) -> Vec<Match>) -> Vec<Match> {
+    fn paged(limit: usize, page: impl Fn(&TopK) -> Vec<Match>) -> Vec<Match> {
         let mut all: Vec<Match> = Vec::new();
         loop {
             let after = all.last().map(|last| Rank { score: last.score, model_id: last.model_id });
-            let next = page(&Wanted { after, ..Wanted::best(limit) });
+            let next = page(&TopK { after, ..TopK::best(limit) });
             let ends = next.len() < limit;
             all.extend(next);
             if ends {
@@ -301,20 +300,20 @@ mod tests {
         let (gallery, truth) = eventful();
         let probe = signature(3);
         let corners = triangles_of(&probe)[4].corners;
-        let standard = |w: &Wanted| gallery.by_standard("face", MatchMethod::Verified, w).expect("built in");
-        let like = |w: &Wanted| gallery.by_probe(&probe, None, w);
-        let triangle = |w: &Wanted| gallery.by_triangle(corners, None, w);
-        type Ranking<'a> = &'a dyn Fn(&Wanted) -> Vec<Match>;
+        let standard = |w: &TopK| gallery.by_standard("face", MatchMethod::Verified, w).expect("built in");
+        let like = |w: &TopK| gallery.by_probe(&probe, None, w);
+        let triangle = |w: &TopK| gallery.by_triangle(corners, None, w);
+        type Ranking<'a> = &'a dyn Fn(&TopK) -> Vec<Match>;
         let rankings: [Ranking; 3] = [&standard, &like, &triangle];
         for ranking in rankings {
-            let whole = ranking(&Wanted::best(1000));
+            let whole = ranking(&TopK::best(1000));
             assert!(whole.len() > truth.len() / 2);
             assert_eq!(paged(7, ranking), whole);
             let odd = |id: ModelId| id % 2 == 1;
             let some: Vec<Match> = whole.iter().filter(|m| odd(m.model_id)).take(11).cloned().collect();
-            assert_eq!(ranking(&Wanted { accepts: &odd, ..Wanted::best(11) }), some);
+            assert_eq!(ranking(&TopK { accepts: &odd, ..TopK::best(11) }), some);
             let threshold = Some(whole[20].score);
-            let matches = ranking(&Wanted { threshold, only_matches: true, ..Wanted::best(1000) });
+            let matches = ranking(&TopK { threshold, only_matches: true, ..TopK::best(1000) });
             assert!(matches.len() >= 21 && matches.iter().all(|m| m.is_match));
             let ids = |list: &[Match]| list.iter().map(|m| m.model_id).collect::<Vec<_>>();
             assert_eq!(ids(&matches), ids(&whole[..matches.len()]));
@@ -326,19 +325,19 @@ mod tests {
     fn a_stored_model_is_most_like_itself_and_can_be_left_out() {
         let (gallery, truth) = eventful();
         let (id, probe) = truth.iter().nth(20).expect("200 models");
-        let ranked = gallery.by_probe(probe, None, &Wanted::best(3));
+        let ranked = gallery.by_probe(probe, None, &TopK::best(3));
         assert_eq!(ranked[0].model_id, *id);
         assert!((ranked[0].score - 1.0).abs() < 1e-12 && ranked[0].matching_error_mm < 1e-9);
-        assert!(gallery.by_probe(probe, Some(*id), &Wanted::best(300)).iter().all(|m| m.model_id != *id));
+        assert!(gallery.by_probe(probe, Some(*id), &TopK::best(300)).iter().all(|m| m.model_id != *id));
     }
 
     #[test]
     fn an_empty_gallery_answers_with_nothing() {
         let mut gallery = Gallery::default();
         assert!(gallery.is_empty() && !gallery.remove(1));
-        assert_eq!(gallery.by_standard("face", MatchMethod::Literal, &Wanted::best(5)), Some(Vec::new()));
-        assert!(gallery.by_probe(&signature(1), None, &Wanted::best(5)).is_empty());
+        assert_eq!(gallery.by_standard("face", MatchMethod::Literal, &TopK::best(5)), Some(Vec::new()));
+        assert!(gallery.by_probe(&signature(1), None, &TopK::best(5)).is_empty());
         let corners = triangles_of(&signature(1))[0].corners;
-        assert!(gallery.by_triangle(corners, None, &Wanted::best(5)).is_empty());
+        assert!(gallery.by_triangle(corners, None, &TopK::best(5)).is_empty());
     }
 }

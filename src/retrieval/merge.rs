@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use super::gallery::{FULL_SEGMENT, Gallery, YOUNG_SEGMENT};
-use super::part::Part;
+use super::live_segment::LiveSegment;
 use super::segment::{Kept, Segment};
 
 /// So many segments of one level become one. Each level holds so many times the models of the one below.
@@ -13,13 +13,13 @@ const FAN: usize = 8;
 /// Segments that are to become one.
 #[derive(Debug)]
 pub struct Merge {
-    sources: Vec<Part>,
+    sources: Vec<LiveSegment>,
 }
 
 /// The one they became.
 #[derive(Debug)]
 pub struct Merged {
-    sources: Vec<Part>,
+    sources: Vec<LiveSegment>,
     segment: Segment,
 }
 
@@ -39,25 +39,26 @@ fn level(models: usize) -> Option<usize> {
 }
 
 /// Whether a good part of a segment's models is gone.
-fn has_gaps(part: &Part) -> bool {
-    let gone = part.segment.ids.len() - part.models;
-    gone > YOUNG_SEGMENT && gone > part.models / 3
+fn has_gaps(live: &LiveSegment) -> bool {
+    let gone = live.segment.ids.len() - live.models;
+    gone > YOUNG_SEGMENT && gone > live.models / 3
 }
 
 impl Gallery {
     /// What should be merged next, if anything. To be run, and adopted by the gallery as it is then.
     pub fn due(&self) -> Option<Merge> {
         // the last is built anew by the next addition, unless it has grown up
-        let grown_up = match self.parts.split_last() {
+        let grown_up = match self.segments.split_last() {
             Some((last, others)) if last.models < YOUNG_SEGMENT => others,
-            _ => self.parts.as_slice(),
+            _ => self.segments.as_slice(),
         };
-        let of_level = |wanted: usize| {
-            let parts: Vec<Part> = grown_up.iter().filter(|p| level(p.models) == Some(wanted)).cloned().collect();
-            (parts.len() >= FAN).then(|| within_full(parts))
+        let of_level = |top_k: usize| {
+            let segments: Vec<LiveSegment> =
+                grown_up.iter().filter(|p| level(p.models) == Some(top_k)).cloned().collect();
+            (segments.len() >= FAN).then(|| within_full(segments))
         };
         let top = level(FULL_SEGMENT - 1).unwrap_or(0);
-        let gappy = || grown_up.iter().find(|part| has_gaps(part)).map(|part| vec![part.clone()]);
+        let gappy = || grown_up.iter().find(|live| has_gaps(live)).map(|live| vec![live.clone()]);
         let sources = (0..=top).find_map(of_level).or_else(gappy)?;
         Some(Merge { sources })
     }
@@ -66,22 +67,22 @@ impl Gallery {
     /// False if those are not all there any more: then nothing is changed.
     pub fn adopt(&mut self, merged: Merged) -> bool {
         let Merged { sources, segment } = merged;
-        let is_source = |part: &&Part| sources.iter().any(|source| Arc::ptr_eq(&source.segment, &part.segment));
-        let now: Vec<Part> = self.parts.iter().filter(is_source).cloned().collect();
+        let is_source = |live: &&LiveSegment| sources.iter().any(|source| Arc::ptr_eq(&source.segment, &live.segment));
+        let now: Vec<LiveSegment> = self.segments.iter().filter(is_source).cloned().collect();
         // one that lost its last model, or was merged otherwise, has left
         if now.len() < sources.len() {
             return false;
         }
-        let mut part = Part::new(segment);
+        let mut live = LiveSegment::new(segment);
         // both lists have the gallery's order
         for (before, now) in sources.iter().zip(&now) {
             for place in before.places().filter(|place| !now.is_alive(*place)) {
-                part.forget(now.segment.ids[place as usize]);
+                live.forget(now.segment.ids[place as usize]);
             }
         }
-        self.parts.retain(|part| !is_source(&part));
+        self.segments.retain(|live| !is_source(&live));
         // not at the end: the last is the one that additions go to
-        self.parts.insert(0, part);
+        self.segments.insert(0, live);
         true
     }
 
@@ -94,21 +95,21 @@ impl Gallery {
 }
 
 /// As many of the parts, at least two, as make no more than twice a full segment.
-fn within_full(mut parts: Vec<Part>) -> Vec<Part> {
+fn within_full(mut segments: Vec<LiveSegment>) -> Vec<LiveSegment> {
     let mut models = 0;
-    let fitting = parts.iter().take_while(|part| {
-        models += part.models;
+    let fitting = segments.iter().take_while(|live| {
+        models += live.models;
         models <= 2 * FULL_SEGMENT
     });
     let count = fitting.count().max(2);
-    parts.truncate(count);
-    parts
+    segments.truncate(count);
+    segments
 }
 
 impl Merge {
     /// Builds the segment. Takes seconds for full ones; runs inside the caller's rayon pool.
     pub fn run(self) -> Merged {
-        let kept: Vec<Kept> = self.sources.iter().map(Part::kept).collect();
+        let kept: Vec<Kept> = self.sources.iter().map(LiveSegment::kept).collect();
         let segment = Segment::build(&kept, &[]);
         drop(kept);
         Merged { sources: self.sources, segment }
@@ -117,17 +118,17 @@ impl Merge {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Entry, ModelId};
+    use super::super::{IndexedModel, ModelId};
     use super::*;
     use crate::faces::signature::tests::example;
 
-    fn entry(k: ModelId) -> Entry {
-        Entry::new(k, example(0.1 * k as f64, 3))
+    fn entry(k: ModelId) -> IndexedModel {
+        IndexedModel::new(k, example(0.1 * k as f64, 3))
     }
 
     fn ids(gallery: &Gallery) -> Vec<ModelId> {
         let mut ids: Vec<ModelId> =
-            gallery.parts.iter().flat_map(|part| part.places().map(|p| part.segment.ids[p as usize])).collect();
+            gallery.segments.iter().flat_map(|live| live.places().map(|p| live.segment.ids[p as usize])).collect();
         ids.sort_unstable();
         ids
     }
@@ -147,7 +148,7 @@ mod tests {
                 gallery.tidy();
             }
         }
-        assert!(gallery.parts.len() <= 2 * FAN, "{}", gallery.parts.len());
+        assert!(gallery.segments.len() <= 2 * FAN, "{}", gallery.segments.len());
         assert!(gallery.due().is_none());
         assert_eq!(ids(&gallery), (0..700).collect::<Vec<_>>());
     }
@@ -166,7 +167,7 @@ mod tests {
         assert!(gallery.adopt(merged));
         assert_eq!(ids(&gallery), before);
         assert!(!before.contains(&33) && before.contains(&34) && before.contains(&500));
-        assert_eq!((gallery.len(), gallery.parts.len()), (before.len(), 2));
+        assert_eq!((gallery.len(), gallery.segments.len()), (before.len(), 2));
     }
 
     #[test]
@@ -189,7 +190,7 @@ mod tests {
             assert!(gallery.remove(k));
         }
         gallery.tidy();
-        assert_eq!(gallery.parts[0].segment.ids.len(), 250);
+        assert_eq!(gallery.segments[0].segment.ids.len(), 250);
         assert_eq!(ids(&gallery), (150..400).collect::<Vec<_>>());
     }
 }

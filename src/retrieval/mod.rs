@@ -1,53 +1,53 @@
 //! The in-memory gallery index and its queries. Pure.
 //!
 //! - [`gallery`]: which models there are, their ranking against each standard, the three kinds of query
-//! - `wanted`, [`catalogue`]: which part of a ranking is asked for; filters by label, time, unit, source
+//! - `top_k`, [`catalogue`]: which part of a ranking is asked for; filters by label, time, unit, source
 //! - [`evidence`]: the figures behind a verdict, landmarks, the reason for a no
-//! - `segment`, `part`: some of the models, packed and indexed; [`merge`]: how segments grow; `ranking`: their rankings as one
+//! - `segment`, `live_segment`: some of the models, packed and indexed; [`merge`]: how segments grow; `ranking`: their rankings as one
 //! - `entry`: one model made ready; `outline`: its triangles' corners
 //! - [`triangles`]: a model's triangles as points of Kendall's sphere
 //! - [`triangle_index`]: those points of many models in one static tree; `triangle_query`: a bare triangle in every way
 //!   it may be met
 //! - `probe`: the search for the models that look like a probe; `likeness`: what that means, put together of profiles,
-//!   `dense_rows` and `region_likeness`; `scan`, `face_list`: what rules out most models before that, by their `gist`,
-//!   their `foremost` points and `capped` squares
+//!   `dense_rows` and `region_likeness`; `scan`, `face_order`: what rules out most models before that, by their `pca_code`,
+//!   their `partial_distance` and a `trimmed_lower_bound` of it
 //! - `best`: the best few so far
 //! - [`measures`]: how well a ranking tells two classes apart
 
 mod best;
-mod capped;
 pub mod catalogue;
 mod dense_rows;
-mod entry;
 pub mod evidence;
-mod face_list;
-mod foremost;
+mod face_order;
 pub mod gallery;
-mod gist;
-mod gist_frame;
+mod indexed_model;
 mod likeness;
+mod live_segment;
 pub mod measures;
 pub mod merge;
 mod outline;
-mod part;
+mod partial_distance;
+mod pca_basis;
+mod pca_code;
 mod probe;
 mod ranking;
 mod region_likeness;
 mod scan;
 mod segment;
+mod top_k;
 pub mod triangle_index;
 mod triangle_query;
 pub mod triangles;
-mod wanted;
+mod trimmed_lower_bound;
 
 pub use crate::faces::MatchMethod;
 pub use catalogue::{Catalogue, Facets, Filter, Source};
-pub use entry::Entry;
 pub use evidence::{Evidence, Reason};
 pub use gallery::Gallery;
+pub use indexed_model::IndexedModel;
 pub use likeness::SAME_PERSON_MM;
 pub use probe::{Comparison, PROBE_MATCH_SCORE, compare, likenesses};
-pub use wanted::{Rank, Wanted};
+pub use top_k::{Rank, TopK};
 
 use crate::faces::{self, Signature, Standard, Verdict, judgement, standard};
 use crate::geometry::Point3;

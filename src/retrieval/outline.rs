@@ -26,7 +26,7 @@ impl Corner {
         Corner { point: (*point).into(), normal: normal.cast::<f32>().into(), convex }
     }
 
-    fn parts(&self) -> (Point3, Vector3, bool) {
+    fn segments(&self) -> (Point3, Vector3, bool) {
         (self.point.into(), Vector3::from(self.normal.map(f64::from)), self.convex)
     }
 }
@@ -158,7 +158,7 @@ impl Outline<'_> {
     }
 
     fn canonical(&self, corners: [usize; 3], origin: Origin) -> Option<IndexedTriangle> {
-        canonical(corners.map(|corner| self.corners[corner].parts()), self.radius, origin)
+        canonical(corners.map(|corner| self.corners[corner].segments()), self.radius, origin)
     }
 }
 

@@ -9,10 +9,10 @@ use rayon::prelude::*;
 use super::best::Best;
 use super::dense_rows::DenseProbe;
 use super::likeness::{Weights, as_things};
+use super::live_segment::LiveSegment;
 use super::outline::Outlines;
-use super::part::Part;
 use super::region_likeness::{ProbeRegions, RegionLikeness};
-use super::{Match, MatchMethod, ModelId, Wanted};
+use super::{Match, MatchMethod, ModelId, TopK};
 use crate::faces::standard::Standard;
 use crate::faces::{self, ShapeProfile, Signature, standard};
 
@@ -45,19 +45,19 @@ struct Unsure {
 /// What a search has found so far. Costs are negative scores.
 pub(super) struct Found<'a> {
     best: Best<Address>,
-    pub wanted: &'a Wanted<'a>,
+    pub top_k: &'a TopK<'a>,
     threshold: f64,
 }
 
 impl Found<'_> {
     /// The least score with which a model may still come in.
     pub fn least(&self) -> f64 {
-        let matching = if self.wanted.only_matches { self.threshold } else { f64::NEG_INFINITY };
+        let matching = if self.top_k.only_matches { self.threshold } else { f64::NEG_INFINITY };
         matching.max(-self.best.reach())
     }
 
     pub fn offer(&mut self, id: ModelId, address: Address, score: f64) {
-        if score > 0.0 && self.best.would_take(-score, id, &address) && self.wanted.takes(score, id, self.threshold) {
+        if score > 0.0 && self.best.would_take(-score, id, &address) && self.top_k.takes(score, id, self.threshold) {
             self.best.offer(-score, id, address);
         }
     }
@@ -87,79 +87,87 @@ impl Probe {
     }
 
     /// The most similar models, best first, ties by id; those with nothing in common are left out.
-    pub fn search(&self, parts: &[Part], wanted: &Wanted) -> Vec<Match> {
-        let threshold = wanted.threshold.unwrap_or(PROBE_MATCH_SCORE);
-        let mut found = Found { best: Best::new(wanted.limit), wanted, threshold };
+    pub fn search(&self, segments: &[LiveSegment], top_k: &TopK) -> Vec<Match> {
+        let threshold = top_k.threshold.unwrap_or(PROBE_MATCH_SCORE);
+        let mut found = Found { best: Best::new(top_k.limit), top_k, threshold };
         let mut others = Vec::new();
-        for which in 0..parts.len() {
-            self.scan(parts, which, &mut found, &mut others);
+        for which in 0..segments.len() {
+            self.scan(segments, which, &mut found, &mut others);
         }
-        let mut unsure = self.unsure(parts, others, found.least());
+        let mut unsure = self.unsure(segments, others, found.least());
         let mut rest = unsure.as_mut_slice();
         while !rest.is_empty() {
             let (batch, later) = best_first(rest);
             for models in batch.chunks(BATCH) {
                 let least = found.least();
-                let scores: Vec<f64> = models.par_iter().map(|model| self.score_from(parts, model, least)).collect();
+                let scores: Vec<f64> = models.par_iter().map(|model| self.score_from(segments, model, least)).collect();
                 for (model, score) in models.iter().zip(scores) {
                     found.offer(model.id, model.address, score);
                 }
                 if models.last().is_some_and(|model| model.most < found.least()) {
-                    return self.answers(parts, found);
+                    return self.answers(segments, found);
                 }
             }
             rest = later;
         }
-        self.answers(parts, found)
+        self.answers(segments, found)
     }
 
-    fn answers(&self, parts: &[Part], found: Found) -> Vec<Match> {
+    fn answers(&self, segments: &[LiveSegment], found: Found) -> Vec<Match> {
         let threshold = found.threshold;
         let ranked: Vec<(f64, ModelId, Address)> = found.best.into_ranked().collect();
-        ranked.into_par_iter().map(|(cost, id, address)| self.answer(parts, -cost, id, address, threshold)).collect()
+        ranked.into_par_iter().map(|(cost, id, address)| self.answer(segments, -cost, id, address, threshold)).collect()
     }
 
     /// Those of the models whose score may be `least`, in no order.
-    fn unsure(&self, parts: &[Part], models: Vec<Address>, least: f64) -> Vec<Unsure> {
+    fn unsure(&self, segments: &[LiveSegment], models: Vec<Address>, least: f64) -> Vec<Unsure> {
         let bounded = models.into_par_iter().map(|(which, place)| {
-            let most =
-                self.weights(&parts[which], place).likeness(Some(0.0), self.as_things(parts, (which, place), 1.0));
-            Unsure { most, id: parts[which].segment.ids[place as usize], address: (which, place) }
+            let most = self
+                .weights(&segments[which], place)
+                .likeness(Some(0.0), self.as_things(segments, (which, place), 1.0));
+            Unsure { most, id: segments[which].segment.ids[place as usize], address: (which, place) }
         });
         bounded.filter(|model| model.most >= least).collect()
     }
 
-    pub fn weights(&self, part: &Part, place: u32) -> Weights {
-        let segment = &part.segment;
+    pub fn weights(&self, live: &LiveSegment, place: u32) -> Weights {
+        let segment = &live.segment;
         let both_have_dense = self.dense.is_some() && !segment.dense.is_missing(place);
         Weights::new(self.face_score, segment.face_scores[place as usize], both_have_dense)
     }
 
     /// A model's likeness, or 0 if it is surely less than `least`.
-    fn score_from(&self, parts: &[Part], model: &Unsure, least: f64) -> f64 {
+    fn score_from(&self, segments: &[LiveSegment], model: &Unsure, least: f64) -> f64 {
         let (which, place) = model.address;
-        let weights = self.weights(&parts[which], place);
+        let weights = self.weights(&segments[which], place);
         let dense = self.dense.as_ref().filter(|_| weights.dense > 0.0);
-        let distance_mm = dense.and_then(|dense| dense.distance_mm(&parts[which].segment.dense, place));
-        if weights.likeness(distance_mm, self.as_things(parts, model.address, 1.0)) < least {
+        let distance_mm = dense.and_then(|dense| dense.distance_mm(&segments[which].segment.dense, place));
+        if weights.likeness(distance_mm, self.as_things(segments, model.address, 1.0)) < least {
             return 0.0;
         }
-        let regions = self.regions_of(parts, model.address).mean;
-        weights.likeness(distance_mm, self.as_things(parts, model.address, regions))
+        let regions = self.regions_of(segments, model.address).mean;
+        weights.likeness(distance_mm, self.as_things(segments, model.address, regions))
     }
 
     /// Likeness as things, given that of the triangles.
-    fn as_things(&self, parts: &[Part], (which, place): Address, regions: f64) -> f64 {
-        as_things(self.profile.likeness(&parts[which].segment.profiles[place as usize]), regions)
+    fn as_things(&self, segments: &[LiveSegment], (which, place): Address, regions: f64) -> f64 {
+        as_things(self.profile.likeness(&segments[which].segment.profiles[place as usize]), regions)
     }
 
-    fn regions_of(&self, parts: &[Part], (which, place): Address) -> RegionLikeness {
-        self.regions.likeness(&parts[which].segment.outlines.outline(place))
+    fn regions_of(&self, segments: &[LiveSegment], (which, place): Address) -> RegionLikeness {
+        self.regions.likeness(&segments[which].segment.outlines.outline(place))
     }
 
-    fn answer(&self, parts: &[Part], score: f64, model_id: ModelId, address: Address, threshold: f64) -> Match {
+    fn answer(
+        &self,
+        segments: &[LiveSegment],
+        score: f64,
+        model_id: ModelId,
+        address: Address,
+        threshold: f64,
+    ) -> Match {
         let size = Standard::face_size();
-        let pair = self.regions_of(parts, address).best;
+        let pair = self.regions_of(segments, address).best;
         Match {
             model_id,
             score,
@@ -244,12 +252,12 @@ mod tests {
             let probe = example(seed, regions);
             let brute = brute_force(&probe, &models);
             for limit in [1, 20, 120, 1000] {
-                let found = gallery.by_probe(&probe, None, &Wanted::best(limit));
+                let found = gallery.by_probe(&probe, None, &TopK::best(limit));
                 let found: Vec<(f64, ModelId)> = found.into_iter().map(|m| (m.score, m.model_id)).collect();
                 assert_eq!(found, brute[..limit.min(brute.len())], "seed {seed}, limit {limit}");
             }
             let even = |id: ModelId| id.is_multiple_of(2);
-            let found = gallery.by_probe(&probe, None, &Wanted { accepts: &even, ..Wanted::best(30) });
+            let found = gallery.by_probe(&probe, None, &TopK { accepts: &even, ..TopK::best(30) });
             let expected: Vec<ModelId> = brute.iter().map(|b| b.1).filter(|id| even(*id)).take(30).collect();
             assert_eq!(found.iter().map(|m| m.model_id).collect::<Vec<_>>(), expected);
         }

@@ -3,13 +3,17 @@
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
-use super::entry::Standing;
-use super::part::Part;
+use super::indexed_model::Standing;
+use super::live_segment::LiveSegment;
 use super::{ModelId, Rank};
 
 /// The models of all parts by the method of a slot, best score first, ties by id; those after a rank, if one is given.
-pub(super) fn ranked(parts: &[Part], slot: usize, after: Option<Rank>) -> impl Iterator<Item = (ModelId, &Standing)> {
-    let rankings = parts.iter().map(move |part| Ranking { part, slot, next: begin(part, slot, after) });
+pub(super) fn ranked(
+    segments: &[LiveSegment],
+    slot: usize,
+    after: Option<Rank>,
+) -> impl Iterator<Item = (ModelId, &Standing)> {
+    let rankings = segments.iter().map(move |live| Ranking { live, slot, next: begin(live, slot, after) });
     let mut heads: BinaryHeap<Head> = rankings.filter_map(Ranking::advanced).collect();
     std::iter::from_fn(move || {
         let Head { id, standing, ranking } = heads.pop()?;
@@ -19,8 +23,8 @@ pub(super) fn ranked(parts: &[Part], slot: usize, after: Option<Rank>) -> impl I
 }
 
 /// Where in a part's ranking the models after a rank begin.
-fn begin(part: &Part, slot: usize, after: Option<Rank>) -> usize {
-    let segment = &part.segment;
+fn begin(live: &LiveSegment, slot: usize, after: Option<Rank>) -> usize {
+    let segment = &live.segment;
     let rank = |place: u32| {
         let place = place as usize;
         Rank { score: segment.standings[place][slot].score, model_id: segment.ids[place] }
@@ -30,7 +34,7 @@ fn begin(part: &Part, slot: usize, after: Option<Rank>) -> usize {
 
 /// A part's models by one method's score, those before `next` done with.
 struct Ranking<'a> {
-    part: &'a Part,
+    live: &'a LiveSegment,
     slot: usize,
     next: usize,
 }
@@ -45,11 +49,11 @@ struct Head<'a> {
 impl<'a> Ranking<'a> {
     /// Goes on to the next model that is there.
     fn advanced(mut self) -> Option<Head<'a>> {
-        let (part, slot) = (self.part, self.slot);
-        let segment = &part.segment;
+        let (live, slot) = (self.live, self.slot);
+        let segment = &live.segment;
         while let Some(&place) = segment.rankings[slot].get(self.next) {
             self.next += 1;
-            if part.is_alive(place) {
+            if live.is_alive(place) {
                 let standing = &segment.standings[place as usize][slot];
                 return Some(Head { id: segment.ids[place as usize], standing, ranking: self });
             }
@@ -81,20 +85,21 @@ impl Eq for Head<'_> {}
 
 #[cfg(test)]
 mod tests {
-    use super::super::entry::Entry;
+    use super::super::indexed_model::IndexedModel;
     use super::super::segment::Segment;
     use super::*;
     use crate::faces::signature::tests::example;
 
     #[test]
     fn parts_are_merged_in_order_without_those_that_are_gone() {
-        let entry = |k: ModelId| Entry::new(k, example(0.29 * (k % 13) as f64, 5));
-        let part = |ids: &[ModelId]| Part::new(Segment::build(&[], &ids.iter().map(|&k| entry(k)).collect::<Vec<_>>()));
-        let mut parts = [part(&[1, 14, 3, 30]), part(&[2, 27, 15, 8]), part(&[5])];
-        assert!(parts[0].forget(30) && parts[2].forget(5));
+        let entry = |k: ModelId| IndexedModel::new(k, example(0.29 * (k % 13) as f64, 5));
+        let live =
+            |ids: &[ModelId]| LiveSegment::new(Segment::build(&[], &ids.iter().map(|&k| entry(k)).collect::<Vec<_>>()));
+        let mut segments = [live(&[1, 14, 3, 30]), live(&[2, 27, 15, 8]), live(&[5])];
+        assert!(segments[0].forget(30) && segments[2].forget(5));
         for slot in [0, 1, 2] {
             let ranked: Vec<(f64, ModelId)> =
-                ranked(&parts, slot, None).map(|(id, standing)| (standing.score, id)).collect();
+                ranked(&segments, slot, None).map(|(id, standing)| (standing.score, id)).collect();
             let mut sorted: Vec<(f64, ModelId)> =
                 [1, 2, 3, 8, 14, 15, 27].map(|k| (entry(k).standings[slot].score, k)).into();
             sorted.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));

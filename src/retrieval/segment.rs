@@ -3,8 +3,8 @@
 use rayon::prelude::*;
 
 use super::dense_rows::DenseRows;
-use super::entry::{self, Entry, METHODS, Standing};
-use super::face_list::FaceList;
+use super::face_order::FaceOrder;
+use super::indexed_model::{self, IndexedModel, METHODS, Standing};
 use super::outline::Outlines;
 use super::triangle_index::TriangleIndex;
 use super::{MatchMethod, ModelId};
@@ -23,7 +23,7 @@ pub(super) struct Segment {
     pub rankings: [Vec<u32>; 3],
     pub profiles: Vec<ShapeProfile>,
     pub dense: DenseRows,
-    pub faces: FaceList,
+    pub faces: FaceOrder,
 }
 
 /// Some models of another segment, by their places.
@@ -35,12 +35,12 @@ pub(super) struct Kept<'a> {
 /// Where a model that goes into a segment is now.
 enum Source<'a> {
     Kept(&'a Segment, u32),
-    Fresh(&'a Entry),
+    Fresh(&'a IndexedModel),
 }
 
 impl Segment {
     /// A segment of what is kept of others and of fresh models. No id may come twice. Runs inside the caller's rayon pool.
-    pub fn build(kept: &[Kept], fresh: &[Entry]) -> Segment {
+    pub fn build(kept: &[Kept], fresh: &[IndexedModel]) -> Segment {
         let old =
             kept.iter().flat_map(|k| k.places.iter().map(|&p| (k.segment.ids[p as usize], Source::Kept(k.segment, p))));
         let new = fresh.iter().map(|entry| (entry.id, Source::Fresh(entry)));
@@ -78,10 +78,10 @@ impl Segment {
         self.standings.shrink_to_fit();
         self.profiles.shrink_to_fit();
         self.dense.shrink();
-        let verified = entry::slot(MatchMethod::Verified);
+        let verified = indexed_model::slot(MatchMethod::Verified);
         self.face_scores = self.standings.iter().map(|standings| standings[verified].score).collect();
         self.rankings = [0, 1, 2].map(|slot| self.ranked(slot));
-        self.faces = FaceList::of(&self.dense, &self.rankings[verified]);
+        self.faces = FaceOrder::of(&self.dense, &self.rankings[verified]);
         let shapes: Vec<Vec<_>> = (0..self.outlines.len() as u32)
             .into_par_iter()
             .map(|place| self.outlines.outline(place).triangles().map(|(number, t)| (place, number, t.shape)).collect())
@@ -111,9 +111,10 @@ mod tests {
 
     #[test]
     fn models_moved_to_another_segment_are_as_if_built_there() {
-        let entry = |k: u128| Entry::new(k, example(0.37 * k as f64, 3 + (k % 7) as usize));
-        let (first, second): (Vec<Entry>, Vec<Entry>) = ((0..40).map(entry).collect(), (40..60).map(entry).collect());
-        let built = |entries: &[Entry]| Segment::build(&[], entries);
+        let entry = |k: u128| IndexedModel::new(k, example(0.37 * k as f64, 3 + (k % 7) as usize));
+        let (first, second): (Vec<IndexedModel>, Vec<IndexedModel>) =
+            ((0..40).map(entry).collect(), (40..60).map(entry).collect());
+        let built = |entries: &[IndexedModel]| Segment::build(&[], entries);
         let (first, second) = (built(&first), built(&second));
         let kept =
             [Kept { segment: &second, places: vec![1, 3, 17] }, Kept { segment: &first, places: (5..30).collect() }];

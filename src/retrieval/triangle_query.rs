@@ -3,9 +3,9 @@
 use std::collections::BTreeSet;
 
 use super::best::Best;
-use super::part::Part;
+use super::live_segment::LiveSegment;
 use super::triangles::IndexedTriangle;
-use super::{Match, ModelId, Rank, Wanted};
+use super::{Match, ModelId, Rank, TopK};
 use crate::faces::standard::Standard;
 use crate::faces::{Shape, Triangle, judgement, sum_of_distances};
 use crate::geometry::{Point3, Vector3};
@@ -68,21 +68,21 @@ impl TriangleQuery {
 }
 
 impl TriangleQuery {
-    /// The wanted models of some parts, by their nearest triangles.
-    pub fn search(&self, parts: &[Part], wanted: &Wanted) -> Vec<Match> {
-        let threshold = wanted.threshold.unwrap_or_else(Self::match_score);
-        let passed = wanted.after.map(|after| self.not_after(parts, after)).unwrap_or_default();
-        let least = if wanted.only_matches { threshold } else { 0.0 };
+    /// The wanted models of some segments, by their nearest triangles.
+    pub fn search(&self, segments: &[LiveSegment], top_k: &TopK) -> Vec<Match> {
+        let threshold = top_k.threshold.unwrap_or_else(Self::match_score);
+        let passed = top_k.after.map(|after| self.not_after(segments, after)).unwrap_or_default();
+        let least = if top_k.only_matches { threshold } else { 0.0 };
         // costs are negative scores; of a model's equal triangles the first
-        let mut best: Best<(u16, usize)> = Best::new(wanted.limit);
-        for (which, part) in parts.iter().enumerate() {
+        let mut best: Best<(u16, usize)> = Best::new(top_k.limit);
+        for (which, live) in segments.iter().enumerate() {
             let reach = |best: &Best<_>| chord(least.max(-best.reach()));
             for shape in &self.shapes {
-                part.segment.triangles.visit(shape, reach(&best), &mut |place, number| {
-                    if let Some((id, score)) = part.score(self, place, number)
+                live.segment.triangles.visit(shape, reach(&best), &mut |place, number| {
+                    if let Some((id, score)) = live.score(self, place, number)
                         && best.would_take(-score, id, &(number, which))
                         && !passed.contains(&id)
-                        && wanted.takes(score, id, threshold)
+                        && top_k.takes(score, id, threshold)
                     {
                         best.offer(-score, id, (number, which));
                     }
@@ -91,19 +91,19 @@ impl TriangleQuery {
             }
         }
         let found = |id, (number, which): (u16, usize)| {
-            let segment = &parts[which].segment;
+            let segment = &segments[which].segment;
             Some(self.answer(id, &segment.outlines.outline(segment.place(id)?).triangle(number)?, threshold))
         };
         best.into_ranked().filter_map(|(_, id, place)| found(id, place)).collect()
     }
 
     /// The models whose rank is not after the given one: a worse triangle of theirs must not bring them in again.
-    fn not_after(&self, parts: &[Part], after: Rank) -> BTreeSet<ModelId> {
+    fn not_after(&self, segments: &[LiveSegment], after: Rank) -> BTreeSet<ModelId> {
         let (mut passed, reach) = (BTreeSet::new(), chord(after.score));
-        for part in parts {
+        for live in segments {
             for shape in &self.shapes {
-                part.segment.triangles.visit(shape, reach, &mut |place, number| {
-                    let scored = part.score(self, place, number);
+                live.segment.triangles.visit(shape, reach, &mut |place, number| {
+                    let scored = live.score(self, place, number);
                     let rank = scored.map(|(model_id, score)| Rank { score, model_id });
                     passed.extend(rank.filter(|rank| rank.key() <= after.key()).map(|rank| rank.model_id));
                     reach

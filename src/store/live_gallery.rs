@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use super::{ModelId, Store, StoreError, StoredContent};
 use crate::faces::Signature;
 use crate::retrieval::gallery::FULL_SEGMENT;
-use crate::retrieval::{Catalogue, Entry, Facets, Gallery};
+use crate::retrieval::{Catalogue, Facets, Gallery, IndexedModel};
 
 /// Signatures that are read at once.
 const PAGE: usize = 4096;
@@ -19,7 +19,7 @@ const PAGE: usize = 4096;
 /// A change that came before the index was ready.
 #[derive(Debug)]
 enum Change {
-    Put(Box<Entry>),
+    Put(Box<IndexedModel>),
     Remove(ModelId),
 }
 
@@ -133,7 +133,7 @@ impl LiveGallery {
 
     /// Adds or replaces a model; seen by the next query.
     pub fn insert(&self, id: ModelId, signature: Signature) {
-        self.change(Change::Put(Box::new(Entry::new(id.number(), signature))));
+        self.change(Change::Put(Box::new(IndexedModel::new(id.number(), signature))));
     }
 
     /// Adds a model that was just stored, unless it has been deleted since.
@@ -263,7 +263,7 @@ async fn off_thread<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static
 #[derive(Debug, Default)]
 struct Loading {
     gallery: Gallery,
-    waiting: Vec<Entry>,
+    waiting: Vec<IndexedModel>,
     damaged: Vec<ModelId>,
 }
 
@@ -275,7 +275,8 @@ impl Loading {
     fn taking(mut self, page: Vec<(ModelId, StoredContent)>) -> Loading {
         let damaged = page.iter().filter(|(_, content)| *content == StoredContent::Damaged).map(|(id, _)| *id);
         self.damaged.extend(damaged);
-        let entries: Vec<Option<Entry>> = page.into_par_iter().map(|(id, content)| entry(id, &content)).collect();
+        let entries: Vec<Option<IndexedModel>> =
+            page.into_par_iter().map(|(id, content)| entry(id, &content)).collect();
         self.waiting.extend(entries.into_iter().flatten());
         if self.waiting.len() >= FULL_SEGMENT {
             self.append();
@@ -295,13 +296,13 @@ impl Loading {
     }
 }
 
-fn entry(id: ModelId, content: &StoredContent) -> Option<Entry> {
+fn entry(id: ModelId, content: &StoredContent) -> Option<IndexedModel> {
     let StoredContent::Whole(content) = content else {
         tracing::error!(model.id = %id, "the stored signature is damaged: it is to be made anew");
         return None;
     };
     match Signature::from_bytes(content) {
-        Ok(signature) => Some(Entry::new(id.number(), signature)),
+        Ok(signature) => Some(IndexedModel::new(id.number(), signature)),
         Err(error) => {
             tracing::warn!(model.id = %id, "the signature is left out of the gallery: {error}");
             None
@@ -314,7 +315,7 @@ mod tests {
     use super::super::{NewModel, StoredSignature, testing};
     use super::*;
     use crate::faces::signature::tests::example;
-    use crate::retrieval::Wanted;
+    use crate::retrieval::TopK;
 
     #[tokio::test]
     async fn it_is_ready_only_when_loaded() {
@@ -346,9 +347,9 @@ mod tests {
         gallery.insert(late, example(0.9, 6));
         gallery.remove(gone);
         assert_eq!(gallery.load(&store).await.expect("loaded"), models.len());
-        let best = gallery.ask(|g| g.by_probe(&example(0.9, 6), None, &Wanted::best(1))).expect("ready");
+        let best = gallery.ask(|g| g.by_probe(&example(0.9, 6), None, &TopK::best(1))).expect("ready");
         assert_eq!(best[0].model_id, late.number());
-        let all = gallery.ask(|g| g.by_probe(&example(0.3, 5), None, &Wanted::best(5000))).expect("ready");
+        let all = gallery.ask(|g| g.by_probe(&example(0.3, 5), None, &TopK::best(5000))).expect("ready");
         assert!(all.iter().all(|found| found.model_id != gone.number()));
     }
 

@@ -11,7 +11,7 @@ use visage::faces::{self, MatchMethod, Signature, standard};
 use visage::formats::{ReadLimits, read_surface};
 use visage::geometry::{Cloud, Motion, Point3, Surface, Unit, Vector3};
 use visage::progress::Progress;
-use visage::retrieval::{Gallery, Wanted, measures};
+use visage::retrieval::{Gallery, TopK, measures};
 
 use crate::{data, read};
 
@@ -176,7 +176,7 @@ fn a_third_of_a_head_tells_who_it_is() {
     let mut first = 0;
     for (id, (row, surface, signature)) in people.iter().enumerate() {
         let mm = signature.fit().expect("a face").pose.scale;
-        let ranked = index.by_probe(&described(&remnant(surface, mm, id as u64)), None, &Wanted::best(2));
+        let ranked = index.by_probe(&described(&remnant(surface, mm, id as u64)), None, &TopK::best(2));
         let scores: Vec<f64> = ranked.iter().map(|m| m.score).collect();
         println!("{} {scores:.2?}", row.file);
         first += usize::from(ranked[0].model_id == id as u128);
@@ -214,7 +214,7 @@ fn a_disturbed_copy_finds_its_original() {
     let index = Gallery::build(models.iter().enumerate().map(|(id, (.., s))| (id as u128, s.clone())).collect());
     let mut first = 0;
     for (id, (row, surface, _)) in models.iter().enumerate() {
-        let ranked = index.by_probe(&described(&disturbed(surface, id as u64)), None, &Wanted::best(3));
+        let ranked = index.by_probe(&described(&disturbed(surface, id as u64)), None, &TopK::best(3));
         let rank = ranked.iter().position(|m| m.model_id == id as u128);
         println!("{} rank {rank:?} scores {:.2?}", row.file, ranked.iter().map(|m| m.score).collect::<Vec<_>>());
         first += usize::from(rank == Some(0));

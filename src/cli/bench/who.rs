@@ -18,7 +18,7 @@ use super::faces::dataset;
 use crate::faces::{self, DenseSignature, Signature};
 use crate::geometry::{Cloud, Mesh, Motion, Surface, Unit, Vector3};
 use crate::progress::Progress;
-use crate::retrieval::{Gallery, ModelId, Wanted};
+use crate::retrieval::{Gallery, ModelId, TopK};
 use crate::synthetic::head::{Proportions, head};
 
 /// How many people there are.
@@ -68,7 +68,7 @@ pub fn run(args: WhoArgs) -> anyhow::Result<()> {
         .par_iter()
         .map(|&seed| {
             let probe = described(&remnant(&person(seed, &args), seed))?;
-            let best = gallery.by_probe(&probe, None, &Wanted::best(1)).first().map(|found| found.model_id as u64);
+            let best = gallery.by_probe(&probe, None, &TopK::best(1)).first().map(|found| found.model_id as u64);
             let distance = |person: u64| {
                 let both = probe.dense().zip(people.get(person as usize)?.dense())?;
                 both.0.distance_mm(both.1)

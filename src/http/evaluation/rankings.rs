@@ -8,7 +8,7 @@ use super::Labels;
 use super::views::{ClassFigures, RankingEvaluation};
 use crate::faces::Signature;
 use crate::retrieval::measures::RankingMeasures;
-use crate::retrieval::{ModelId, Wanted};
+use crate::retrieval::{ModelId, TopK};
 use crate::store::live_gallery::{LiveGallery, NotReady};
 
 /// No more models than this are asked about, spread evenly over all.
@@ -63,8 +63,8 @@ fn measures(
     labels: &Labels,
 ) -> Result<Option<RankingMeasures>, NotReady> {
     let is_labeled = |id: ModelId| labels.contains_key(&id);
-    let wanted = Wanted { accepts: &is_labeled, ..Wanted::best(labels.len()) };
-    let found = gallery.ask(|index| index.by_probe(signature, Some(probe), &wanted))?;
+    let top_k = TopK { accepts: &is_labeled, ..TopK::best(labels.len()) };
+    let found = gallery.ask(|index| index.by_probe(signature, Some(probe), &top_k))?;
     let mut ranking: Vec<ModelId> = found.iter().map(|found| found.model_id).collect();
     let ranked: std::collections::BTreeSet<ModelId> = ranking.iter().copied().chain([probe]).collect();
     ranking.extend(labels.keys().filter(|id| !ranked.contains(id)));

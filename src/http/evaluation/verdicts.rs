@@ -9,7 +9,7 @@ use super::super::state::AppState;
 use super::Labels;
 use super::views::{RocPointView, VerdictEvaluation};
 use crate::retrieval::measures::{self, RocPoint};
-use crate::retrieval::{MatchMethod, ModelId, Wanted};
+use crate::retrieval::{MatchMethod, ModelId, TopK};
 use crate::store::StoredVerdict;
 use crate::store::live_gallery::{LiveGallery, NotReady};
 
@@ -27,8 +27,8 @@ pub fn scores(
     labels: &Labels,
 ) -> Result<BTreeMap<ModelId, f64>, NotReady> {
     let is_labeled = |id: ModelId| labels.contains_key(&id);
-    let wanted = Wanted { accepts: &is_labeled, ..Wanted::best(labels.len()) };
-    let ranked = gallery.ask(|index| index.by_standard(standard, method, &wanted).unwrap_or_default())?;
+    let top_k = TopK { accepts: &is_labeled, ..TopK::best(labels.len()) };
+    let ranked = gallery.ask(|index| index.by_standard(standard, method, &top_k).unwrap_or_default())?;
     Ok(ranked.into_iter().map(|found| (found.model_id, found.score)).collect())
 }
 
@@ -52,8 +52,8 @@ pub fn evaluate(
     scores: &BTreeMap<ModelId, f64>,
     labels: &Labels,
 ) -> Option<VerdictEvaluation> {
-    let of_class = |wanted: bool| -> Vec<f64> {
-        let models = labels.iter().filter(|(_, label)| (label.as_ref() == positive) == wanted);
+    let of_class = |top_k: bool| -> Vec<f64> {
+        let models = labels.iter().filter(|(_, label)| (label.as_ref() == positive) == top_k);
         models.filter_map(|(id, _)| scores.get(id).copied()).collect()
     };
     let (positives, negatives) = (of_class(true), of_class(false));

@@ -48,7 +48,7 @@ pub async fn answer(state: &AppState, question: &Question, name: &str) -> Result
 fn wanted<'a>(state: &AppState, question: &Question, ranking: &'a Ranking) -> Vec<&'a StoredVerdict> {
     let catalogue = state.shop.gallery.catalogue();
     let accepts = |id| catalogue.takes(&question.terms.filter, id);
-    let wanted = question.wanted(&accepts);
+    let wanted = question.top_k(&accepts);
     let threshold = question.terms.threshold.unwrap_or(MATCH_SCORE);
     let takes = |verdict: &&StoredVerdict| {
         let Rank { score, model_id } = rank(ranking, verdict);

@@ -15,7 +15,7 @@ use crate::classes::{Class, Found};
 use crate::faces::Signature;
 use crate::faces::standard::{self, Standard};
 use crate::geometry::{Surface, Unit};
-use crate::retrieval::{Catalogue, Gallery, Match, MatchMethod, Rank, Wanted};
+use crate::retrieval::{Catalogue, Gallery, Match, MatchMethod, Rank, TopK};
 use crate::store::{ModelId, StandardRecord, StoreError};
 
 /// The form by which an uploaded probe is asked about.
@@ -91,8 +91,8 @@ impl Question {
     }
 
     /// The part of the ranking that is asked for.
-    pub fn wanted<'a>(&self, accepts: &'a (dyn Fn(u128) -> bool + Sync)) -> Wanted<'a> {
-        Wanted {
+    pub fn top_k<'a>(&self, accepts: &'a (dyn Fn(u128) -> bool + Sync)) -> TopK<'a> {
+        TopK {
             // one more tells whether there is another page
             limit: self.terms.limit + 1,
             after: self.after,
@@ -106,14 +106,14 @@ impl Question {
     pub fn answer(&self, gallery: &Gallery, catalogue: &Catalogue) -> (Vec<Match>, Option<String>) {
         let terms = &self.terms;
         let accepts = |id| catalogue.takes(&terms.filter, id);
-        let wanted = self.wanted(&accepts);
+        let top_k = self.top_k(&accepts);
         let mut matches = match &self.about {
             About::Standard { standard, method } => {
-                gallery.by_standard(standard.name, *method, &wanted).unwrap_or_default()
+                gallery.by_standard(standard.name, *method, &top_k).unwrap_or_default()
             }
-            About::Probe { signature, stored } => gallery.by_probe(signature, stored.map(ModelId::number), &wanted),
+            About::Probe { signature, stored } => gallery.by_probe(signature, stored.map(ModelId::number), &top_k),
             About::Triangle(triangle) => {
-                let mut matches = gallery.by_triangle(triangle.corners, triangle.outward, &wanted);
+                let mut matches = gallery.by_triangle(triangle.corners, triangle.outward, &top_k);
                 for found in &mut matches {
                     found.matching_error_mm *= triangle.error_factor;
                     found.sum_of_distances_mm *= triangle.error_factor;

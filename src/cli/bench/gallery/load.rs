@@ -12,7 +12,7 @@ use super::population::Population;
 use crate::config::available_threads;
 use crate::faces::Signature;
 use crate::geometry::{Point3, Vector3};
-use crate::retrieval::{Gallery, Match, MatchMethod, Wanted};
+use crate::retrieval::{Gallery, Match, MatchMethod, TopK};
 
 /// A kind of question.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -87,11 +87,11 @@ impl Question {
 
     /// The gallery's answer.
     pub fn ask(&self, gallery: &Gallery, limit: usize) -> Vec<Match> {
-        let wanted = Wanted::best(limit);
+        let top_k = TopK::best(limit);
         match self {
-            Question::Triangle { corners, outward } => gallery.by_triangle(*corners, *outward, &wanted),
-            Question::Standard(method) => gallery.by_standard("face", *method, &wanted).unwrap_or_default(),
-            Question::Probe(probe) => gallery.by_probe(probe, None, &wanted),
+            Question::Triangle { corners, outward } => gallery.by_triangle(*corners, *outward, &top_k),
+            Question::Standard(method) => gallery.by_standard("face", *method, &top_k).unwrap_or_default(),
+            Question::Probe(probe) => gallery.by_probe(probe, None, &top_k),
         }
     }
 }

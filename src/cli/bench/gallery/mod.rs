@@ -13,7 +13,7 @@ use nix::sys::resource::{UsageWho, getrusage};
 use rayon::prelude::*;
 
 use crate::retrieval::gallery::FULL_SEGMENT;
-use crate::retrieval::{Entry, Gallery, ModelId};
+use crate::retrieval::{Gallery, IndexedModel, ModelId};
 use load::Question;
 use population::Population;
 
@@ -78,7 +78,7 @@ fn build(population: &Population, models: u64) -> (Gallery, Built) {
     for chunk in numbers.chunks(FULL_SEGMENT) {
         let signatures: Vec<_> = chunk.par_iter().map(|&k| (ModelId::from(k), population.model(k))).collect();
         let (cpu, wall) = (cpu_seconds(), Instant::now());
-        let entries: Vec<Entry> = signatures.into_par_iter().map(|(id, s)| Entry::new(id, s)).collect();
+        let entries: Vec<IndexedModel> = signatures.into_par_iter().map(|(id, s)| IndexedModel::new(id, s)).collect();
         gallery.append(&entries);
         drop(entries);
         built.cpu_seconds += cpu_seconds() - cpu;

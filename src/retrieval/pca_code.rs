@@ -1,4 +1,4 @@
-//! The gist of dense signatures: 32 small numbers each, from which most distances are known to be great without
+//! The PCA code of dense signatures: 32 small numbers each, from which most distances are known to be great without
 //! reading the signatures.
 //!
 //! The distance leaves out the `t` greatest of `n` squared differences, which may be any: a projection of the heights
@@ -15,7 +15,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::dense_rows::DenseRows;
-use super::gist_frame::{Code, Frame, SIZE};
+use super::pca_basis::{Code, Frame, SIZE};
 use crate::faces::dense::{DenseSignature, KEPT_SHARE, LEAST_COMMON, STEP_MM, UNSEEN};
 use crate::faces::template::TEMPLATE_POINTS;
 
@@ -26,9 +26,9 @@ pub(super) const SAMPLE: usize = 2048;
 /// What rounding in single precision may make of a length, at most.
 const SLACK: f64 = 1e-3;
 
-/// The gists of a segment's dense signatures; none if they are few.
+/// The PCA codes of a segment's dense signatures; none if they are few.
 #[derive(Debug, Default)]
-pub(super) struct Gists {
+pub(super) struct PcaCodes {
     frame: Option<Frame>,
     codes: Vec<Code>,
     /// Unseen points of each signature.
@@ -37,11 +37,11 @@ pub(super) struct Gists {
     rounding: f32,
 }
 
-impl Gists {
+impl PcaCodes {
     /// Those of the signatures at some places, in that order. Runs inside the caller's rayon pool.
-    pub fn of(rows: &DenseRows, places: &[u32]) -> Gists {
+    pub fn of(rows: &DenseRows, places: &[u32]) -> PcaCodes {
         if places.len() < LEAST_ROWS {
-            return Gists::default();
+            return PcaCodes::default();
         }
         let every = places.len().div_ceil(SAMPLE);
         let sample: Vec<_> = places.iter().step_by(every).filter_map(|place| rows.signature(*place)).collect();
@@ -51,7 +51,7 @@ impl Gists {
             None => ([0; SIZE], 0.0),
         };
         let coded: Vec<(Code, f32)> = places.par_iter().map(coded).collect();
-        Gists {
+        PcaCodes {
             frame: Some(frame),
             rounding: coded.iter().map(|(_, rounding)| *rounding).fold(0.0, f32::max),
             gaps: places.iter().map(|place| (TEMPLATE_POINTS - rows.seen_points(*place)) as u16).collect(),
@@ -79,7 +79,7 @@ impl Gists {
             allowances.push((sum, of_circle));
         }
         Some(GistProbe {
-            gists: self,
+            pca_codes: self,
             code,
             allowances,
             most_square: 4.0 * f64::from(frame.radius).powi(2),
@@ -89,10 +89,10 @@ impl Gists {
     }
 }
 
-/// A probe held against the gists of a segment.
+/// A probe held against the PCA codes of a segment.
 #[derive(Debug)]
 pub(super) struct GistProbe<'a> {
-    gists: &'a Gists,
+    pca_codes: &'a PcaCodes,
     code: Code,
     /// For so many unseen points: the most that the probe's heights there sum up to, and that their circles add.
     allowances: Vec<(f64, f64)>,
@@ -104,7 +104,7 @@ pub(super) struct GistProbe<'a> {
 impl GistProbe<'_> {
     /// Fills in the numbers of a range whose distances are not surely greater than that of the limits, ascending.
     pub fn within(&self, range: Range<usize>, limits: &[u32], found: &mut Vec<usize>) {
-        let (codes, gaps) = (&self.gists.codes[range.clone()], &self.gists.gaps[range.clone()]);
+        let (codes, gaps) = (&self.pca_codes.codes[range.clone()], &self.pca_codes.gaps[range.clone()]);
         // which ones stay can't be foreseen, so there is no branch: all are written, the next over one that doesn't stay
         found.resize(codes.len(), 0);
         let mut count = 0;
@@ -117,7 +117,7 @@ impl GistProbe<'_> {
 
     /// The numbers of the `count` nearest among the first, in no order.
     pub fn nearest(&self, count: usize, first: usize) -> Vec<usize> {
-        let square = |number: usize| square(&self.code, &self.gists.codes[number]);
+        let square = |number: usize| square(&self.code, &self.pca_codes.codes[number]);
         let mut nearest: Vec<(u32, usize)> = (0..first).map(|number| (square(number), number)).collect();
         if count < nearest.len() {
             nearest.select_nth_unstable(count);
@@ -193,10 +193,10 @@ mod tests {
         faces.iter().for_each(|face| rows.push(Some(face)));
         // backwards, the last left out
         let places: Vec<u32> = (1..400).rev().collect();
-        let gists = Gists::of(&rows, &places);
+        let pca_codes = PcaCodes::of(&rows, &places);
         let (mut far, mut ruled_out) = (0, 0);
         for probe in faces.iter().step_by(9) {
-            let against = gists.against(probe).expect("whole, and there are enough");
+            let against = pca_codes.against(probe).expect("whole, and there are enough");
             let dense = DenseProbe::new(probe);
             let distance_mm = |place: &u32| dense.distance_mm(&rows, *place).expect("most is seen");
             let distances_mm: Vec<f64> = places.iter().map(distance_mm).collect();
@@ -230,12 +230,12 @@ mod tests {
         let mut rows = DenseRows::default();
         faces.iter().for_each(|face| rows.push(Some(face)));
         let places: Vec<u32> = (0..300).collect();
-        let gists = Gists::of(&rows, &places);
-        let against = gists.against(&faces[60]).expect("whole, and there are enough");
+        let pca_codes = PcaCodes::of(&rows, &places);
+        let against = pca_codes.against(&faces[60]).expect("whole, and there are enough");
         assert!(against.nearest(3, 300).contains(&60) && against.nearest(3, 300).len() == 3);
         assert!(against.nearest(3, 60).iter().all(|number| *number < 60));
         assert_eq!(against.nearest(1000, 300).len(), 300);
-        assert!(gists.against(&faces[2]).is_none(), "the probe has gaps");
-        assert!(Gists::of(&DenseRows::default(), &[]).against(&faces[0]).is_none());
+        assert!(pca_codes.against(&faces[2]).is_none(), "the probe has gaps");
+        assert!(PcaCodes::of(&DenseRows::default(), &[]).against(&faces[0]).is_none());
     }
 }

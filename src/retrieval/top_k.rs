@@ -25,7 +25,7 @@ impl Rank {
 /// A page goes on where another ended by the rank of its last match, not by a count: models that come or go in the
 /// meantime neither repeat nor hide others, since the rank of a stored model against one question never changes.
 #[derive(Clone, Copy)]
-pub struct Wanted<'a> {
+pub struct TopK<'a> {
     /// At most so many.
     pub limit: usize,
     /// Only what comes after this rank.
@@ -38,10 +38,10 @@ pub struct Wanted<'a> {
     pub accepts: &'a (dyn Fn(ModelId) -> bool + Sync),
 }
 
-impl Wanted<'_> {
+impl TopK<'_> {
     /// The `limit` best of all.
     pub fn best(limit: usize) -> Self {
-        Wanted { limit, after: None, threshold: None, only_matches: false, accepts: &|_| true }
+        TopK { limit, after: None, threshold: None, only_matches: false, accepts: &|_| true }
     }
 
     /// Whether a model with this score is wanted; `threshold` is that of the question.
@@ -69,11 +69,11 @@ mod tests {
     fn every_condition_must_hold() {
         let odd = |id: ModelId| id % 2 == 1;
         let after = Some(Rank { score: 0.5, model_id: 4 });
-        let wanted = Wanted { after, only_matches: true, accepts: &odd, ..Wanted::best(5) };
-        assert!(wanted.takes(0.5, 5, 0.4) && wanted.takes(0.4, 1, 0.4));
-        assert!(!wanted.takes(0.5, 3, 0.4), "before the page");
-        assert!(!wanted.takes(0.3, 1, 0.4), "no match");
-        assert!(!wanted.takes(0.5, 6, 0.4), "not accepted");
-        assert!(Wanted::best(5).takes(0.0, 6, 0.4));
+        let top_k = TopK { after, only_matches: true, accepts: &odd, ..TopK::best(5) };
+        assert!(top_k.takes(0.5, 5, 0.4) && top_k.takes(0.4, 1, 0.4));
+        assert!(!top_k.takes(0.5, 3, 0.4), "before the page");
+        assert!(!top_k.takes(0.3, 1, 0.4), "no match");
+        assert!(!top_k.takes(0.5, 6, 0.4), "not accepted");
+        assert!(TopK::best(5).takes(0.0, 6, 0.4));
     }
 }

@@ -65,8 +65,8 @@ pub(super) fn capped_squares<const COUNT: usize>(a: &[u8; COUNT], b: &[u8; COUNT
     }
     // register by register, which the compiler turns into vector instructions
     let square = |a: u8, b: u8| {
-        let capped = i32::from(a.abs_diff(b).min(ceiling));
-        capped * capped
+        let trimmed_lower_bound = i32::from(a.abs_diff(b).min(ceiling));
+        trimmed_lower_bound * trimmed_lower_bound
     };
     let registers = a.chunks_exact(LANES).zip(b.chunks_exact(LANES));
     registers.map(|(a, b)| (0..LANES).map(|k| square(a[k], b[k])).sum::<i32>() as u32).sum()

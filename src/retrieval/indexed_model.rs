@@ -52,18 +52,18 @@ impl Standing {
 
 /// A signature with its verdicts.
 #[derive(Debug, Clone)]
-pub struct Entry {
+pub struct IndexedModel {
     pub(super) id: ModelId,
     pub(super) signature: Signature,
     pub(super) standings: [Standing; 3],
 }
 
-impl Entry {
+impl IndexedModel {
     /// Judges a signature against the built-in standard by every method.
-    pub fn new(id: ModelId, signature: Signature) -> Entry {
+    pub fn new(id: ModelId, signature: Signature) -> IndexedModel {
         let face = standard::face();
         let standings = METHODS.map(|method| Standing::of(&faces::judge(&signature, &face, method)));
-        Entry { id, signature, standings }
+        IndexedModel { id, signature, standings }
     }
 
     /// The model.
@@ -81,7 +81,7 @@ mod tests {
     fn a_standing_answers_as_its_verdict() {
         for regions in [2, 6] {
             let signature = example(0.4, regions);
-            let entry = Entry::new(7, signature.clone());
+            let entry = IndexedModel::new(7, signature.clone());
             for method in METHODS {
                 let verdict = faces::judge(&signature, &standard::face(), method);
                 assert_eq!(entry.standings[slot(method)].answer(7, 0.5), Match::of(7, &verdict, 0.5));

@@ -3,46 +3,51 @@
 
 use std::ops::Range;
 
-use super::capped::Reach;
 use super::dense_rows::{DenseProbe, DenseRows};
-use super::foremost::{Foremost, ForemostProbe};
-use super::gist::{GistProbe, Gists};
+use super::partial_distance::{PartialDistances, PartialProbe};
+use super::pca_code::{GistProbe, PcaCodes};
+use super::trimmed_lower_bound::Reach;
 use crate::faces::dense::DenseSignature;
 
 /// A model is known here by its number, counted from the surest face.
 #[derive(Debug, Default)]
-pub(super) struct FaceList {
+pub(super) struct FaceOrder {
     /// Where each is.
     pub places: Vec<u32>,
     /// Where the models without a dense signature are, surest face first.
     pub others: Vec<u32>,
-    gists: Gists,
-    foremost: Foremost,
+    pca_codes: PcaCodes,
+    partial_distance: PartialDistances,
 }
 
 /// A probe held against them.
 pub(super) struct FaceProbe<'a> {
-    gists: Option<GistProbe<'a>>,
-    foremost: Option<ForemostProbe<'a>>,
+    pca_codes: Option<GistProbe<'a>>,
+    partial_distance: Option<PartialProbe<'a>>,
 }
 
 /// A distance to be ruled out, as each bound needs it.
 pub(super) struct Bound {
     limits: Vec<u32>,
-    foremost: Reach,
+    partial_distance: Reach,
     pub rows: Reach,
 }
 
-impl FaceList {
+impl FaceOrder {
     /// Of all models of a segment, given in the order of how surely they are faces. Runs inside the caller's rayon pool.
-    pub fn of(rows: &DenseRows, ranking: &[u32]) -> FaceList {
+    pub fn of(rows: &DenseRows, ranking: &[u32]) -> FaceOrder {
         let (others, places): (Vec<u32>, Vec<u32>) = ranking.iter().partition(|place| rows.is_missing(**place));
-        FaceList { gists: Gists::of(rows, &places), foremost: Foremost::of(rows, &places), places, others }
+        FaceOrder {
+            pca_codes: PcaCodes::of(rows, &places),
+            partial_distance: PartialDistances::of(rows, &places),
+            places,
+            others,
+        }
     }
 
     /// A probe held against all of them.
     pub fn against(&self, probe: &DenseSignature) -> FaceProbe<'_> {
-        FaceProbe { gists: self.gists.against(probe), foremost: self.foremost.against(probe) }
+        FaceProbe { pca_codes: self.pca_codes.against(probe), partial_distance: self.partial_distance.against(probe) }
     }
 }
 
@@ -50,27 +55,27 @@ impl FaceProbe<'_> {
     /// What must be exceeded to be farther than `reach_mm`.
     pub fn bound(&self, reach_mm: f64) -> Bound {
         Bound {
-            limits: self.gists.as_ref().map_or(Vec::new(), |gists| gists.limits(reach_mm)),
-            foremost: ForemostProbe::reach(reach_mm),
+            limits: self.pca_codes.as_ref().map_or(Vec::new(), |pca_codes| pca_codes.limits(reach_mm)),
+            partial_distance: PartialProbe::reach(reach_mm),
             rows: DenseProbe::reach(reach_mm),
         }
     }
 
-    /// The numbers of the `count` nearest of the first ones by their gists, in no order; none if there are no gists.
+    /// The numbers of the `count` nearest of the first ones by their PCA codes, in no order; none if there are no PCA codes.
     pub fn nearest(&self, count: usize, first: usize) -> Vec<usize> {
-        self.gists.as_ref().map_or(Vec::new(), |gists| gists.nearest(count, first))
+        self.pca_codes.as_ref().map_or(Vec::new(), |pca_codes| pca_codes.nearest(count, first))
     }
 
-    /// The numbers in a range that are not ruled out by gist or foremost points, ascending.
+    /// The numbers in a range that are not ruled out by PCA code or partial distance, ascending.
     pub fn near(&self, range: Range<usize>, bound: &Bound, near: &mut Vec<usize>) {
         near.clear();
-        match &self.gists {
-            Some(gists) => gists.within(range, &bound.limits, near),
+        match &self.pca_codes {
+            Some(pca_codes) => pca_codes.within(range, &bound.limits, near),
             None => near.extend(range),
         }
-        if let Some(foremost) = &self.foremost {
-            foremost.fetch(near);
-            near.retain(|number| !foremost.is_beyond(*number, &bound.foremost));
+        if let Some(partial_distance) = &self.partial_distance {
+            partial_distance.fetch(near);
+            near.retain(|number| !partial_distance.is_beyond(*number, &bound.partial_distance));
         }
     }
 }
@@ -92,7 +97,7 @@ mod tests {
         let mut rows = DenseRows::default();
         (0..200).for_each(|k| rows.push((k % 10 != 0).then(|| face(k, k % 3 == 0)).as_ref()));
         let ranking: Vec<u32> = (0..200).map(|k| k * 77 % 200).collect();
-        let list = FaceList::of(&rows, &ranking);
+        let list = FaceOrder::of(&rows, &ranking);
         assert_eq!((list.places.len(), list.others.len()), (180, 20));
         assert_eq!((&list.places[..2], &list.others[..2]), (&[77, 154][..], &[0, 170][..]));
         for holed in [false, true] {

@@ -1,4 +1,4 @@
-//! How gists are made of dense signatures ([`super::gist`]): the heights laid round circles, and the axes along which a
+//! How PCA codes are made of dense signatures ([`super::pca_code`]): the heights laid round circles, and the axes along which a
 //! sample of them varies most.
 
 use nalgebra::DMatrix;
@@ -9,7 +9,7 @@ use rand_distr::{Distribution, StandardNormal};
 use crate::faces::dense::{DenseSignature, UNSEEN};
 use crate::faces::template::TEMPLATE_POINTS;
 
-/// Numbers of a gist.
+/// Numbers of a PCA code.
 pub(super) const SIZE: usize = 32;
 /// Iterations towards the axes. Any axes bound; better ones bound closer.
 const ROUNDS: usize = 5;
@@ -21,7 +21,7 @@ pub(super) type Code = [i8; SIZE];
 /// Heights over the mean face, their own mean removed, in steps; 0 where there is no surface.
 pub(super) type Heights = [f32; TEMPLATE_POINTS];
 
-/// How gists of a segment are made.
+/// How PCA codes of a segment are made.
 #[derive(Debug)]
 pub(super) struct Frame {
     mean: Vec<f32>,

@@ -1,13 +1,13 @@
 //! The points at which a segment's faces differ most. By these alone, which lie together in two lines of cache, most
-//! faces that gists leave are known to be too far ([`super::capped`]).
+//! faces that PCA codes leave are known to be too far ([`super::trimmed_lower_bound`]).
 
 use std::cmp::Reverse;
 
 use rayon::prelude::*;
 
-use super::capped::{Reach, Shift, capped_squares};
 use super::dense_rows::DenseRows;
-use super::gist::SAMPLE;
+use super::pca_code::SAMPLE;
+use super::trimmed_lower_bound::{Reach, Shift, capped_squares};
 use crate::faces::dense::{DenseSignature, UNSEEN};
 use crate::faces::template::TEMPLATE_POINTS;
 
@@ -17,14 +17,14 @@ const COUNT: usize = 128;
 /// distributed faces the fewest were left with this one.
 const CEILING: f64 = 3.2;
 
-/// Heights at the foremost points, made positive.
+/// Heights at the points at which faces differ most, made positive.
 #[derive(Debug, Clone, Copy)]
 #[repr(align(64))]
 struct Heights([u8; COUNT]);
 
-/// The foremost points of a list of dense signatures.
+/// The points at which faces differ most, of a list of dense signatures.
 #[derive(Debug, Default)]
-pub(super) struct Foremost {
+pub(super) struct PartialDistances {
     /// Which of the template's points they are.
     points: Vec<u16>,
     heights: Vec<Heights>,
@@ -34,32 +34,32 @@ pub(super) struct Foremost {
 
 /// A probe held against them.
 #[derive(Debug)]
-pub(super) struct ForemostProbe<'a> {
-    of: &'a Foremost,
+pub(super) struct PartialProbe<'a> {
+    of: &'a PartialDistances,
     heights: Heights,
     sum: i32,
 }
 
-impl Foremost {
+impl PartialDistances {
     /// Those of the signatures at some places, in that order. Runs inside the caller's rayon pool.
-    pub fn of(rows: &DenseRows, places: &[u32]) -> Foremost {
+    pub fn of(rows: &DenseRows, places: &[u32]) -> PartialDistances {
         let points = most_varied(rows, places);
         let taken = |place: &u32| match rows.signature(*place).and_then(|signature| whole(&signature)) {
-            Some(heights) => (foremost(&heights, &points), Some(sum(&heights))),
+            Some(heights) => (partial_distance(&heights, &points), Some(sum(&heights))),
             None => (Heights([0; COUNT]), None),
         };
         let (heights, sums) = places.par_iter().map(taken).unzip();
-        Foremost { points, heights, sums }
+        PartialDistances { points, heights, sums }
     }
 
     /// A probe held against all of them; `None` if it has gaps.
-    pub fn against(&self, probe: &DenseSignature) -> Option<ForemostProbe<'_>> {
+    pub fn against(&self, probe: &DenseSignature) -> Option<PartialProbe<'_>> {
         let heights = whole(probe)?;
-        Some(ForemostProbe { of: self, heights: foremost(&heights, &self.points), sum: sum(&heights) })
+        Some(PartialProbe { of: self, heights: partial_distance(&heights, &self.points), sum: sum(&heights) })
     }
 }
 
-impl ForemostProbe<'_> {
+impl PartialProbe<'_> {
     /// What distances are held against.
     pub fn reach(reach_mm: f64) -> Reach {
         Reach::new(reach_mm, CEILING)
@@ -90,7 +90,7 @@ fn sum(heights: &[i8; TEMPLATE_POINTS]) -> i32 {
     heights.iter().map(|height| i32::from(*height)).sum()
 }
 
-fn foremost(heights: &[i8; TEMPLATE_POINTS], points: &[u16]) -> Heights {
+fn partial_distance(heights: &[i8; TEMPLATE_POINTS], points: &[u16]) -> Heights {
     let mut taken = Heights([0; COUNT]);
     for (slot, point) in taken.0.iter_mut().zip(points) {
         *slot = heights[usize::from(*point)].cast_unsigned().wrapping_add(128);
@@ -136,14 +136,14 @@ mod tests {
     fn the_foremost_points_are_those_that_vary_most_and_rule_out_what_is_far() {
         let mut rows = DenseRows::default();
         (0..50).for_each(|k| rows.push(Some(&face(0.7 * f64::from(k), 0))));
-        let foremost = Foremost::of(&rows, &(0..50).collect::<Vec<u32>>());
-        assert_eq!(foremost.points.len(), COUNT);
-        assert!(foremost.points.iter().all(|point| point % 2 == 0));
+        let partial_distance = PartialDistances::of(&rows, &(0..50).collect::<Vec<u32>>());
+        assert_eq!(partial_distance.points.len(), COUNT);
+        assert!(partial_distance.points.iter().all(|point| point % 2 == 0));
         let probe = face(14.3, 3);
-        let (against, dense) = (foremost.against(&probe).expect("it has no gaps"), DenseProbe::new(&probe));
+        let (against, dense) = (partial_distance.against(&probe).expect("it has no gaps"), DenseProbe::new(&probe));
         let is_beyond = |place: &u32| {
             let exact = dense.distance_mm(&rows, *place).expect("all is seen");
-            against.is_beyond(*place as usize, &ForemostProbe::reach(0.3 * exact))
+            against.is_beyond(*place as usize, &PartialProbe::reach(0.3 * exact))
         };
         assert!((0..50).filter(is_beyond).count() > 40);
     }
@@ -163,16 +163,16 @@ mod tests {
             let holed = DenseSignature::from_bytes(holed);
             rows.push(Some(&holed));
             let places: Vec<u32> = (1..42).rev().collect();
-            let foremost = Foremost::of(&rows, &places);
-            prop_assert!(foremost.against(&holed).is_none());
+            let partial_distance = PartialDistances::of(&rows, &places);
+            prop_assert!(partial_distance.against(&holed).is_none());
             let probe = face(seed, 3);
-            let against = foremost.against(&probe).expect("it has no gaps");
+            let against = partial_distance.against(&probe).expect("it has no gaps");
             against.fetch(&[0, 40]);
             let dense = DenseProbe::new(&probe);
             for (number, place) in places.iter().enumerate() {
                 let exact = dense.distance_mm(&rows, *place).expect("most is seen");
                 for reach_mm in [0.0, 0.2, 0.999 * exact, exact] {
-                    let beyond = against.is_beyond(number, &ForemostProbe::reach(reach_mm));
+                    let beyond = against.is_beyond(number, &PartialProbe::reach(reach_mm));
                     prop_assert!(!beyond || exact > reach_mm);
                     prop_assert!(number > 0 || !beyond, "that one has a gap");
                 }

@@ -8,16 +8,16 @@ use super::triangle_query::{TriangleQuery, score};
 
 /// A segment and which of its models are still there.
 #[derive(Debug, Clone)]
-pub(super) struct Part {
+pub(super) struct LiveSegment {
     pub segment: Arc<Segment>,
     alive: Arc<Vec<u64>>,
     pub models: usize,
 }
 
-impl Part {
-    pub fn new(segment: Segment) -> Part {
+impl LiveSegment {
+    pub fn new(segment: Segment) -> LiveSegment {
         let models = segment.ids.len();
-        Part { segment: Arc::new(segment), alive: Arc::new(vec![u64::MAX; models.div_ceil(64)]), models }
+        LiveSegment { segment: Arc::new(segment), alive: Arc::new(vec![u64::MAX; models.div_ceil(64)]), models }
     }
 
     pub fn is_alive(&self, place: u32) -> bool {
