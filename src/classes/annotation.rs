@@ -5,8 +5,8 @@ use serde::{Deserialize, Serialize};
 
 use super::Class;
 use super::corners::{Corner, CornerKind, SelectiveTriangle};
-use crate::faces::features::{Place, features, places};
-use crate::faces::oriented::Oriented;
+use crate::faces::caps_and_pits::{Place, features, places};
+use crate::faces::sampled_surface::SampledSurface;
 use crate::faces::standard::INNER_EYE_DISTANCE_MM;
 use crate::faces::triangle::Triangle;
 use crate::faces::{self, DescribeError, Standard};
@@ -199,7 +199,7 @@ fn spread(annotation: &Annotation) -> f64 {
     (3.0 * places.iter().map(|p| (p - center).norm_squared()).sum::<f64>() / places.len().max(1) as f64).sqrt()
 }
 
-fn check_on_surface(surface: &Oriented, annotation: &Annotation, size: f64) -> Result<(), ClassError> {
+fn check_on_surface(surface: &SampledSurface, annotation: &Annotation, size: f64) -> Result<(), ClassError> {
     for landmark in &annotation.landmarks {
         let reach = ON_SURFACE * size;
         let samples = surface.sampled_around(&landmark.place, 2.0 * reach, 0.2 * reach);
@@ -224,7 +224,7 @@ struct Sight {
 
 /// Looks at the landmarks at each scale; the scale that shows the most corners counts, of equals the first.
 fn seen(
-    surface: &Oriented,
+    surface: &SampledSurface,
     annotation: &Annotation,
     size: f64,
     sign: f64,
@@ -280,7 +280,7 @@ fn corners_at(samples: &Samples, choices: &[(&Landmark, Option<CornerKind>)], ex
 
 /// Chooses triangles and region, and brings everything into the standard's frame.
 fn finished(
-    surface: &Oriented,
+    surface: &SampledSurface,
     annotation: &Annotation,
     unit: Unit,
     sight: Sight,
@@ -337,7 +337,12 @@ fn triangles(corners: &[Corner]) -> Vec<SelectiveTriangle> {
 }
 
 /// Points of the surface around the corners with outward normals, spread as widely as any prefix of them can be.
-fn region(surface: &Oriented, triangles: &[SelectiveTriangle], size: f64, sign: f64) -> (Vec<Point3>, Vec<Vector3>) {
+fn region(
+    surface: &SampledSurface,
+    triangles: &[SelectiveTriangle],
+    size: f64,
+    sign: f64,
+) -> (Vec<Point3>, Vec<Vector3>) {
     let corners: Vec<Point3> = triangles.iter().flat_map(|t| t.detected().corners).collect();
     let center = triangles.first().map_or(Point3::origin(), |t| Triangle::center(&t.detected()));
     let farthest = corners.iter().map(|c| (c - center).norm()).fold(0.0, f64::max);

@@ -3,7 +3,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::faces::features::{Place, Places};
+use crate::faces::caps_and_pits::{Place, Places};
 use crate::faces::triangle::Triangle;
 use crate::geometry::{Point3, Vector3};
 
@@ -21,8 +21,8 @@ impl CornerKind {
     /// The places of this kind, strongest first.
     pub fn places(self, places: &Places) -> &[Place] {
         match self {
-            CornerKind::Cap => &places.noses,
-            CornerKind::Pit => &places.eyes,
+            CornerKind::Cap => &places.caps,
+            CornerKind::Pit => &places.pits,
         }
     }
 }
@@ -53,7 +53,7 @@ pub struct SelectiveTriangle {
 
 /// A triangle of a model that may be the selective one. Positions in the model's frame and unit.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Candidate {
+pub struct TriangleCandidate {
     /// The corners, in the order of the selective triangle's.
     pub triangle: Triangle,
     /// A direction on the side that corresponds to the selective triangle's outward side.
@@ -114,7 +114,7 @@ impl SelectiveTriangle {
 
     /// The cheapest triangles among the places of one level. `expected` is the level's feature length, in the model's
     /// unit; `expected_mm` the same on the standard.
-    pub fn candidates(&self, places: &Places, expected: f64, expected_mm: f64) -> Vec<Candidate> {
+    pub fn candidates(&self, places: &Places, expected: f64, expected_mm: f64) -> Vec<TriangleCandidate> {
         let [first, second, third] = self.corners.each_ref().map(|corner| corner.kind.places(places));
         let scale = expected / expected_mm;
         let standard = self.detected();
@@ -130,12 +130,12 @@ impl SelectiveTriangle {
                 }
             }
         }
-        found.sort_by(|a: &Candidate, b| a.cost.total_cmp(&b.cost));
+        found.sort_by(|a: &TriangleCandidate, b| a.cost.total_cmp(&b.cost));
         found.truncate(MOST_PER_LEVEL);
         found
     }
 
-    fn add(&self, places: &[Place; 3], scale: f64, standard: &Triangle, found: &mut Vec<Candidate>) {
+    fn add(&self, places: &[Place; 3], scale: f64, standard: &Triangle, found: &mut Vec<TriangleCandidate>) {
         let triangle = Triangle::new(places.map(|place| place.point));
         let size = triangle.size() / standard.size() / scale;
         if !SIZES.contains(&size) {
@@ -146,7 +146,7 @@ impl SelectiveTriangle {
             if self.has_side() { [Some(mean), None] } else { [1.0, -1.0].map(|s| Some(winding(&triangle) * s)) };
         for outward in sides.into_iter().flatten() {
             if let Some(cost) = self.cost(places, &triangle, &outward, size) {
-                found.push(Candidate { triangle, outward, cost });
+                found.push(TriangleCandidate { triangle, outward, cost });
             }
         }
     }
@@ -204,8 +204,8 @@ mod tests {
                 strength: corner.strength,
             };
             match corner.kind {
-                CornerKind::Cap => places.noses.push(place),
-                CornerKind::Pit => places.eyes.push(place),
+                CornerKind::Cap => places.caps.push(place),
+                CornerKind::Pit => places.pits.push(place),
             }
         }
         places
@@ -237,7 +237,7 @@ mod tests {
         assert!(!flat.has_side());
         let found = flat.candidates(&places_of(&flat, 1.0), 36.8, 36.8);
         assert!(found[0].cost < 1e-6);
-        let turned = |c: &Candidate| c.outward.dot(&flat.outward()) < 0.0;
+        let turned = |c: &TriangleCandidate| c.outward.dot(&flat.outward()) < 0.0;
         assert!(found.iter().any(turned) && !turned(&found[0]), "{found:?}");
     }
 }

@@ -4,12 +4,12 @@
 use rayon::prelude::*;
 
 use super::Class;
-use super::corners::{Candidate, SelectiveTriangle};
+use super::corners::{SelectiveTriangle, TriangleCandidate};
+use crate::faces::candidates::{Candidate, distinct};
+use crate::faces::caps_and_pits::{features, places};
 use crate::faces::detection::MOST_CELLS_ACROSS;
-use crate::faces::features::{features, places};
-use crate::faces::finalists::{Finalist, distinct};
 use crate::faces::modes::Weights;
-use crate::faces::oriented::Oriented;
+use crate::faces::sampled_surface::SampledSurface;
 use crate::faces::similarity::Similarity;
 use crate::faces::target::Target;
 use crate::faces::template::Template;
@@ -62,24 +62,24 @@ const SECOND_LOOK: Search = Search {
     rigid_rounds: 30,
 };
 /// How many get it.
-const FINALISTS: usize = 6;
+const CANDIDATES: usize = 6;
 /// A first look this many times worse than the best gets none.
 const HOPELESS: f64 = 1.8;
 /// The spacing of the closer look's samples, and how far beyond the region they reach, mm on the standard.
 const FINE_SPACING_MM: f64 = 3.0;
 const FINE_MARGIN_MM: f64 = 25.0;
 
-/// A finalist, and what its triangle was like.
+/// A candidate, and what its triangle was like.
 #[derive(Debug, Clone, Copy)]
-struct ClassFinalist {
-    finalist: Finalist,
+struct ClassCandidate {
+    candidate: Candidate,
     /// Of the triangle.
     matching_error_mm: f64,
 }
 
-impl AsRef<Finalist> for ClassFinalist {
-    fn as_ref(&self) -> &Finalist {
-        &self.finalist
+impl AsRef<Candidate> for ClassCandidate {
+    fn as_ref(&self) -> &Candidate {
+        &self.candidate
     }
 }
 
@@ -93,7 +93,7 @@ struct Sought<'a> {
 
 /// See [`Class::find`]. `progress` is asked between levels.
 pub(super) fn find(
-    surface: &Oriented,
+    surface: &SampledSurface,
     unit: Unit,
     class: &Class,
     progress: &Progress,
@@ -107,7 +107,7 @@ pub(super) fn find(
         None => LEVELS_OF_SHARE.iter().map(|factor| factor * class.share_of_diagonal * diagonal).collect(),
     };
     let area = surface.area();
-    let mut finalists = Vec::new();
+    let mut found = Vec::new();
     for expected in levels {
         progress.check()?;
         let spacing = SPACING * expected;
@@ -118,15 +118,15 @@ pub(super) fn find(
         let samples = surface.sampled(spacing);
         if samples.points.len() <= MOST_SAMPLES {
             for &sign in surface.side.signs() {
-                sought.look_at_level(&samples, expected, sign, &mut finalists, progress)?;
+                sought.look_at_level(&samples, expected, sign, &mut found, progress)?;
             }
         }
     }
     progress.check()?;
     if let Some(scale) = true_scale {
-        finalists.retain(|f| TRUE_SIZES.contains(&(f.finalist.fit.pose.scale / scale)));
+        found.retain(|f| TRUE_SIZES.contains(&(f.candidate.fit.pose.scale / scale)));
     }
-    sought.best(surface, finalists, progress)
+    sought.best(surface, found, progress)
 }
 
 impl Sought<'_> {
@@ -135,36 +135,42 @@ impl Sought<'_> {
         samples: &Samples,
         expected: f64,
         sign: f64,
-        finalists: &mut Vec<ClassFinalist>,
+        found: &mut Vec<ClassCandidate>,
         progress: &Progress,
     ) -> Result<(), Canceled> {
         let grid = CellGrid::new(&samples.points, 0.18 * expected);
         let features = features(samples, &grid, expected);
         let places = places(samples, &grid, &features, expected, sign);
         let target = Target { samples, grid: &grid, sign };
-        let candidates: Vec<(&SelectiveTriangle, Candidate)> = self
+        let candidates: Vec<(&SelectiveTriangle, TriangleCandidate)> = self
             .class
             .triangles
             .iter()
             .flat_map(|t| t.candidates(&places, expected, self.class.expected_mm).into_iter().map(move |c| (t, c)))
             .collect();
-        let looks = candidates.par_iter().map(|(triangle, candidate)| {
+        let looked = candidates.par_iter().map(|(triangle, candidate)| {
             progress.check()?;
             Ok(self.first_look(&target, triangle, candidate, sign))
         });
-        finalists.extend(looks.collect::<Result<Vec<ClassFinalist>, Canceled>>()?);
+        found.extend(looked.collect::<Result<Vec<ClassCandidate>, Canceled>>()?);
         Ok(())
     }
 
-    fn first_look(&self, target: &Target, from: &SelectiveTriangle, to: &Candidate, sign: f64) -> ClassFinalist {
+    fn first_look(
+        &self,
+        target: &Target,
+        from: &SelectiveTriangle,
+        to: &TriangleCandidate,
+        sign: f64,
+    ) -> ClassCandidate {
         let (standard, outward) = (from.detected(), from.outward());
         let pose = Similarity::of_triangles(&standard, &outward, &to.triangle, &to.outward);
         let start = Placement { pose, weights: Weights::zeros() };
         let placement = fit_pose(target, &self.template, &start, &FIRST_LOOK);
         let shape = to.triangle.shape(&to.outward);
         let fit = score(target, &self.template, FIRST_LOOK.points, &placement);
-        ClassFinalist {
-            finalist: Finalist { fit, sign },
+        ClassCandidate {
+            candidate: Candidate { fit, sign },
             matching_error_mm: shape.matching_error(&standard.shape(&outward), standard.size()),
         }
     }
@@ -172,21 +178,21 @@ impl Sought<'_> {
     /// The best of the second looks at the best of the first that stand at places of their own; ties by order.
     fn best(
         &self,
-        surface: &Oriented,
-        finalists: Vec<ClassFinalist>,
+        surface: &SampledSurface,
+        found: Vec<ClassCandidate>,
         progress: &Progress,
     ) -> Result<Option<Found>, Canceled> {
         let corners: Vec<Point3> = self.class.triangles.iter().flat_map(|t| t.detected().corners).collect();
-        let kept = distinct(finalists, &corners, FINALISTS, HOPELESS);
-        let mut best: Option<ClassFinalist> = None;
+        let kept = distinct(found, &corners, CANDIDATES, HOPELESS);
+        let mut best: Option<ClassCandidate> = None;
         for place in &kept {
             progress.check()?;
             let look = self.second_look(surface, place);
-            if best.as_ref().is_none_or(|best| look.finalist.is_better_than(&best.finalist)) {
+            if best.as_ref().is_none_or(|best| look.candidate.is_better_than(&best.candidate)) {
                 best = Some(look);
             }
         }
-        let found = |ClassFinalist { finalist: Finalist { fit, .. }, matching_error_mm }: ClassFinalist| Found {
+        let found = |ClassCandidate { candidate: Candidate { fit, .. }, matching_error_mm }: ClassCandidate| Found {
             pose: fit.pose,
             residual_mm: fit.residual_mm,
             observed: fit.observed,
@@ -195,8 +201,8 @@ impl Sought<'_> {
         Ok(best.map(found))
     }
 
-    fn second_look(&self, surface: &Oriented, place: &ClassFinalist) -> ClassFinalist {
-        let Finalist { fit, sign } = &place.finalist;
+    fn second_look(&self, surface: &SampledSurface, place: &ClassCandidate) -> ClassCandidate {
+        let Candidate { fit, sign } = &place.candidate;
         let pose = &fit.pose;
         let spacing = FINE_SPACING_MM * pose.scale;
         let reach = (self.reach_mm + FINE_MARGIN_MM) * pose.scale;
@@ -206,6 +212,6 @@ impl Sought<'_> {
         let search = Search { points: self.template.len(), ..SECOND_LOOK };
         let placement = fit_pose(&target, &self.template, &fit.placement(), &search);
         let fit = score(&target, &self.template, search.points, &placement);
-        ClassFinalist { finalist: Finalist { fit, ..place.finalist }, ..*place }
+        ClassCandidate { candidate: Candidate { fit, ..place.candidate }, ..*place }
     }
 }

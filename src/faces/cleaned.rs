@@ -4,8 +4,8 @@
 
 use rayon::prelude::*;
 
-use crate::geometry::cleaning::support::{self, Support};
-use crate::geometry::cleaning::{Survey, strays};
+use crate::geometry::cleaning::support_plane::{self, Support};
+use crate::geometry::cleaning::{CoarseScan, outliers};
 use crate::geometry::coincidence::Coincidence;
 use crate::geometry::neighbours::{IndexedPoints, LocalPoint};
 use crate::geometry::normals::plane_through;
@@ -97,13 +97,13 @@ fn without_strays(surface: &Surface) -> Option<Vec<bool>> {
     let kept = match surface.mesh() {
         None => {
             let points = local(points, &middle);
-            let survey = surveyed(&points);
-            let body = strays::main_body(&survey, &(0..survey.count()).collect::<Vec<_>>())?;
+            let coarse = coarse_scans(&points);
+            let body = outliers::main_body(&coarse, &(0..coarse.count()).collect::<Vec<_>>())?;
             points.par_iter().map(|p| body.reaches(p)).collect::<Vec<bool>>()
         }
         Some(mesh) => {
-            let survey = survey_of_mesh(&mesh, &middle)?;
-            let body = strays::main_body(&survey, &(0..survey.count()).collect::<Vec<_>>())?;
+            let coarse = survey_of_mesh(&mesh, &middle)?;
+            let body = outliers::main_body(&coarse, &(0..coarse.count()).collect::<Vec<_>>())?;
             let reached: Vec<bool> = local(points, &middle).par_iter().map(|p| body.reaches(p)).collect();
             let mut kept = vec![false; points.len()];
             for face in surface.faces.iter().filter(|face| face.iter().any(|v| reached[*v as usize])) {
@@ -138,11 +138,11 @@ fn local(points: &[Point3], middle: &Vector3) -> Vec<LocalPoint> {
 }
 
 /// A cloud in a few thousand surfels.
-fn surveyed(points: &[LocalPoint]) -> Survey {
+fn coarse_scans(points: &[LocalPoint]) -> CoarseScan {
     let (indexed, spacing, noise) = measured(points);
     // what was measured on some of the points of a surface
     let share = (indexed.points.len() as f64 / points.len().max(1) as f64).sqrt();
-    Survey::new(points, spacing * share, noise)
+    CoarseScan::new(points, spacing * share, noise)
 }
 
 /// Some of the points with their median spacing and the median residual of planes through neighbours.
@@ -164,7 +164,7 @@ fn measured(points: &[LocalPoint]) -> (IndexedPoints, f64, f64) {
 }
 
 /// A mesh in a few thousand surfels, by area; `None` if it has none.
-fn survey_of_mesh(mesh: &Mesh, middle: &Vector3) -> Option<Survey> {
+fn survey_of_mesh(mesh: &Mesh, middle: &Vector3) -> Option<CoarseScan> {
     let area: f64 = (0..mesh.faces.len()).map(|face| 0.5 * mesh.area_normal(face).norm()).sum();
     let edge = (area / SURFELS).sqrt();
     if !(edge.is_normal() && edge.is_finite()) {
@@ -174,7 +174,14 @@ fn survey_of_mesh(mesh: &Mesh, middle: &Vector3) -> Option<Survey> {
     // a surfel of a full cell counts a hundred
     let counts = samples.areas.iter().map(|a| (100.0 * a / (edge * edge)).clamp(1.0, 1e6) as u32).collect();
     let normals = samples.normals.clone();
-    Some(Survey { points: local(&samples.points, middle), normals, counts, edge, spacing: edge, range_accuracy: 0.0 })
+    Some(CoarseScan {
+        points: local(&samples.points, middle),
+        normals,
+        counts,
+        edge,
+        spacing: edge,
+        range_accuracy: 0.0,
+    })
 }
 
 /// The surface without the planes that its object stands on or before, if there are any.
@@ -182,19 +189,19 @@ pub(super) fn without_supports(surface: &Surface, progress: &Progress) -> Result
     let Some(bounds) = surface.cloud.bounds() else { return Ok(None) };
     let middle = bounds.center().coords;
     let points = local(&surface.cloud.points, &middle);
-    let survey = match surface.mesh() {
+    let coarse = match surface.mesh() {
         Some(mesh) => survey_of_mesh(&mesh, &middle),
         None => {
-            let survey = surveyed(&points);
+            let coarse = coarse_scans(&points);
             progress.check()?;
             let step = points.len().div_ceil(10 * SAMPLES).max(1);
-            Some(survey.with_normals(&IndexedPoints::new(points.iter().step_by(step).copied().collect())))
+            Some(coarse.with_normals(&IndexedPoints::new(points.iter().step_by(step).copied().collect())))
         }
     };
-    let Some(survey) = survey else { return Ok(None) };
+    let Some(coarse) = coarse else { return Ok(None) };
     progress.check()?;
-    let candidates = support::bounding_planes(&survey, None);
-    let supports = support::supports(&survey, &candidates, support::AROUND, support::MOST);
+    let candidates = support_plane::bounding_planes(&coarse, None);
+    let supports = support_plane::supports(&coarse, &candidates, support_plane::AROUND, support_plane::MOST);
     progress.check()?;
     if supports.is_empty() {
         return Ok(None);

@@ -3,18 +3,18 @@
 
 use rayon::prelude::*;
 
-use super::candidates::{Candidate, candidates};
+use super::candidates::Candidate;
+use super::caps_and_pits::{Features, features, features_where, places};
 use super::dense::DenseSignature;
-use super::features::{Features, features, features_where, places};
-use super::finalists::Finalist;
 use super::landmarks::Landmarks;
-use super::looks::{GOOD_ENOUGH_MM, Looks};
 use super::modes::Weights;
-use super::oriented::Oriented;
+use super::refinement::{GOOD_ENOUGH_MM, Refinement};
+use super::sampled_surface::SampledSurface;
 use super::similarity::Similarity;
 use super::standard::{INNER_EYE_DISTANCE_MM, Standard};
 use super::target::Target;
 use super::template;
+use super::triangle_candidates::{TriangleCandidate, candidates};
 use super::verification::{Fit, KEPT_SHARE, Placement, RIGID_PROPORTIONS, Search, fit_pose, score};
 use crate::geometry::{Motion, Unit};
 use crate::progress::{Canceled, Progress};
@@ -63,7 +63,7 @@ const FIRST_LOOK: Search = Search {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Detection {
     /// The facial triangles of the levels that were searched, cheapest first; see [`detect`].
-    pub candidates: Vec<Candidate>,
+    pub candidates: Vec<TriangleCandidate>,
     /// The best fit of the standard's surface, if any triangle was worth a closer look.
     pub face: Option<FoundFace>,
 }
@@ -107,9 +107,14 @@ impl FoundFace {
 
 /// Finds the facial triangles and verifies the best, from the coarsest level to the finest. Once a face is found, finer
 /// levels are searched for its own triangles only. `progress` is asked between levels.
-pub fn detect(surface: &Oriented, unit: Unit, standard: &Standard, progress: &Progress) -> Result<Detection, Canceled> {
-    let (mut candidates, mut finalists) = (Vec::new(), Vec::new());
-    let mut looks = Looks::new(surface, unit, standard);
+pub fn detect(
+    surface: &SampledSurface,
+    unit: Unit,
+    standard: &Standard,
+    progress: &Progress,
+) -> Result<Detection, Canceled> {
+    let (mut candidates, mut fitted) = (Vec::new(), Vec::new());
+    let mut looks = Refinement::new(surface, unit, standard);
     for (expected, samples) in sampled_levels(surface, unit, progress)?.iter().rev() {
         progress.check()?;
         let face = looks.face();
@@ -127,18 +132,18 @@ pub fn detect(surface: &Oriented, unit: Unit, standard: &Standard, progress: &Pr
         let mut first_looks = level.first_looks(&found, progress)?;
         first_looks.retain(|f| is_true_size(f.fit.pose.scale, unit));
         looks.take_if_likely(&first_looks, progress)?;
-        finalists.extend(first_looks);
+        fitted.extend(first_looks);
         candidates.extend(found.into_iter().map(|(candidate, _)| candidate));
     }
     progress.check()?;
-    looks.take_at_best_of(finalists, progress)?;
+    looks.take_at_best_of(fitted, progress)?;
     candidates.retain(|c| is_true_size(c.triangle().size() / standard.detected.size(), unit));
     candidates.sort_by(|a, b| a.cost(standard).total().total_cmp(&b.cost(standard).total()));
     Ok(Detection { candidates, face: looks.closest(progress)? })
 }
 
 /// Expected inner-eye distances in the file's unit, finest first, and the surface sampled for each.
-fn sampled_levels(surface: &Oriented, unit: Unit, progress: &Progress) -> Result<Vec<(f64, Samples)>, Canceled> {
+fn sampled_levels(surface: &SampledSurface, unit: Unit, progress: &Progress) -> Result<Vec<(f64, Samples)>, Canceled> {
     let diagonal = surface.bounds.diagonal();
     let expected: Vec<f64> = match unit.in_mm() {
         Some(mm) => LEVELS_OF_TRUE_SIZE.iter().map(|share| share * INNER_EYE_DISTANCE_MM / mm).collect(),
@@ -180,7 +185,7 @@ struct Level<'a> {
 
 impl Level<'_> {
     /// Its triangles, cheapest first on either side, with the factor that turns normals outward.
-    fn triangles(&self, side: Side) -> Vec<(Candidate, f64)> {
+    fn triangles(&self, side: Side) -> Vec<(TriangleCandidate, f64)> {
         let features = features(self.samples, &self.grid, self.expected);
         let of_side =
             |&sign: &f64| self.candidates(&features, sign).into_iter().map(move |candidate| (candidate, sign));
@@ -188,33 +193,33 @@ impl Level<'_> {
     }
 
     /// The triangles that stand on a face.
-    fn triangles_of(&self, face: &Finalist) -> Vec<Candidate> {
+    fn triangles_of(&self, face: &Candidate) -> Vec<TriangleCandidate> {
         let features = features_where(self.samples, &self.grid, self.expected, |point| face.reaches(point));
         self.candidates(&features, face.sign)
     }
 
-    fn candidates(&self, features: &Features, sign: f64) -> Vec<Candidate> {
+    fn candidates(&self, features: &Features, sign: f64) -> Vec<TriangleCandidate> {
         let places = places(self.samples, &self.grid, features, self.expected, sign);
         candidates(&places, self.expected, self.standard)
     }
 
     /// The first look at every triangle that is cheap enough.
-    fn first_looks(&self, found: &[(Candidate, f64)], progress: &Progress) -> Result<Vec<Finalist>, Canceled> {
+    fn first_looks(&self, found: &[(TriangleCandidate, f64)], progress: &Progress) -> Result<Vec<Candidate>, Canceled> {
         let promising: Vec<_> = found.iter().filter(|(c, _)| c.cost(self.standard).total() < MOST_COST).collect();
-        let look = |(candidate, sign): &&(Candidate, f64)| {
+        let look = |(candidate, sign): &&(TriangleCandidate, f64)| {
             progress.check()?;
             Ok(self.first_look(candidate, *sign))
         };
         promising.par_iter().map(look).collect()
     }
 
-    fn first_look(&self, candidate: &Candidate, sign: f64) -> Finalist {
+    fn first_look(&self, candidate: &TriangleCandidate, sign: f64) -> Candidate {
         let target = Target { samples: self.samples, grid: &self.grid, sign };
         let (ours, theirs) = (&self.standard.detected, candidate.triangle());
         let pose = Similarity::of_triangles(ours, &self.standard.outward, &theirs, &candidate.outward());
         let start = Placement { pose, weights: Weights::zeros() };
         let placement = fit_pose(&target, template::face(), &start, &FIRST_LOOK);
-        Finalist { fit: score(&target, template::face(), FIRST_LOOK.points, &placement), sign }
+        Candidate { fit: score(&target, template::face(), FIRST_LOOK.points, &placement), sign }
     }
 }
 

@@ -1,10 +1,10 @@
 //! Is it of the standard's class? The verdict on a signature, by either method.
 
 use super::alignment::sum_of_distances;
-use super::candidates::Cost;
 use super::signature::Signature;
 use super::standard::Standard;
 use super::triangle::Triangle;
+use super::triangle_candidates::Cost;
 use super::verification::Fit;
 use crate::geometry::{Point3, Vector3};
 

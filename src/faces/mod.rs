@@ -4,21 +4,20 @@
 //! and its facial triangles ([`detection`]), whose corners have roles by curvature class.
 
 pub mod alignment;
-pub mod candidates;
+pub(crate) mod candidates;
+pub mod caps_and_pits;
 pub mod cleaned;
 pub mod dense;
 pub mod detection;
-pub mod features;
-pub(crate) mod finalists;
 pub mod judgement;
 pub mod landmarks;
-mod looks;
 pub mod lower_face;
 pub mod modes;
 mod modes_table;
-pub mod oriented;
+mod refinement;
 pub mod relief;
 mod relief_table;
+pub mod sampled_surface;
 pub mod signature;
 pub mod similarity;
 pub mod spline;
@@ -26,20 +25,21 @@ pub mod standard;
 pub mod target;
 pub mod template;
 pub mod triangle;
+pub mod triangle_candidates;
 pub mod verification;
 
 pub use crate::saliency::ShapeProfile;
 pub use alignment::sum_of_distances;
-pub use candidates::{Candidate, Cost};
 pub use cleaned::LeftOut;
 pub use dense::DenseSignature;
 use detection::Detection;
 pub use judgement::{MatchMethod, Verdict, judge};
 pub use landmarks::Landmarks;
-use oriented::{Form, Oriented};
+use sampled_surface::{Form, SampledSurface};
 pub use signature::{Signature, SignatureError, SignatureSummary, Size};
 pub use standard::Standard;
 pub use triangle::{Shape, Triangle};
+pub use triangle_candidates::{Cost, TriangleCandidate};
 
 use crate::geometry::{Bounds, Mesh, Motion, Surface, Unit, Vector3, own_frame};
 use crate::progress::{Canceled, Progress, Stage};
@@ -151,12 +151,12 @@ impl Prepared {
     }
 
     /// What the detector samples.
-    pub(crate) fn oriented(&self, bounds: Bounds) -> Oriented<'_> {
+    pub(crate) fn oriented(&self, bounds: Bounds) -> SampledSurface<'_> {
         let (form, side) = match self {
             Prepared::Mesh { mesh, side } => (Form::Mesh(mesh), *side),
             Prepared::Cloud { cloud, patches } => (Form::Cloud(patches), cloud.side),
         };
-        Oriented { form, bounds, side }
+        SampledSurface { form, bounds, side }
     }
 }
 

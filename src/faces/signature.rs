@@ -1,12 +1,12 @@
 //! What is stored of a model for retrieval, and its bytes.
 
-use super::candidates::Candidate;
 use super::cleaned::LeftOut;
 use super::dense::DenseSignature;
 use super::detection::{Detection, FoundFace};
 use super::landmarks::Landmarks;
 use super::modes::{LANDMARKS, MODES, Weights};
 use super::similarity::Similarity;
+use super::triangle_candidates::TriangleCandidate;
 use super::verification::Fit;
 use crate::geometry::{Motion, Point3, Unit, Vector3};
 use crate::saliency::{Region, ShapeProfile};
@@ -164,8 +164,8 @@ impl Signature {
     }
 
     /// The facial triangles.
-    pub fn candidates(&self) -> impl Iterator<Item = Candidate> + '_ {
-        self.triangles.iter().map(|t| Candidate {
+    pub fn candidates(&self) -> impl Iterator<Item = TriangleCandidate> + '_ {
+        self.triangles.iter().map(|t| TriangleCandidate {
             corners: [0, 3, 6].map(|k| self.position(&t[k..k + 3])),
             normals: [9, 12, 15].map(|k| vector(&t[k..k + 3])),
             strengths: [18, 19, 20].map(|k| f64::from(t[k])),

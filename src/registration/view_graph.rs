@@ -18,10 +18,10 @@ pub struct ViewGraph {
 pub const LEAST_OVERLAP: f64 = 0.1;
 
 impl ViewGraph {
-    /// All pairs whose mutual overlap exceeds `min_overlap`, and for each view at least its best `partners` pairs: a
+    /// All pairs whose mutual overlap exceeds `min_overlap`, and for each view at least its best `min_degree` pairs: a
     /// view that hangs on one pair goes wherever that pair goes. If they leave the views in pieces, the best pairs
     /// between pieces are added, as many as join them. No pair below [`LEAST_OVERLAP`] is taken.
-    pub fn choose(overlaps: &OverlapMatrix, min_overlap: f64, partners: usize) -> Self {
+    pub fn choose(overlaps: &OverlapMatrix, min_overlap: f64, min_degree: usize) -> Self {
         let n = overlaps.rows().len();
         let mut candidates: Vec<(usize, usize)> = (0..n).flat_map(|i| (i + 1..n).map(move |j| (i, j))).collect();
         candidates.retain(|&(i, j)| overlaps.mutual(i, j) > min_overlap.min(LEAST_OVERLAP));
@@ -33,7 +33,7 @@ impl ViewGraph {
         for (i, j) in candidates {
             let overlap = overlaps.mutual(i, j);
             let joins = groups.join(i, j);
-            if overlap > min_overlap || joins || degrees[i] < partners || degrees[j] < partners {
+            if overlap > min_overlap || joins || degrees[i] < min_degree || degrees[j] < min_degree {
                 graph.pairs.push((i, j));
                 graph.min_overlap = graph.min_overlap.min(overlap);
                 degrees[i] += 1;

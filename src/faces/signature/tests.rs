@@ -12,7 +12,7 @@ pub(crate) fn example(seed: f64, count: usize) -> Signature {
             mean_curvature: if k % 3 == 0 { -1.0 } else { 1.0 },
         })
         .collect();
-    let candidate = Candidate {
+    let candidate = TriangleCandidate {
         corners: [Point3::new(-2.0, 3.3, 9.2), Point3::new(2.0, 3.3, 9.2), Point3::new(seed.cos(), -0.3, 12.9)],
         normals: [Vector3::z(); 3],
         strengths: [2.5, 2.6, 4.0],

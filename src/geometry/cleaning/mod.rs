@@ -1,8 +1,8 @@
-//! What of one scan or model is not the object: planes that it stands on or before ([`support`]), points far off
-//! ([`strays`]). Each is looked at alone, by a coarse [`Survey`].
+//! What of one scan or model is not the object: planes that it stands on or before ([`support_plane`]), points far off
+//! ([`outliers`]). Each is looked at alone, by a coarse [`CoarseScan`].
 
-pub mod strays;
-pub mod support;
-mod survey;
+mod coarse_scan;
+pub mod outliers;
+pub mod support_plane;
 
-pub use survey::Survey;
+pub use coarse_scan::CoarseScan;

@@ -52,7 +52,7 @@ pub struct Level {
     /// Queries of a view by which its overlaps are measured, at most; all if absent.
     pub overlap_samples: Option<usize>,
     /// Pairs that a view gets even if none of them exceeds xi_0.
-    pub partners: usize,
+    pub min_degree: usize,
     /// What ICP keeps.
     pub trim: TrimRule,
     /// When ICP is content.
@@ -91,7 +91,7 @@ const COARSE: Level = Level {
     max_iterations: 40,
     settled: 0.5,
     overlap_samples: None,
-    partners: 0,
+    min_degree: 0,
     trim: TrimRule::Search,
     stop: StopRule::Adaptive,
 };
@@ -105,7 +105,7 @@ const FINE: Level = Level {
     max_iterations: 20,
     settled: 0.03,
     overlap_samples: None,
-    partners: 0,
+    min_degree: 0,
     trim: TrimRule::Overlap,
     stop: StopRule::Adaptive,
 };
@@ -121,7 +121,7 @@ const PAPER: Level = Level {
     max_iterations: 20,
     settled: 0.1,
     overlap_samples: Some(2000),
-    partners: 0,
+    min_degree: 0,
     trim: TrimRule::Overlap,
     stop: StopRule::Adaptive,
 };

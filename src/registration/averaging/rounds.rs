@@ -86,7 +86,7 @@ impl LevelRun<'_> {
             progress.report(Stage::Registering, share(round));
             let length = tolerance * self.spacing;
             state.overlaps = overlaps(&self.targets, &samples, &state.local_poses, length, progress)?;
-            let graph = ViewGraph::choose(&state.overlaps, self.options.min_overlap, self.level.partners);
+            let graph = ViewGraph::choose(&state.overlaps, self.options.min_overlap, self.level.min_degree);
             state.pairs = self.register_pairs(&graph, length, state, progress)?;
             let before = state.local_poses.clone();
             let averaging_rounds = agree(agreement, self.views, self.spacing, state);

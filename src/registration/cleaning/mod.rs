@@ -8,8 +8,8 @@ pub mod copies;
 
 use rayon::prelude::*;
 
-use crate::geometry::cleaning::support::{Support, ToScanner};
-use crate::geometry::cleaning::{Survey, strays, support};
+use crate::geometry::cleaning::support_plane::{Support, ToScanner};
+use crate::geometry::cleaning::{CoarseScan, outliers, support_plane};
 use crate::geometry::neighbours::LocalPoint;
 use crate::progress::{Canceled, Progress};
 use crate::registration::sensor::Sensor;
@@ -37,7 +37,7 @@ const LEAST_REST: f64 = 0.02;
 /// A view as it is looked at.
 struct Look<'a> {
     view: &'a View,
-    survey: Survey,
+    coarse: CoarseScan,
     candidates: Vec<Support>,
     supports: Vec<Support>,
 }
@@ -45,32 +45,34 @@ struct Look<'a> {
 /// Looks for what is not the object in all views of a set. `sensors` tell where the scanner stood (local frame), where
 /// that is known.
 pub fn clean(views: &[View], sensors: &[Option<Sensor>], progress: &Progress) -> Result<Vec<LeftOut>, Canceled> {
-    let surveyed: Vec<(Survey, bool)> = views
+    let coarse_scans: Vec<(CoarseScan, bool)> = views
         .par_iter()
         .with_max_len(1)
         .map(|view| {
             progress.check()?;
-            let survey = Survey::new(view.points(), view.spacing, view.range_accuracy);
-            let may_have_support = support::may_have_support(&survey);
-            Ok((survey, may_have_support))
+            let coarse = CoarseScan::new(view.points(), view.spacing, view.range_accuracy);
+            let may_have_support = support_plane::may_have_support(&coarse);
+            Ok((coarse, may_have_support))
         })
         .collect::<Result<_, Canceled>>()?;
-    let likely = surveyed.iter().filter(|(_, may_have_support)| *may_have_support).count();
-    let surveys = surveyed.into_iter().map(|(survey, _)| survey).collect();
+    let likely = coarse_scans.iter().filter(|(_, may_have_support)| *may_have_support).count();
+    let coarse_scans = coarse_scans.into_iter().map(|(coarse, _)| coarse).collect();
     let looks = if is_believed(likely, views.len()) {
-        closer_looks(views, surveys, sensors, progress)?
+        closer_looks(views, coarse_scans, sensors, progress)?
     } else {
-        let look = |(view, survey)| Look { view, survey, candidates: Vec::new(), supports: Vec::new() };
-        views.iter().zip(surveys).map(look).collect()
+        let look = |(view, coarse)| Look { view, coarse, candidates: Vec::new(), supports: Vec::new() };
+        views.iter().zip(coarse_scans).map(look).collect()
     };
     let expected = expected_supports(&looks);
     let left_out = |look: &Look| {
         let supports = match (expected, look.supports.len()) {
             (0, _) => Vec::new(),
-            (most, 0) => support::supports(&look.survey, &look.candidates, support::AROUND_IF_EXPECTED, most),
+            (most, 0) => {
+                support_plane::supports(&look.coarse, &look.candidates, support_plane::AROUND_IF_EXPECTED, most)
+            }
             _ => look.supports.clone(),
         };
-        LeftOut::of(look.view, &look.survey, &supports)
+        LeftOut::of(look.view, &look.coarse, &supports)
     };
     Ok(looks.par_iter().with_max_len(1).map(left_out).collect())
 }
@@ -78,19 +80,19 @@ pub fn clean(views: &[View], sensors: &[Option<Sensor>], progress: &Progress) ->
 /// Looks at each scan by itself for what its object may stand on.
 fn closer_looks<'a>(
     views: &'a [View],
-    surveys: Vec<Survey>,
+    coarse_scans: Vec<CoarseScan>,
     sensors: &[Option<Sensor>],
     progress: &Progress,
 ) -> Result<Vec<Look<'a>>, Canceled> {
-    let look = |((view, survey), sensor): ((&'a View, Survey), &Option<Sensor>)| {
+    let look = |((view, coarse), sensor): ((&'a View, CoarseScan), &Option<Sensor>)| {
         progress.check()?;
-        let survey = survey.with_normals(&view.indexed);
+        let coarse = coarse.with_normals(&view.indexed);
         let to_scanner = sensor.map(|sensor| move |point: &LocalPoint| sensor.direction_from(point));
-        let candidates = support::bounding_planes(&survey, to_scanner.as_ref().map(|toward| toward as ToScanner));
-        let supports = support::supports(&survey, &candidates, support::AROUND, support::MOST);
-        Ok(Look { view, survey, candidates, supports })
+        let candidates = support_plane::bounding_planes(&coarse, to_scanner.as_ref().map(|toward| toward as ToScanner));
+        let supports = support_plane::supports(&coarse, &candidates, support_plane::AROUND, support_plane::MOST);
+        Ok(Look { view, coarse, candidates, supports })
     };
-    views.par_iter().zip(surveys).zip(sensors).with_max_len(1).map(look).collect()
+    views.par_iter().zip(coarse_scans).zip(sensors).with_max_len(1).map(look).collect()
 }
 
 /// Whether so many scans of a set are enough to believe what they show.
@@ -106,11 +108,11 @@ fn expected_supports(looks: &[Look]) -> usize {
 }
 
 impl LeftOut {
-    fn of(view: &View, survey: &Survey, supports: &[Support]) -> Self {
+    fn of(view: &View, coarse: &CoarseScan, supports: &[Support]) -> Self {
         let is_supporting = |p: &nalgebra::Vector3<f64>| supports.iter().any(|support| support.holds(p));
         let points = || view.points().iter().map(|p| nalgebra::Vector3::from(*p).cast::<f64>());
-        let rest: Vec<usize> = (0..survey.count()).filter(|surfel| !is_supporting(&survey.position(*surfel))).collect();
-        let body = strays::main_body(survey, &rest);
+        let rest: Vec<usize> = (0..coarse.count()).filter(|surfel| !is_supporting(&coarse.position(*surfel))).collect();
+        let body = outliers::main_body(coarse, &rest);
         if supports.is_empty() && body.is_none() {
             return LeftOut::default();
         }

@@ -47,9 +47,9 @@ pub struct Pass {
     /// A step that moves nothing farther (in spacings) ends the pass.
     pub settled: f64,
     /// Before its last steps only every so-manieth surfel asks.
-    pub sparing: usize,
+    pub query_stride: usize,
     /// Pairs that a view gets even if they overlap less.
-    pub partners: usize,
+    pub min_degree: usize,
 }
 
 /// The passes, coarse to fine. The first reaches as far as rough poses are wrong, some 0.4 of an object's radius; the
@@ -65,8 +65,8 @@ pub const PASSES: [Pass; 2] = [
         first_distance: 2.9,
         last_distance: 1.0,
         settled: 0.5,
-        sparing: 1,
-        partners: 2,
+        query_stride: 1,
+        min_degree: 2,
     },
     Pass {
         surfels: 4000.0,
@@ -75,8 +75,8 @@ pub const PASSES: [Pass; 2] = [
         first_distance: 2.45,
         last_distance: 1.03,
         settled: 0.05,
-        sparing: 3,
-        partners: 4,
+        query_stride: 3,
+        min_degree: 4,
     },
 ];
 
@@ -196,14 +196,14 @@ impl Run<'_> {
         let samples: Vec<Vec<LocalPoint>> = surfels.iter().map(sampled).collect();
         let samples: Vec<&[LocalPoint]> = samples.iter().map(Vec::as_slice).collect();
         state.overlaps = overlaps(&targets, &samples, &state.local_poses, pass.tolerance * edge, self.progress)?;
-        let mut graph = ViewGraph::choose(&state.overlaps, OVERLAP_SHARE * self.options.min_overlap, pass.partners);
+        let mut graph = ViewGraph::choose(&state.overlaps, OVERLAP_SHARE * self.options.min_overlap, pass.min_degree);
         graph.pairs.retain(|(i, j)| !(self.fixed.contains(i) && self.fixed.contains(j)));
         let refine_options = RefineOptions {
             first_distance: pass.first_distance * edge,
             last_distance: pass.last_distance * edge,
             max_steps: MAX_STEPS,
             settled: pass.settled * self.spacing,
-            sparing: pass.sparing,
+            query_stride: pass.query_stride,
         };
         let anchors = self.anchors(&graph);
         let refined = refine::<D>(surfels, &state.local_poses, &graph.pairs, &anchors, &refine_options, self.progress)?;

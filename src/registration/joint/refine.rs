@@ -22,7 +22,7 @@ pub struct RefineOptions {
     /// Steps that move no surfel farther than this end it.
     pub settled: f64,
     /// Until a step moves none farther than ten times that, only every so-manieth surfel asks.
-    pub sparing: usize,
+    pub query_stride: usize,
 }
 
 /// What the refinement did.
@@ -70,7 +70,7 @@ pub fn refine<const D: usize>(
     let mut refined = Refined { local_poses: local_poses.to_vec(), scales, steps: 0, rms: f64::INFINITY };
     let mut distance = options.first_distance;
     let mut scale = distance;
-    let mut sparing = options.sparing.max(1);
+    let mut query_stride = options.query_stride.max(1);
     while refined.steps < options.max_steps {
         progress.check()?;
         let middle = Motion::from(nalgebra::Translation3::from(mean_position(&refined.local_poses)));
@@ -84,7 +84,7 @@ pub fn refine<const D: usize>(
                 progress.check()?;
                 let placement = Placement::between((&centered[b], scales[b]), (&centered[a], scales[a]));
                 let reach = Reach { distance: distance / scales[b], scale: scale / scales[b] };
-                let sums = assemble::<D>(&surfels[a], &surfels[b], &placement, &reach, sparing, search);
+                let sums = assemble::<D>(&surfels[a], &surfels[b], &placement, &reach, query_stride, search);
                 Ok(sums.into_world(&centered[b], scales[b]))
             })
             .collect::<Result<_, Canceled>>()?;
@@ -102,8 +102,8 @@ pub fn refine<const D: usize>(
         scale = scale.min(KERNEL * refined.rms);
         let last = distance <= options.last_distance;
         distance = (SHRINK * distance).max(options.last_distance);
-        if last && sparing > 1 && largest < UNSETTLED * options.settled {
-            sparing = 1;
+        if last && query_stride > 1 && largest < UNSETTLED * options.settled {
+            query_stride = 1;
             searches.par_iter_mut().for_each(|search| search.asked_at = None);
         } else if last && largest < options.settled {
             break;
@@ -215,14 +215,14 @@ fn assemble<const D: usize>(
     b: &Surfels,
     placement: &Placement,
     &Reach { distance, scale }: &Reach,
-    sparing: usize,
+    query_stride: usize,
     search: &mut Search,
 ) -> NormalEquations<D> {
     let ask_all = search.must_ask_all(placement, a.radius, distance);
     if ask_all {
         search.asked_at = Some(*placement);
         search.active.clear();
-        search.active.extend((0..search.pursuits.len() as u32).step_by(sparing));
+        search.active.extend((0..search.pursuits.len() as u32).step_by(query_stride));
     }
     let motion = placement.motion.cast::<f32>();
     let ratio = placement.ratio as f32;

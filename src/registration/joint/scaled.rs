@@ -17,7 +17,7 @@ use crate::registration::view::{View, common_spacing};
 
 /// Once more after the last pass: the surfels of a view that has been scaled are not those that its scale was refined
 /// with, and scales settle more slowly than poses.
-const FINISH: Pass = Pass { settled: 0.01, sparing: 1, first_distance: PASSES[1].last_distance, ..PASSES[1] };
+const FINISH: Pass = Pass { settled: 0.01, query_stride: 1, first_distance: PASSES[1].last_distance, ..PASSES[1] };
 
 /// Registers `views` from the poses of their scans (`pose_world`), and scales all but the `fixed` ones. Answers with the
 /// views as scaled ([`View::scale`] tells by how much) and their registration.

@@ -14,7 +14,7 @@ use rayon::prelude::*;
 use crate::faces::dense::{DenseSignature, UNSEEN};
 use crate::faces::detection::{Detection, FoundFace};
 use crate::faces::template::TEMPLATE_POINTS;
-use crate::faces::{self, Candidate, ShapeProfile, Signature, Size};
+use crate::faces::{self, ShapeProfile, Signature, Size, TriangleCandidate};
 use crate::geometry::{Cloud, Mesh, Point3, Surface, Unit};
 use crate::progress::Progress;
 use crate::synthetic::head::{Proportions, head};
@@ -90,8 +90,8 @@ impl Population {
                 region
             })
             .collect();
-        let candidates: Vec<Candidate> =
-            base.candidates().map(|c| Candidate { corners: c.corners.map(|p| moved(&p)), ..c }).collect();
+        let candidates: Vec<TriangleCandidate> =
+            base.candidates().map(|c| TriangleCandidate { corners: c.corners.map(|p| moved(&p)), ..c }).collect();
         let face = base.fit().zip(base.landmarks()).map(|(mut fit, landmarks)| {
             fit.residual_mm *= (0.15 * noise(&mut rng)).exp();
             FoundFace { fit, landmarks, dense: self.dense(&mut rng) }

@@ -1,12 +1,12 @@
 //! Closer looks at the places where the standard's surface may lie: a second fit on finer samples, other sizes, and at the
 //! best place what can be read off the surface.
 
+use super::candidates::{Candidate, distinct};
 use super::dense::DenseSignature;
 use super::detection::{FoundFace, MOST_SAMPLES, is_true_size};
-use super::finalists::{Finalist, distinct};
 use super::landmarks;
 use super::modes::Weights;
-use super::oriented::Oriented;
+use super::sampled_surface::SampledSurface;
 use super::similarity::Similarity;
 use super::standard::Standard;
 use super::target::Target;
@@ -26,7 +26,7 @@ const SECOND_LOOK: Search = Search {
     rigid_rounds: 3,
 };
 /// How many get the second look.
-const FINALISTS: usize = 4;
+const CANDIDATES: usize = 4;
 /// A first look this many times worse than the best gets none.
 const HOPELESS: f64 = 1.6;
 /// A second look that ends this near is at a face (no other thing of the public set: below 3), and no other place is
@@ -56,7 +56,7 @@ const CLOSE_REACH_MM: f64 = 95.0;
 const MIDDLE: [f64; 3] = [0.0, 20.0, 100.0];
 const CLOSE_MIDDLE: [f64; 3] = [0.0, 0.0, 100.0];
 
-impl Finalist {
+impl Candidate {
     /// Whether a point of the surface may belong to a triangle of this face, the fits around its corners included.
     pub(super) fn reaches(&self, point: &Point3) -> bool {
         let pose = &self.fit.pose;
@@ -65,38 +65,38 @@ impl Finalist {
 
     /// The plain standard at the same place, larger. Its proportions are taken back about the middle of the head: a
     /// surface that had been flattened then starts before the face, not inside it.
-    fn grown(&self, growth: f64) -> Finalist {
+    fn grown(&self, growth: f64) -> Candidate {
         let (center, still) = (Point3::from(BETWEEN_THE_EYES), Vector3::zeros());
         let grown = self.fit.pose.nudged(&center, &still, &Vector3::repeat(growth), &still);
         let pose = Similarity { stretch: Vector3::repeat(1.0), ..grown };
-        Finalist { fit: Fit { pose, weights: Weights::zeros(), ..self.fit }, ..*self }
+        Candidate { fit: Fit { pose, weights: Weights::zeros(), ..self.fit }, ..*self }
     }
 }
 
 /// The second looks taken at a surface.
-pub(super) struct Looks<'a> {
-    surface: &'a Oriented<'a>,
+pub(super) struct Refinement<'a> {
+    surface: &'a SampledSurface<'a>,
     unit: Unit,
     standard: &'a Standard,
     /// The first fits that were looked at again.
-    taken: Vec<Finalist>,
+    taken: Vec<Candidate>,
     /// The best of the second fits, and the samples around it.
-    best: Option<(Finalist, (Samples, CellGrid))>,
+    best: Option<(Candidate, (Samples, CellGrid))>,
 }
 
-impl<'a> Looks<'a> {
+impl<'a> Refinement<'a> {
     /// None yet.
-    pub(super) fn new(surface: &'a Oriented, unit: Unit, standard: &'a Standard) -> Looks<'a> {
-        Looks { surface, unit, standard, taken: Vec::new(), best: None }
+    pub(super) fn new(surface: &'a SampledSurface, unit: Unit, standard: &'a Standard) -> Refinement<'a> {
+        Refinement { surface, unit, standard, taken: Vec::new(), best: None }
     }
 
     /// The best of them, if it can only be a face.
-    pub(super) fn face(&self) -> Option<&Finalist> {
+    pub(super) fn face(&self) -> Option<&Candidate> {
         self.best.as_ref().map(|(best, _)| best).filter(|best| best.fit.residual_mm < GOOD_ENOUGH_MM)
     }
 
     /// A look at the best of a level's first fits, if it is so good that it may be a face.
-    pub(super) fn take_if_likely(&mut self, level: &[Finalist], progress: &Progress) -> Result<(), Canceled> {
+    pub(super) fn take_if_likely(&mut self, level: &[Candidate], progress: &Progress) -> Result<(), Canceled> {
         let best = level.iter().min_by(|a, b| a.fit.residual_mm.total_cmp(&b.fit.residual_mm));
         if let Some(best) = best.filter(|best| best.fit.residual_mm < LIKELY_MM) {
             self.take(best, progress)?;
@@ -105,17 +105,17 @@ impl<'a> Looks<'a> {
     }
 
     /// Looks at the best of all first fits until one shows a face.
-    pub(super) fn take_at_best_of(&mut self, finalists: Vec<Finalist>, progress: &Progress) -> Result<(), Canceled> {
-        for finalist in distinct(finalists, &self.standard.annotated.corners, FINALISTS, HOPELESS) {
+    pub(super) fn take_at_best_of(&mut self, fitted: Vec<Candidate>, progress: &Progress) -> Result<(), Canceled> {
+        for candidate in distinct(fitted, &self.standard.annotated.corners, CANDIDATES, HOPELESS) {
             if self.face().is_some() {
                 break;
             }
-            self.take(&finalist, progress)?;
+            self.take(&candidate, progress)?;
         }
         Ok(())
     }
 
-    fn take(&mut self, first: &Finalist, progress: &Progress) -> Result<(), Canceled> {
+    fn take(&mut self, first: &Candidate, progress: &Progress) -> Result<(), Canceled> {
         progress.check()?;
         if self.taken.contains(first) {
             return Ok(());
@@ -143,14 +143,14 @@ impl<'a> Looks<'a> {
     }
 }
 
-fn second_look((samples, grid): &(Samples, CellGrid), finalist: &Finalist) -> Finalist {
-    let target = Target { samples, grid, sign: finalist.sign };
-    let placement = fit_pose(&target, template::face(), &finalist.fit.placement(), &SECOND_LOOK);
-    Finalist { fit: score(&target, template::face(), SECOND_LOOK.points, &placement), sign: finalist.sign }
+fn second_look((samples, grid): &(Samples, CellGrid), candidate: &Candidate) -> Candidate {
+    let target = Target { samples, grid, sign: candidate.sign };
+    let placement = fit_pose(&target, template::face(), &candidate.fit.placement(), &SECOND_LOOK);
+    Candidate { fit: score(&target, template::face(), SECOND_LOOK.points, &placement), sign: candidate.sign }
 }
 
 /// What the surface shows at the place that was settled on.
-fn closest_look(surface: &Oriented, found: &Finalist) -> FoundFace {
+fn closest_look(surface: &SampledSurface, found: &Candidate) -> FoundFace {
     let (samples, grid) = around(surface, &found.fit.pose, CLOSE_MIDDLE, CLOSE_SPACING_MM, CLOSE_REACH_MM);
     let target = Target { samples: &samples, grid: &grid, sign: found.sign };
     let placement = found.fit.placement();
@@ -163,7 +163,7 @@ fn closest_look(surface: &Oriented, found: &Finalist) -> FoundFace {
 
 /// Samples of the surface around a place of the face; all in mm on the standard.
 fn around(
-    surface: &Oriented,
+    surface: &SampledSurface,
     pose: &Similarity,
     middle: [f64; 3],
     spacing_mm: f64,
@@ -189,7 +189,7 @@ fn around(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::faces::oriented::Form;
+    use crate::faces::sampled_surface::Form;
     use crate::geometry::{Mesh, Motion};
     use crate::saliency::Side;
 
@@ -206,29 +206,29 @@ mod tests {
         mesh
     }
 
-    fn first_fit(shift: Vector3) -> Finalist {
+    fn first_fit(shift: Vector3) -> Candidate {
         let motion = Motion::new(shift, Vector3::zeros());
         let pose = Similarity { scale: 1.0, stretch: Vector3::repeat(1.0), motion };
-        Finalist { fit: Fit { pose, weights: Weights::zeros(), residual_mm: 3.0, observed: 1.0 }, sign: 1.0 }
+        Candidate { fit: Fit { pose, weights: Weights::zeros(), residual_mm: 3.0, observed: 1.0 }, sign: 1.0 }
     }
 
     #[test]
     fn once_a_face_is_found_no_other_place_is_looked_at() {
         let mesh = template::tests::relief_mesh();
         let bounds = mesh.bounds().expect("it has vertices");
-        let surface = Oriented { form: Form::Mesh(&mesh), bounds, side: Side::Outward };
+        let surface = SampledSurface { form: Form::Mesh(&mesh), bounds, side: Side::Outward };
         let standard = crate::faces::standard::face();
-        let mut looks = Looks::new(&surface, Unit::Unknown, &standard);
+        let mut looks = Refinement::new(&surface, Unit::Unknown, &standard);
         let [amiss, near] = [Vector3::new(-45.0, 20.0, 15.0), Vector3::new(2.0, -2.0, 1.0)].map(first_fit);
         let silent = Progress::silent();
-        let unlikely = Finalist { fit: Fit { residual_mm: LIKELY_MM, ..near.fit }, ..near };
+        let unlikely = Candidate { fit: Fit { residual_mm: LIKELY_MM, ..near.fit }, ..near };
         looks.take_if_likely(&[unlikely], &silent).expect("not canceled");
         assert!(looks.taken.is_empty(), "not good enough for a look before finer levels");
         looks.take_if_likely(&[amiss], &silent).expect("not canceled");
         assert!(looks.face().is_none(), "half beside the face");
         // the one amiss was looked at before, the good one ends the search
-        let finalists = vec![amiss, near, first_fit(Vector3::new(0.0, 25.0, 0.0))];
-        looks.take_at_best_of(finalists, &silent).expect("not canceled");
+        let fitted = vec![amiss, near, first_fit(Vector3::new(0.0, 25.0, 0.0))];
+        looks.take_at_best_of(fitted, &silent).expect("not canceled");
         assert_eq!(looks.taken, [amiss, near]);
         let face = looks.face().expect("it lies right on it");
         let nose = &standard.annotated.corners[2];
@@ -241,7 +241,7 @@ mod tests {
         let stretch = Vector3::new(1.25, 0.8, 1.0);
         let pose = Similarity { scale: 2.0, stretch, motion: Motion::translation(1.0, 2.0, 3.0) };
         let fit = Fit { pose, weights: Weights::repeat(1.0), residual_mm: 2.0, observed: 1.0 };
-        let grown = Finalist { fit, sign: -1.0 }.grown(1.25);
+        let grown = Candidate { fit, sign: -1.0 }.grown(1.25);
         assert!((grown.fit.pose.scale - 2.5).abs() < 1e-12 && grown.sign == -1.0);
         assert_eq!((grown.fit.pose.stretch, grown.fit.weights), (Vector3::repeat(1.0), Weights::zeros()));
         let between = Point3::from(BETWEEN_THE_EYES);
@@ -254,7 +254,7 @@ mod tests {
     fn a_solid_full_of_walls_is_looked_at_more_coarsely() {
         let mesh = sheets();
         let bounds = mesh.bounds().expect("it has vertices");
-        let surface = Oriented { form: Form::Mesh(&mesh), bounds, side: Side::Unknown };
+        let surface = SampledSurface { form: Form::Mesh(&mesh), bounds, side: Side::Unknown };
         let pose = Similarity { scale: 1.0, stretch: Vector3::repeat(1.0), motion: Motion::identity() };
         let (samples, _) = around(&surface, &pose, CLOSE_MIDDLE, CLOSE_SPACING_MM, CLOSE_REACH_MM);
         assert!(samples.points.len() > 10_000 && samples.points.len() <= MOST_SAMPLES, "{}", samples.points.len());

@@ -3,7 +3,7 @@
 //! Most of a scan needs no search: in the cells of a coarse grid that hold as many points as a large piece has, and in
 //! those about them, nothing is far from anything. What lies elsewhere is looked at piece by piece.
 
-use super::survey::Survey;
+use super::coarse_scan::CoarseScan;
 use crate::geometry::neighbours::{IndexedPoints, LocalPoint, distance2};
 
 /// Surfels within this many edges of each other hang together.
@@ -45,55 +45,55 @@ impl Body {
 }
 
 /// The surfels of `rest` without strays; `None` if there are none.
-pub fn main_body(survey: &Survey, rest: &[usize]) -> Option<Body> {
-    let total: f64 = rest.iter().map(|surfel| f64::from(survey.counts[*surfel])).sum();
-    let grid = Grid::new(survey, rest, (PIECE * total).max(AMPLE * total / rest.len() as f64))?;
+pub fn main_body(coarse: &CoarseScan, rest: &[usize]) -> Option<Body> {
+    let total: f64 = rest.iter().map(|surfel| f64::from(coarse.counts[*surfel])).sum();
+    let grid = Grid::new(coarse, rest, (PIECE * total).max(AMPLE * total / rest.len() as f64))?;
     let (mut body, suspects): (Vec<usize>, Vec<usize>) =
-        rest.iter().partition(|surfel| grid.is_sheltered(&survey.points[**surfel]));
+        rest.iter().partition(|surfel| grid.is_sheltered(&coarse.points[**surfel]));
     if suspects.is_empty() {
         return None;
     }
-    let at = |surfels: &[usize]| -> Vec<LocalPoint> { surfels.iter().map(|k| survey.points[*k]).collect() };
-    let count = |piece: &[usize]| piece.iter().map(|k| f64::from(survey.counts[*k])).sum::<f64>();
-    let pieces = pieces(survey, rest, &suspects);
+    let at = |surfels: &[usize]| -> Vec<LocalPoint> { surfels.iter().map(|k| coarse.points[*k]).collect() };
+    let count = |piece: &[usize]| piece.iter().map(|k| f64::from(coarse.counts[*k])).sum::<f64>();
+    let pieces = pieces(coarse, rest, &suspects);
     let (large, small): (Vec<_>, Vec<_>) = pieces.into_iter().partition(|piece| count(piece) >= PIECE * total);
     body.extend(large.into_iter().flatten());
     let trunk = IndexedPoints::new(at(&body));
     let extent = extent(&trunk.points);
     let is_near = |piece: &Vec<usize>| {
         let share = count(piece) / (PIECE * total);
-        let near = ((NEAR[0] + NEAR[1] * share) * extent).max(LINK * survey.edge);
-        piece.iter().any(|k| trunk.tree.nearest(&survey.points[*k], (near * near) as f32).is_some())
+        let near = ((NEAR[0] + NEAR[1] * share) * extent).max(LINK * coarse.edge);
+        piece.iter().any(|k| trunk.tree.nearest(&coarse.points[*k], (near * near) as f32).is_some())
     };
     body.extend(small.into_iter().filter(is_near).flatten());
-    let within = (WITHIN * survey.edge).max(BESIDE * extent);
+    let within = (WITHIN * coarse.edge).max(BESIDE * extent);
     let body = Body { grid, indexed: IndexedPoints::new(at(&body)), within2: within.powi(2) as f32 };
-    (!suspects.iter().all(|surfel| body.reaches(&survey.points[*surfel]))).then_some(body)
+    (!suspects.iter().all(|surfel| body.reaches(&coarse.points[*surfel]))).then_some(body)
 }
 
 /// Sets of the `suspects` that hang together.
-fn pieces(survey: &Survey, rest: &[usize], suspects: &[usize]) -> Vec<Vec<usize>> {
-    let indexed = IndexedPoints::new(rest.iter().map(|surfel| survey.points[*surfel]).collect());
-    let reach2 = (1.5 * survey.edge).powi(2) as f32;
+fn pieces(coarse: &CoarseScan, rest: &[usize], suspects: &[usize]) -> Vec<Vec<usize>> {
+    let indexed = IndexedPoints::new(rest.iter().map(|surfel| coarse.points[*surfel]).collect());
+    let reach2 = (1.5 * coarse.edge).powi(2) as f32;
     let around = |surfel: &usize| {
         let mut count = 0;
         indexed
             .tree
-            .for_each_within(&survey.points[*surfel], reach2, |n| count += survey.counts[rest[n.index as usize]]);
+            .for_each_within(&coarse.points[*surfel], reach2, |n| count += coarse.counts[rest[n.index as usize]]);
         f64::from(count)
     };
     let mut sampled: Vec<f64> = rest.iter().step_by(rest.len().div_ceil(TYPICAL_OF)).map(around).collect();
     let middle = sampled.len() / 2;
     let typical = *sampled.select_nth_unstable_by(middle, f64::total_cmp).1;
     let mut waiting: Vec<usize> = suspects.iter().copied().filter(|k| around(k) >= SPARSE * typical).collect();
-    let link2 = (LINK * survey.edge).powi(2) as f32;
+    let link2 = (LINK * coarse.edge).powi(2) as f32;
     let mut pieces = Vec::new();
     while let Some(first) = waiting.pop() {
         let mut piece = vec![first];
         let mut next = 0;
         while let Some(surfel) = piece.get(next).copied() {
             next += 1;
-            let is_linked = |k: &mut usize| distance2(&survey.points[*k], &survey.points[surfel]) < link2;
+            let is_linked = |k: &mut usize| distance2(&coarse.points[*k], &coarse.points[surfel]) < link2;
             piece.extend(waiting.extract_if(.., is_linked));
         }
         pieces.push(piece);
@@ -124,9 +124,9 @@ struct Grid {
 
 impl Grid {
     /// Over the surfels of `rest`; a cell of so many points is `heavy`. `None` if they have no extent.
-    fn new(survey: &Survey, rest: &[usize], heavy: f64) -> Option<Self> {
+    fn new(coarse: &CoarseScan, rest: &[usize], heavy: f64) -> Option<Self> {
         let ends = [0, 1, 2].map(|axis| {
-            let mut along: Vec<f32> = rest.iter().map(|surfel| survey.points[*surfel][axis]).collect();
+            let mut along: Vec<f32> = rest.iter().map(|surfel| coarse.points[*surfel][axis]).collect();
             let end = (ENDS * along.len() as f64) as usize;
             let last = along.len().checked_sub(1 + end)?;
             let low = *along.select_nth_unstable_by(end, f32::total_cmp).1;
@@ -138,20 +138,20 @@ impl Grid {
         if extent <= 0.0 {
             return None;
         }
-        let (edge, margin) = ((CELL as f32 * extent).max(survey.edge as f32), MARGIN as f32 * extent);
+        let (edge, margin) = ((CELL as f32 * extent).max(coarse.edge as f32), MARGIN as f32 * extent);
         let corner = ends.map(|(low, _)| low - margin);
         let cells = ends.map(|(low, high)| ((high - low + 2.0 * margin) / edge).ceil() as usize);
         let mut grid = Grid { corner, edge, cells, sheltered: vec![false; cells[0] * cells[1] * cells[2]] };
-        grid.shelter(survey, rest, heavy);
+        grid.shelter(coarse, rest, heavy);
         Some(grid)
     }
 
-    fn shelter(&mut self, survey: &Survey, rest: &[usize], heavy: f64) {
+    fn shelter(&mut self, coarse: &CoarseScan, rest: &[usize], heavy: f64) {
         let mut counts = vec![0u32; self.sheltered.len()];
-        let cell_of = |surfel: &usize| self.cell(&survey.points[*surfel]).map(|cell| self.place(cell));
+        let cell_of = |surfel: &usize| self.cell(&coarse.points[*surfel]).map(|cell| self.place(cell));
         for surfel in rest {
             if let Some(place) = cell_of(surfel) {
-                counts[place] += survey.counts[*surfel];
+                counts[place] += coarse.counts[*surfel];
             }
         }
         let about = |k: usize, cells: usize| k.saturating_sub(1)..(k + 2).min(cells);

@@ -51,9 +51,9 @@ pub struct Place {
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Places {
     /// Elliptic caps, strongest first.
-    pub noses: Vec<Place>,
+    pub caps: Vec<Place>,
     /// Elliptic pits, strongest first.
-    pub eyes: Vec<Place>,
+    pub pits: Vec<Place>,
 }
 
 /// Fits both quadrics all over the surface; `expected` is the expected inner-eye distance in the file's unit.
@@ -115,7 +115,7 @@ pub fn places(samples: &Samples, grid: &CellGrid, features: &Features, expected:
     let strongest = |kind: &Kind, fitted: &[Option<Principal>]| {
         kind.strongest(samples, grid, fitted).into_iter().map(outward).collect()
     };
-    Places { noses: strongest(&nose, &features.nose), eyes: strongest(&eye, &features.eye) }
+    Places { caps: strongest(&nose, &features.nose), pits: strongest(&eye, &features.eye) }
 }
 
 /// What is looked for at one scale, for normals as they are.
@@ -209,12 +209,12 @@ mod tests {
         let grid = CellGrid::new(&samples.points, 1.4);
         let features = features(&samples, &grid, 7.0);
         let upright = places(&samples, &grid, &features, 7.0, 1.0);
-        assert!((upright.noses[0].point.x + 10.0).abs() < 0.5, "{:?}", upright.noses[0]);
-        assert!((upright.eyes[0].point.x - 10.0).abs() < 0.5, "{:?}", upright.eyes[0]);
-        assert!((upright.noses[0].strength / 7.0 - 0.2).abs() < 0.05);
+        assert!((upright.caps[0].point.x + 10.0).abs() < 0.5, "{:?}", upright.caps[0]);
+        assert!((upright.pits[0].point.x - 10.0).abs() < 0.5, "{:?}", upright.pits[0]);
+        assert!((upright.caps[0].strength / 7.0 - 0.2).abs() < 0.05);
         let inside_out = places(&samples, &grid, &features, 7.0, -1.0);
-        assert!((inside_out.noses[0].point.x - 10.0).abs() < 0.5);
-        assert!(inside_out.noses[0].normal.z < -0.9);
+        assert!((inside_out.caps[0].point.x - 10.0).abs() < 0.5);
+        assert!(inside_out.caps[0].normal.z < -0.9);
     }
 
     #[test]
@@ -222,9 +222,9 @@ mod tests {
         let samples = plate();
         let grid = CellGrid::new(&samples.points, 1.4);
         let features = features(&samples, &grid, 7.0);
-        let noses = places(&samples, &grid, &features, 7.0, 1.0).noses;
-        for (k, nose) in noses.iter().enumerate() {
-            assert!(noses[k + 1..].iter().all(|other| (other.point - nose.point).norm() > 1.0));
+        let caps = places(&samples, &grid, &features, 7.0, 1.0).caps;
+        for (k, nose) in caps.iter().enumerate() {
+            assert!(caps[k + 1..].iter().all(|other| (other.point - nose.point).norm() > 1.0));
         }
     }
 }

@@ -19,10 +19,10 @@ const REACH: f64 = 1.2;
 const NEIGHBOURS: usize = 60;
 
 /// The surfels of a scan.
-pub struct Survey {
+pub struct CoarseScan {
     /// Positions, along a space-filling curve.
     pub points: Vec<LocalPoint>,
-    /// Unit normals, their signs arbitrary; none before [`Survey::with_normals`].
+    /// Unit normals, their signs arbitrary; none before [`CoarseScan::with_normals`].
     pub normals: Vec<Vector3>,
     /// Points in each surfel's voxel.
     pub counts: Vec<u32>,
@@ -34,8 +34,8 @@ pub struct Survey {
     pub range_accuracy: f64,
 }
 
-impl Survey {
-    /// Surveys points with this spacing and range accuracy, without normals: they cost more than all the rest, and most
+impl CoarseScan {
+    /// Looks coarsely at points with this spacing and range accuracy, without normals: they cost more than all the rest, and most
     /// sets are judged without.
     pub fn new(points: &[LocalPoint], spacing: f64, range_accuracy: f64) -> Self {
         let mut edge = spacing * (EDGE_FACTOR * (points.len() as f64 / SURFELS).sqrt()).max(FINEST_EDGE);
@@ -45,7 +45,7 @@ impl Survey {
             thinned = thin(points, edge as f32);
         }
         let Thinned { centroids: points, counts } = thinned;
-        Survey { points, normals: Vec::new(), counts, edge, spacing, range_accuracy }
+        CoarseScan { points, normals: Vec::new(), counts, edge, spacing, range_accuracy }
     }
 
     /// The same with normals, from the points that were surveyed.
@@ -57,7 +57,7 @@ impl Survey {
         let sampled = sampled.as_ref().unwrap_or(indexed);
         let reach = (REACH * self.edge) as f32;
         let normals = self.points.iter().map(|center| normal(sampled, center, reach)).collect();
-        Survey { normals, ..self }
+        CoarseScan { normals, ..self }
     }
 
     /// The number of surfels.

@@ -5,7 +5,7 @@ use crate::saliency::{Patches, Samples, Side};
 
 /// A surface ready to be sampled at any spacing, with consistent unit normals.
 #[derive(Debug, Clone, Copy)]
-pub struct Oriented<'a> {
+pub struct SampledSurface<'a> {
     /// What is sampled.
     pub form: Form<'a>,
     /// The box around it.
@@ -23,7 +23,7 @@ pub enum Form<'a> {
     Cloud(&'a Patches),
 }
 
-impl Oriented<'_> {
+impl SampledSurface<'_> {
     /// The points it was made of.
     pub(crate) fn points(&self) -> Box<dyn Iterator<Item = Point3> + '_> {
         match self.form {

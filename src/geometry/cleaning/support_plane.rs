@@ -5,7 +5,7 @@
 
 use std::f64::consts::TAU;
 
-use super::survey::Survey;
+use super::coarse_scan::CoarseScan;
 use crate::geometry::Vector3;
 use crate::geometry::neighbours::LocalPoint;
 use crate::geometry::normals::least_spread;
@@ -65,17 +65,17 @@ impl Support {
     }
 
     /// Whether the scanner stood before it.
-    fn faces(&self, survey: &Survey, to_scanner: ToScanner) -> bool {
+    fn faces(&self, coarse: &CoarseScan, to_scanner: ToScanner) -> bool {
         let Some(nearest) =
-            (0..survey.count()).find(|surfel| self.height(&survey.position(*surfel)).abs() < self.reach)
+            (0..coarse.count()).find(|surfel| self.height(&coarse.position(*surfel)).abs() < self.reach)
         else {
             return false;
         };
-        self.normal.dot(&to_scanner(&survey.points[nearest])) > 0.0
+        self.normal.dot(&to_scanner(&coarse.points[nearest])) > 0.0
     }
 
-    fn has(&self, survey: &Survey, surfel: usize, tolerance: f64) -> bool {
-        self.height(&survey.position(surfel)).abs() < tolerance && survey.normals[surfel].dot(&self.normal).abs() > LIKE
+    fn has(&self, coarse: &CoarseScan, surfel: usize, tolerance: f64) -> bool {
+        self.height(&coarse.position(surfel)).abs() < tolerance && coarse.normals[surfel].dot(&self.normal).abs() > LIKE
     }
 }
 
@@ -90,9 +90,9 @@ const NEARLY_BEHIND: f64 = 1.5;
 
 /// Whether a large plane with hardly anything behind it is to be expected, at first sight: no normals are needed. A
 /// support has so many seeds on it, and is so much larger than this asks, that none goes unseen.
-pub fn may_have_support(survey: &Survey) -> bool {
-    let count = survey.count();
-    let places: Vec<Vector3> = (0..count).map(|surfel| survey.position(surfel)).collect();
+pub fn may_have_support(coarse: &CoarseScan) -> bool {
+    let count = coarse.count();
+    let places: Vec<Vector3> = (0..count).map(|surfel| coarse.position(surfel)).collect();
     let few: Vec<Vector3> = places.iter().step_by(FEW).copied().collect();
     let is_bounding = |plane: &Support, places: &[Vector3], tolerance: f64| {
         let (on, before) = places.iter().map(|place| plane.height(place)).fold((0, 0), |(on, before), height| {
@@ -102,16 +102,16 @@ pub fn may_have_support(survey: &Survey) -> bool {
         on as f64 >= NEARLY_LARGE * LARGE * places.len() as f64 && behind <= NEARLY_BEHIND * BEHIND * on as f64
     };
     let seems_bounding = |window: &[Vector3]| {
-        let Some(mut plane) = fitted(window).filter(|plane| is_bounding(plane, &few, FITS[0] * survey.edge)) else {
+        let Some(mut plane) = fitted(window).filter(|plane| is_bounding(plane, &few, FITS[0] * coarse.edge)) else {
             return false;
         };
         for tolerance in FITS {
-            let is_on = |place: &&Vector3| plane.height(place).abs() < tolerance * survey.edge;
+            let is_on = |place: &&Vector3| plane.height(place).abs() < tolerance * coarse.edge;
             let on: Vec<Vector3> = places.iter().filter(is_on).copied().collect();
             let Some(closer) = fitted(&on) else { return false };
             plane = closer;
         }
-        is_bounding(&plane, &places, FITS[FITS.len() - 1] * survey.edge)
+        is_bounding(&plane, &places, FITS[FITS.len() - 1] * coarse.edge)
     };
     // all that follow each other near the seed lie on its plane, but at the plane's border
     places.windows(WINDOW).step_by(count.div_ceil(SEEDS).max(1)).any(seems_bounding)
@@ -119,17 +119,17 @@ pub fn may_have_support(survey: &Survey) -> bool {
 
 /// The planes, `most` at the most, that the object of a scan stands on or before; each has to go on beyond it in this
 /// share of the directions.
-pub fn supports(survey: &Survey, candidates: &[Support], around: f64, most: usize) -> Vec<Support> {
+pub fn supports(coarse: &CoarseScan, candidates: &[Support], around: f64, most: usize) -> Vec<Support> {
     // a voxel where two planes meet, or the object and a plane, lies off both
-    let near = FITS[1] * survey.edge;
+    let near = FITS[1] * coarse.edge;
     let is_on = |surfel: usize, planes: &[Support]| {
-        planes.iter().any(|plane| plane.height(&survey.position(surfel)) < plane.reach.max(near))
+        planes.iter().any(|plane| plane.height(&coarse.position(surfel)) < plane.reach.max(near))
     };
     // with all of them taken away the object is left; where that is nothing, some of them are the object's own
     let is_about = |taken: &Vec<Support>| {
-        let object: Vec<usize> = (0..survey.count()).filter(|surfel| !is_on(*surfel, taken)).collect();
-        object.len() as f64 >= LEAST_OBJECT * survey.count() as f64
-            && taken.iter().all(|plane| share_around(survey, plane, &object) >= around)
+        let object: Vec<usize> = (0..coarse.count()).filter(|surfel| !is_on(*surfel, taken)).collect();
+        object.len() as f64 >= LEAST_OBJECT * coarse.count() as f64
+            && taken.iter().all(|plane| share_around(coarse, plane, &object) >= around)
     };
     selections(candidates).into_iter().filter(|taken| taken.len() <= most).find(is_about).unwrap_or_default()
 }
@@ -143,19 +143,19 @@ fn selections(planes: &[Support]) -> Vec<Vec<Support>> {
 }
 
 /// Large planes with hardly anything behind them as seen by the scanner, the largest first.
-pub fn bounding_planes(survey: &Survey, to_scanner: Option<ToScanner>) -> Vec<Support> {
+pub fn bounding_planes(coarse: &CoarseScan, to_scanner: Option<ToScanner>) -> Vec<Support> {
     let mut free: Vec<usize> =
-        (0..survey.count()).filter(|surfel| survey.normals[*surfel] != Vector3::zeros()).collect();
-    let least = (LARGE * survey.count() as f64).max(20.0) as usize;
+        (0..coarse.count()).filter(|surfel| coarse.normals[*surfel] != Vector3::zeros()).collect();
+    let least = (LARGE * coarse.count() as f64).max(20.0) as usize;
     let mut found = Vec::new();
     // a few more than are wanted: faces of the object may be larger
     for _ in 0..2 * MOST {
-        let Some((plane, members)) = largest_plane(survey, &free).filter(|(_, members)| members.len() >= least) else {
+        let Some((plane, members)) = largest_plane(coarse, &free).filter(|(_, members)| members.len() >= least) else {
             break;
         };
         free.retain(|surfel| !members.contains(surfel));
-        if let Some(support) = bounding(survey, plane, members.len())
-            && to_scanner.is_none_or(|to_scanner| support.faces(survey, to_scanner))
+        if let Some(support) = bounding(coarse, plane, members.len())
+            && to_scanner.is_none_or(|to_scanner| support.faces(coarse, to_scanner))
             && found.len() < MOST
         {
             found.push(support);
@@ -165,22 +165,22 @@ pub fn bounding_planes(survey: &Survey, to_scanner: Option<ToScanner>) -> Vec<Su
 }
 
 /// The plane that holds most of the `free` surfels, with those in order.
-fn largest_plane(survey: &Survey, free: &[usize]) -> Option<(Support, Vec<usize>)> {
+fn largest_plane(coarse: &CoarseScan, free: &[usize]) -> Option<(Support, Vec<usize>)> {
     let members = |plane: &Support, tolerance: f64| -> Vec<usize> {
-        free.iter().copied().filter(|surfel| plane.has(survey, *surfel, tolerance)).collect()
+        free.iter().copied().filter(|surfel| plane.has(coarse, *surfel, tolerance)).collect()
     };
     let step = free.len().div_ceil(SEEDS).max(1);
     let seed_plane = |surfel: &usize| {
-        let normal = survey.normals[*surfel];
-        Support { normal, offset: normal.dot(&survey.position(*surfel)), reach: 0.0 }
+        let normal = coarse.normals[*surfel];
+        Support { normal, offset: normal.dot(&coarse.position(*surfel)), reach: 0.0 }
     };
-    let count = |plane: &Support| free.iter().filter(|s| plane.has(survey, **s, FITS[0] * survey.edge)).count();
+    let count = |plane: &Support| free.iter().filter(|s| plane.has(coarse, **s, FITS[0] * coarse.edge)).count();
     let seeds = free.iter().step_by(step).map(seed_plane);
     let (_, mut plane) = seeds.map(|plane| (count(&plane), plane)).max_by_key(|(count, _)| *count)?;
-    let mut on = members(&plane, FITS[0] * survey.edge);
+    let mut on = members(&plane, FITS[0] * coarse.edge);
     for tolerance in FITS {
-        plane = fitted(&on.iter().map(|surfel| survey.position(*surfel)).collect::<Vec<_>>())?;
-        on = members(&plane, tolerance * survey.edge);
+        plane = fitted(&on.iter().map(|surfel| coarse.position(*surfel)).collect::<Vec<_>>())?;
+        on = members(&plane, tolerance * coarse.edge);
     }
     Some((plane, on))
 }
@@ -203,24 +203,24 @@ fn fitted(places: &[Vector3]) -> Option<Support> {
 
 /// The plane with its normal towards what lies before it, if next to nothing lies behind. Until then `reach` is the
 /// root mean square height of its surfels.
-fn bounding(survey: &Survey, plane: Support, members: usize) -> Option<Support> {
-    let off = FITS[FITS.len() - 1] * survey.edge;
-    let heights = (0..survey.count()).map(|surfel| plane.height(&survey.position(surfel)));
+fn bounding(coarse: &CoarseScan, plane: Support, members: usize) -> Option<Support> {
+    let off = FITS[FITS.len() - 1] * coarse.edge;
+    let heights = (0..coarse.count()).map(|surfel| plane.height(&coarse.position(surfel)));
     let (before, behind) = heights.fold((0, 0), |(before, behind), height| {
         (before + usize::from(height > off), behind + usize::from(height < -off))
     });
     let sign = if behind > before { -1.0 } else { 1.0 };
-    let reach = (FLAT * plane.reach).max(NOISE * survey.range_accuracy).max(LEAST_REACH * survey.spacing);
+    let reach = (FLAT * plane.reach).max(NOISE * coarse.range_accuracy).max(LEAST_REACH * coarse.spacing);
     let plane = Support { normal: plane.normal * sign, offset: plane.offset * sign, reach };
     (before.min(behind) as f64 <= BEHIND * members as f64).then_some(plane)
 }
 
 /// In which share of the directions along it the plane reaches beyond the object.
-fn share_around(survey: &Survey, plane: &Support, object: &[usize]) -> f64 {
+fn share_around(coarse: &CoarseScan, plane: &Support, object: &[usize]) -> f64 {
     let across = plane.normal.cross(&Vector3::ith(plane.normal.iamin(), 1.0)).normalize();
     let along = plane.normal.cross(&across);
     let project = |surfel: usize| {
-        let place = survey.position(surfel);
+        let place = coarse.position(surfel);
         nalgebra::Vector2::new(place.dot(&across), place.dot(&along))
     };
     let middle = object.iter().map(|surfel| project(*surfel)).sum::<nalgebra::Vector2<f64>>() / object.len() as f64;
@@ -234,8 +234,8 @@ fn share_around(survey: &Survey, plane: &Support, object: &[usize]) -> f64 {
         radii
     };
     let of_object = farthest(&mut object.iter().copied());
-    let of_plane = farthest(&mut (0..survey.count()).filter(|s| plane.has(survey, *s, FITS[1] * survey.edge)));
-    let beyond = of_plane.iter().zip(&of_object).filter(|(plane, object)| **plane > **object + BEYOND * survey.edge);
+    let of_plane = farthest(&mut (0..coarse.count()).filter(|s| plane.has(coarse, *s, FITS[1] * coarse.edge)));
+    let beyond = of_plane.iter().zip(&of_object).filter(|(plane, object)| **plane > **object + BEYOND * coarse.edge);
     beyond.count() as f64 / SECTORS as f64
 }
 
@@ -249,10 +249,10 @@ mod tests {
     fn found(points: Vec<Point3>, toward: Option<Vector3>) -> Vec<Support> {
         let middle = points.iter().map(|p| p.coords).sum::<Vector3>() / points.len() as f64;
         let indexed = IndexedPoints::new(points.iter().map(|p| (p.coords - middle).cast::<f32>().into()).collect());
-        let survey = Survey::new(&indexed.points, 2.0, 0.0).with_normals(&indexed);
+        let coarse = CoarseScan::new(&indexed.points, 2.0, 0.0).with_normals(&indexed);
         let toward = toward.map(|toward| move |_: &LocalPoint| toward);
-        let candidates = bounding_planes(&survey, toward.as_ref().map(|toward| toward as ToScanner));
-        supports(&survey, &candidates, AROUND, MOST)
+        let candidates = bounding_planes(&coarse, toward.as_ref().map(|toward| toward as ToScanner));
+        supports(&coarse, &candidates, AROUND, MOST)
     }
 
     fn grid(place: impl Fn(f64, f64) -> Option<Point3>) -> Vec<Point3> {
