@@ -35,7 +35,7 @@ fn introduction(args: &PaperArgs) -> String {
         "# The paper's tables, made again\n\n\
          Made by `visage bench paper --data DIR --trials {trials} --sets {sets}{full} --out DIR`, visage {version}.\n\n\
          - **Obj** in mm², lower is better. The paper prints no definition; this one was fitted to its figures \
-         (`registration/paper_objective.rs`), so reported and measured columns are near each other but not the same \
+         (`registration/averaging/paper_objective.rs`), so reported and measured columns are near each other but not the same \
          measure. Every 8th point of each scan counts.\n\
          - **Starts**: the poses that come with the scans; the rotation of each but the first is turned by u, drawn \
          uniformly from (-a, a)³ rad; {trials} for each set and level a, the same starts for every method.\n\
