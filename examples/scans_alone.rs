@@ -1,10 +1,8 @@
 //! How registration from scans alone ends on code-made sets, view by view, and how far its confidence can be trusted.
 //!
 //! `cargo run --release --example scans_alone -- measure SEED... > ROWS` registers a set of each shape of the catalogue
-//! for each seed and writes a row for each view; `... -- fit ROWS [SVG]` fits the coefficients of the confidence on the
-//! shapes with even places in the catalogue, and shows on the others how often views of each confidence are right.
+//! for each seed and writes a row for each view, which `--example confidence` takes.
 
-use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 use rayon::prelude::*;
@@ -12,7 +10,7 @@ use visage::geometry::neighbours::{IndexedPoints, LocalPoint};
 use visage::geometry::{Motion, Point3, Surface, Vector3};
 use visage::progress::Progress;
 use visage::registration::covariance;
-use visage::registration::global::confidence::{FEATURES, MODEL, SURE, confidence, features};
+use visage::registration::global::confidence::{confidence, features};
 use visage::registration::global::placement::place;
 use visage::registration::global::scan_set::Set;
 use visage::registration::hinted::Hinted;
@@ -37,12 +35,7 @@ fn main() -> anyhow::Result<()> {
                 seeds.iter().flat_map(|seed| (0..catalogue().len()).map(move |shape| (shape, *seed))).collect();
             sets.par_iter().with_max_len(1).for_each(|(shape, seed)| print!("{}", measure(*shape, *seed)));
         }
-        Some("fit") => {
-            let rows = std::fs::read_to_string(&arguments[1])?;
-            let rows: Vec<Row> = rows.lines().filter_map(Row::read).collect();
-            fit_and_show(&rows, arguments.get(2))?;
-        }
-        _ => anyhow::bail!("measure SEED... or fit ROWS [SVG]"),
+        _ => anyhow::bail!("measure SEED..."),
     }
     Ok(())
 }
@@ -172,169 +165,4 @@ fn best_overlaps(views: &[View], truth: &[Motion]) -> Vec<f64> {
     let best =
         |i: usize| (0..views.len()).filter(|j| *j != i).map(|j| share(i, j).min(share(j, i))).fold(0.0, f64::max);
     (0..views.len()).map(best).collect()
-}
-
-/// A view's row.
-struct Row {
-    shape: usize,
-    seed: u64,
-    symmetric: bool,
-    scanner_known: bool,
-    placed: bool,
-    right: bool,
-    ambiguous: bool,
-    overlap: f64,
-    features: [f64; FEATURES],
-}
-
-impl Row {
-    fn read(line: &str) -> Option<Row> {
-        let cells: Vec<&str> = line.split('\t').collect();
-        let shape: usize = cells.get(2)?.parse().ok()?;
-        let numbers: Vec<f64> = cells.get(14..)?.iter().filter_map(|cell| cell.parse().ok()).collect();
-        let features = numbers.try_into();
-        Some(Row {
-            shape,
-            seed: cells[3].parse().ok()?,
-            symmetric: catalogue().get(shape)?.is_symmetric(),
-            scanner_known: cells[7] == "1",
-            placed: cells[9] == "1" && features.is_ok(),
-            right: cells[10] == "1",
-            ambiguous: cells[11] == "1",
-            overlap: cells[12].parse().ok()?,
-            features: features.unwrap_or([0.0; FEATURES]),
-        })
-    }
-
-    fn confidence(&self, model: &[f64; FEATURES]) -> f64 {
-        let z: f64 = model.iter().zip(&self.features).map(|(c, x)| c * x).sum();
-        1.0 / (1.0 + (-z).exp())
-    }
-}
-
-/// Logistic regression by Newton's steps, its coefficients (but the constant) held near zero.
-fn fit(rows: &[&Row]) -> [f64; FEATURES] {
-    const HELD: f64 = 0.1;
-    let mut model = nalgebra::SVector::<f64, FEATURES>::zeros();
-    for _ in 0..50 {
-        let mut gradient = -HELD * model;
-        gradient[0] = 0.0;
-        let mut curvature = nalgebra::SMatrix::<f64, FEATURES, FEATURES>::identity() * HELD;
-        curvature[(0, 0)] = 1e-6;
-        for row in rows {
-            let x = nalgebra::SVector::from(row.features);
-            let p = row.confidence(&model.into());
-            gradient += x * (f64::from(u8::from(row.right)) - p);
-            curvature += x * x.transpose() * (p * (1.0 - p));
-        }
-        let Some(step) = curvature.cholesky().map(|c| c.solve(&gradient)) else { break };
-        model += step;
-    }
-    model.into()
-}
-
-/// Bounds of the bins of the reliability table.
-const BINS: [f64; 9] = [0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 0.97, 0.99, 1.0];
-
-fn fit_and_show(rows: &[Row], svg: Option<&String>) -> anyhow::Result<()> {
-    let training: Vec<&Row> = rows.iter().filter(|row| row.placed && row.shape.is_multiple_of(2)).collect();
-    let fitted = fit(&training);
-    println!("fitted on {} placed views: {fitted:.3?}", training.len());
-    for (name, model) in [("fitted", &fitted), ("as built in", &MODEL)] {
-        for (of, parity) in [("shapes it was fitted on", 0), ("other shapes", 1)] {
-            println!("\n## {name}, {of}");
-            let those: Vec<&Row> = rows.iter().filter(|row| row.shape % 2 == parity).collect();
-            show(&those, model);
-            show_sets(&those, model);
-        }
-    }
-    if let Some(path) = svg {
-        let others: Vec<&Row> = rows.iter().filter(|row| row.placed && row.shape % 2 == 1).collect();
-        std::fs::write(path, curve(&bins(&others, &MODEL)))?;
-    }
-    Ok(())
-}
-
-/// For each bin: views, their mean confidence, the share that is right.
-fn bins(rows: &[&Row], model: &[f64; FEATURES]) -> Vec<(usize, f64, f64)> {
-    BINS.windows(2)
-        .map(|bounds| {
-            let inside = |p: f64| p >= bounds[0] && (p < bounds[1] || bounds[1] == 1.0);
-            let within: Vec<&&Row> = rows.iter().filter(|row| inside(row.confidence(model))).collect();
-            let count = within.len().max(1) as f64;
-            let mean = within.iter().map(|row| row.confidence(model)).sum::<f64>() / count;
-            (within.len(), mean, within.iter().filter(|row| row.right).count() as f64 / count)
-        })
-        .collect()
-}
-
-fn show(rows: &[&Row], model: &[f64; FEATURES]) {
-    let placed: Vec<&Row> = rows.iter().copied().filter(|row| row.placed).collect();
-    println!("| confidence | views | mean confidence | right |\n| --- | ---: | ---: | ---: |");
-    for (bounds, (count, mean, right)) in BINS.windows(2).zip(bins(&placed, model)) {
-        println!("| {}-{} | {count} | {mean:.3} | {right:.3} |", bounds[0], bounds[1]);
-    }
-    println!(
-        "\n| threshold | sure | of these right | sure among overlap > 0.4 | with scanner known | unknown | symmetric: placed, right, sure, sure and right, ambiguous |\n| ---: | ---: | ---: | ---: | ---: | ---: | --- |"
-    );
-    for threshold in [0.8, SURE, 0.95, 0.97, 0.98, 0.99, 0.995] {
-        let is_sure = |row: &Row| row.placed && row.confidence(model) >= threshold;
-        let sure: Vec<&&Row> = rows.iter().filter(|row| is_sure(row)).collect();
-        let right = sure.iter().filter(|row| row.right).count();
-        let share = |keep: &dyn Fn(&Row) -> bool| {
-            let those: Vec<&&Row> =
-                rows.iter().filter(|row| !row.symmetric && row.overlap > 0.4 && keep(row)).collect();
-            those.iter().filter(|row| is_sure(row)).count() as f64 / those.len().max(1) as f64
-        };
-        let symmetric: Vec<&&Row> = rows.iter().filter(|row| row.symmetric).collect();
-        let count = |keep: &dyn Fn(&Row) -> bool| symmetric.iter().filter(|row| keep(row)).count();
-        println!(
-            "| {threshold} | {} | {:.4} | {:.3} | {:.3} | {:.3} | of {}: {}, {}, {}, {}, {} |",
-            sure.len(),
-            right as f64 / sure.len().max(1) as f64,
-            share(&|_| true),
-            share(&|row| row.scanner_known),
-            share(&|row| !row.scanner_known),
-            symmetric.len(),
-            count(&|row| row.placed),
-            count(&|row| row.right),
-            count(&|row| is_sure(row)),
-            count(&|row| is_sure(row) && row.right),
-            count(&|row| row.ambiguous),
-        );
-    }
-}
-
-/// Sets all of whose placed views are at least so sure, and how many of these have a wrong one.
-fn show_sets(rows: &[&Row], model: &[f64; FEATURES]) {
-    let mut sets: BTreeMap<(usize, u64), Vec<&Row>> = BTreeMap::new();
-    for row in rows.iter().filter(|row| row.placed) {
-        sets.entry((row.shape, row.seed)).or_default().push(row);
-    }
-    println!("\n| all placed views at least so sure | sets | with a wrong view |\n| ---: | ---: | ---: |");
-    for threshold in [0.0, 0.3, 0.5, 0.7, 0.8, SURE, 0.97] {
-        let such: Vec<&Vec<&Row>> =
-            sets.values().filter(|set| set.iter().all(|row| row.confidence(model) >= threshold)).collect();
-        let wrong = such.iter().filter(|set| set.iter().any(|row| !row.right)).count();
-        println!("| {threshold} | {} | {wrong} |", such.len());
-    }
-}
-
-/// The reliability curve: mean confidence across, share that is right upward.
-fn curve(bins: &[(usize, f64, f64)]) -> String {
-    let at = |mean: f64, right: f64| (40.0 + 240.0 * mean, 270.0 - 240.0 * right);
-    let mut svg = String::from(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"320\" height=\"310\" font-family=\"sans-serif\" font-size=\"11\">\n\
-         <rect x=\"40\" y=\"30\" width=\"240\" height=\"240\" fill=\"none\" stroke=\"#888\"/>\n\
-         <path d=\"M40 270L280 30\" stroke=\"#bbb\" stroke-dasharray=\"4\"/>\n\
-         <text x=\"100\" y=\"298\">mean confidence, 0 to 1</text>\n\
-         <text x=\"40\" y=\"20\">share of views that are right, 0 to 1 (area: number of views)</text>\n",
-    );
-    for (count, mean, right) in bins.iter().filter(|bin| bin.0 > 0) {
-        let (x, y) = at(*mean, *right);
-        let radius = 1.5 + (*count as f64).sqrt() / 6.0;
-        let _ =
-            writeln!(svg, "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{radius:.1}\" fill=\"#27c\" fill-opacity=\"0.6\"/>");
-    }
-    svg + "</svg>\n"
 }
