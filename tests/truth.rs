@@ -13,8 +13,7 @@ use visage::registration::covariance::{self, PoseCovariance};
 use visage::registration::method::Method;
 use visage::registration::outcome::{MethodOptions, Outcome};
 use visage::registration::quality::free_space::intrusions;
-use visage::registration::quality::{self, Quality, Verdict};
-use visage::registration::resolution::resolution;
+use visage::registration::quality::{Evidence, Quality, Surfaces, Verdict, judge};
 use visage::registration::sensor::Sensor;
 use visage::registration::view::View;
 use visage::registration::view::common_spacing;
@@ -60,13 +59,17 @@ impl Truth {
         let result = Method::Joint.register(&self.views, initial, &options, &Progress::silent()).expect("not canceled");
         let names: Vec<String> = (0..self.views.len()).map(|view| format!("scan {view}")).collect();
         let spacing = common_spacing(&self.views);
-        let mut verdict = quality::judge(&self.views, &result, &names);
         let sensors: Vec<Option<Vector3>> = self.views.iter().map(|view| Some(-view.center)).collect();
+        let surfaces = Surfaces::measure(&self.views, &result);
         let (poses, placed) = (&result.local_poses, &result.placed);
-        let unit = resolution(&self.views, &result);
-        verdict.look(&intrusions(&self.views, &sensors, poses, placed, unit), &names);
+        let intrusions = intrusions(&self.views, &sensors, poses, placed, surfaces.resolution);
         let known = covariance::of_result(&self.views, &result);
-        verdict.weigh(&known, spacing, &names);
+        let verdict = judge(&Evidence {
+            intrusions: &intrusions,
+            covariances: &known,
+            unit: spacing,
+            ..Evidence::of_surfaces(&names, &result, &surfaces)
+        });
         Registered { result, verdict, known, spacing }
     }
 

@@ -7,7 +7,7 @@ use super::{NamedScan, PipelineError};
 use crate::geometry::{Motion, Point3};
 use crate::registration::hinted::{Hinted, PickedPair};
 use crate::registration::hints::{HintError, Hints};
-use crate::registration::quality::{Quality, Verdict};
+use crate::registration::quality::Finding;
 use crate::registration::view::MIN_POINTS;
 
 /// The code of hints that can't be used.
@@ -76,13 +76,13 @@ fn check_picks(scan: &NamedScan, hints: &Hints) -> Result<(), PipelineError> {
 }
 
 /// What became of the hints: of each pair of views whether they were brought together, and how far its picked points lie
-/// apart. Picked points that were not followed lower the verdict. `relative` tells the motion between two views that
+/// apart. Picked points that were not followed are a finding. `relative` tells the motion between two views that
 /// hang together. `None` if nothing was said of pairs.
 pub(super) fn report(
     hinted: &Hinted,
     relative: impl Fn(usize, usize) -> Option<Motion>,
     names: &[String],
-    verdict: &mut Verdict,
+    findings: &mut Vec<Finding>,
 ) -> Option<serde_json::Value> {
     if hinted.picked.is_empty() && hinted.overlapping.is_empty() {
         return None;
@@ -91,7 +91,7 @@ pub(super) fn report(
         let distances = relative(pair.i, pair.j).map(|motion| (pair.is_met(&motion), pair.distances(&motion)));
         let followed = distances.is_some_and(|(is_met, _)| is_met);
         if !followed {
-            verdict.lower(Quality::Doubtful, not_followed(pair, distances.map(|(_, (rms, _))| rms), names));
+            findings.push(Finding::doubt(not_followed(pair, distances.map(|(_, (rms, _))| rms), names)));
         }
         serde_json::json!({
             "a": names[pair.i], "b": names[pair.j], "pairs": pair.places.len(), "followed": followed,

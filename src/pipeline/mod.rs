@@ -19,10 +19,10 @@ use crate::registration::global::scan_set::Registered;
 pub use crate::registration::hints::Hints;
 pub use crate::registration::method::Method;
 use crate::registration::outcome::Outcome;
-use crate::registration::quality::Quality;
 use crate::registration::quality::colour::{self, Brightness};
 use crate::registration::quality::free_space::intrusions;
 use crate::registration::quality::witness::Known;
+use crate::registration::quality::{Evidence, Finding, judge};
 use crate::registration::report::RegistrationReport;
 use crate::registration::resolution::resolution;
 use crate::registration::sensor::Sensor;
@@ -170,37 +170,36 @@ pub fn run_from(
     let settled = still::settle(&setting, &names, taken, whole, options, progress)?;
     let Settled { taken: Taken { scans, views, sensors, registered }, held, still, moved } = settled;
     readied.iter_mut().zip(still).for_each(|(readied, count)| readied.still = count);
-    let Registered { result, verdict, mut placement } = registered;
+    let Registered { result, surfaces, mut placement } = registered;
     let positions: Vec<Option<Vector3>> = sensors.iter().map(|sensor| sensor.and_then(|s| s.position())).collect();
-    let seen_at = resolution(&views, &result);
-    let looked_through = intrusions(&views, &positions, &result.local_poses, &result.placed, seen_at);
+    let intrusions = intrusions(&views, &positions, &result.local_poses, &result.placed, surfaces.resolution);
     let (all, at) = held.as_ref().map_or((&views, &result), |held| (&held.whole, &held.result));
     let covariances = covariance::of_result(all, at);
     let unit_length = resolution(all, at);
     let colours = colour::agreement(&views, &brightness_of(&scans), &result, unit_length);
     let stands_still = moved.is_some();
-    let known = Known { covariances: &covariances, intrusions: &looked_through, colours: &colours, stands_still };
+    let known = Known { covariances: &covariances, intrusions: &intrusions, colours: &colours, stands_still };
     placement.hear(known.witnesses(&views, &result), &result.placed);
-    let mut verdict = placement.doubted(&verdict, &result.placed, &names);
-    verdict.look(&looked_through, &names);
-    if let Some(moved) = moved {
-        verdict.doubt_what_stands_still(&moved, &names);
-    }
-    verdict.weigh(&covariances, unit_length, &names);
-    verdict.compare_colours(&colours, &names);
-    for reason in readied.iter().zip(&names).filter_map(|(readied, name)| readied.doubt(name, unit.name())) {
-        verdict.lower(Quality::Doubtful, reason);
-    }
-    for (all, part) in holders {
-        let (all, part) = (&names[all], &names[part]);
-        verdict.lower(
-            Quality::Doubtful,
-            format!("{all} holds the points of {part}: a merged cloud is no scan of its own, leave one of them out"),
-        );
-    }
+    let mut findings: Vec<Finding> = readied
+        .iter()
+        .zip(&names)
+        .filter_map(|(readied, name)| readied.doubt(name, unit.name()))
+        .map(Finding::doubt)
+        .collect();
+    findings.extend(holders.into_iter().map(|(all, part)| merged_cloud(&names[all], &names[part])));
     let said = setting.hinted(&names, &views);
     let relative = |i: usize, j: usize| placement.relative(&result, &views, i, j);
-    let said = hints::report(&said, relative, &names, &mut verdict);
+    let said = hints::report(&said, relative, &names, &mut findings);
+    let verdict = judge(&Evidence {
+        confidences: placement.confidences(),
+        intrusions: &intrusions,
+        moved: moved.as_deref(),
+        covariances: &covariances,
+        unit: unit_length,
+        colours: &colours,
+        findings: &findings,
+        ..Evidence::of_surfaces(&names, &result, &surfaces)
+    });
     let report = RegistrationReport::new(options.method, unit.name(), &names, &views, &result, &covariances, verdict);
 
     let merged = merge_views(&scans, &views, &sensors, &result, options, progress)?;
@@ -248,6 +247,13 @@ pub fn run_from(
     let mut outcome = RegisteredModel { poses, matrices, report, cloud, signature };
     copies::put_back(&copied, &setting, &mut outcome);
     Ok(outcome)
+}
+
+/// A scan that holds the points of another one.
+fn merged_cloud(all: &str, part: &str) -> Finding {
+    Finding::doubt(format!(
+        "{all} holds the points of {part}: a merged cloud is no scan of its own, leave one of them out"
+    ))
 }
 
 fn check_input(scans: &[NamedScan], options: &Options) -> Result<(), PipelineError> {

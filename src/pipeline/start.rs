@@ -10,10 +10,11 @@ use crate::registration::global::report::PlacementReport;
 use crate::registration::global::scan_set::{Registered, Set};
 use crate::registration::hinted::Hinted;
 use crate::registration::hints::Hints;
+use crate::registration::joint;
 use crate::registration::outcome::{MethodOptions, Outcome};
+use crate::registration::quality::Surfaces;
 use crate::registration::sensor::Sensor;
 use crate::registration::view::View;
-use crate::registration::{joint, quality};
 
 /// A pose as a 4x4 row-major matrix `[s R, t]`; the scale s is 1 unless scales were sought.
 pub type PoseMatrix = [[f64; 4]; 4];
@@ -323,8 +324,8 @@ impl Task<'_> {
 
     fn judged(&self, views: &[View], placement: PlacementReport, result: Outcome) -> Registered {
         self.progress.report(Stage::Judging, 0.0);
-        let verdict = quality::judge(views, &result, self.names);
-        Registered { result, verdict, placement }
+        let surfaces = Surfaces::measure(views, &result);
+        Registered { result, surfaces, placement }
     }
 }
 

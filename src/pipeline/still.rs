@@ -8,7 +8,8 @@ use super::{NamedScan, Options, PipelineError};
 use crate::geometry::{Motion, Vector3};
 use crate::progress::Progress;
 use crate::registration::global::scan_set::Registered;
-use crate::registration::quality::{Quality, is_sharp};
+use crate::registration::quality::Quality;
+use crate::registration::quality::sharpness::is_sharp;
 use crate::registration::resolution::resolution;
 use crate::registration::sensor::standing_still::from_one_place;
 use crate::registration::view::View;
@@ -148,8 +149,8 @@ fn follow_what_moved(
 
 /// Whether what moved lies on itself: of two answers that are not sure the one that crosses itself is none.
 fn lies_sharply(followed: &Followed) -> bool {
-    let Registered { result, verdict, .. } = &followed.taken.registered;
-    result.placed.iter().zip(&verdict.sharpness).all(|(placed, sharpness)| !placed || is_sharp(*sharpness))
+    let Registered { result, surfaces, .. } = &followed.taken.registered;
+    result.placed.iter().zip(&surfaces.sharpness).all(|(placed, sharpness)| !placed || is_sharp(*sharpness))
 }
 
 fn count_placed(followed: &Followed) -> usize {

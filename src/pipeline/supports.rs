@@ -10,7 +10,8 @@ use crate::geometry::Motion;
 use crate::progress::Progress;
 use crate::registration::global::scan_set::Registered;
 use crate::registration::outcome::{MethodOptions, Outcome};
-use crate::registration::quality::{self, is_sharp};
+use crate::registration::quality::Surfaces;
+use crate::registration::quality::sharpness::{is_sharp, sharpness};
 use crate::registration::resolution::resolution;
 use crate::registration::view::View;
 
@@ -65,12 +66,12 @@ impl Set<'_> {
             max_rounds: options.max_rounds,
         };
         let result = options.method.register(&whole, &initial, &refining, progress)?;
-        let sharpness = quality::sharpness(&whole, &result, resolution(&whole, &result));
+        let sharpness = sharpness(&whole, &result, resolution(&whole, &result));
         if !result.placed.iter().all(|placed| *placed) || !sharpness.into_iter().all(is_sharp) {
             return Ok((registered, None));
         }
         registered.result.local_poses = reframed(&result.local_poses, &whole, self.views);
-        registered.verdict = quality::judge(self.views, &registered.result, self.names);
+        registered.surfaces = Surfaces::measure(self.views, &registered.result);
         Ok((registered, Some(Held { whole, result })))
     }
 

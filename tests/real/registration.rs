@@ -13,7 +13,7 @@ use visage::progress::Progress;
 use visage::registration::objective::{Objective, ScoredPair, objective};
 use visage::registration::outcome::{MethodOptions, Outcome};
 use visage::registration::overlap::overlaps;
-use visage::registration::quality::{self, Quality};
+use visage::registration::quality::{Evidence, Quality, Surfaces, judge};
 use visage::registration::view::View;
 use visage::synthetic::truth::pose_error;
 
@@ -135,7 +135,8 @@ fn register_only(loaded: &Loaded, set: &StanfordSet, method: Method, level: &str
 
 fn register(loaded: &Loaded, set: &StanfordSet, method: Method, level: &str, seed: u32) -> (Objective, Quality) {
     let result = register_only(loaded, set, method, level, seed);
-    let verdict = quality::judge(&loaded.views, &result, &loaded.names);
+    let surfaces = Surfaces::measure(&loaded.views, &result);
+    let verdict = judge(&Evidence::of_surfaces(&loaded.names, &result, &surfaces));
     let scored = in_mm(objective(&loaded.views, &result.local_poses, &loaded.pairs));
     println!("{} {method} {level} seed {seed}: {scored:.5?} {:?} {:?}", set.name, verdict.quality, verdict.reasons);
     (scored, verdict.quality)

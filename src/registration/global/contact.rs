@@ -5,7 +5,7 @@ use crate::geometry::neighbours::LocalPoint;
 use crate::geometry::normals::{self, local_planes};
 use crate::geometry::se3;
 use crate::registration::joint::normal_equations::NormalEquations;
-use crate::registration::quality::NEAR;
+use crate::registration::quality::sharpness::NEAR;
 use crate::registration::view::View;
 
 /// Points of a view that are laid on the other.

@@ -1,6 +1,6 @@
 //! A pair of views and a way to lay them on each other.
 
-use super::verification::Evidence;
+use super::verification::PairVotes;
 use crate::geometry::Motion;
 
 /// A way to lay two views on each other, refined on the surface and asked.
@@ -13,7 +13,7 @@ pub struct PairHypothesis {
     /// Maps the local frame of view j into that of view i.
     pub i_from_j: Motion,
     /// What the surfaces say.
-    pub evidence: Evidence,
+    pub evidence: PairVotes,
 }
 
 /// A hypothesis is worth trying from this share of agreeing surfels on,

@@ -12,8 +12,9 @@ use crate::geometry::Motion;
 use crate::progress::{Canceled, Progress};
 use crate::registration::outcome::{Outcome, PairOutcome};
 use crate::registration::overlap::OverlapMatrix;
+use crate::registration::quality::sharpness::sharpness;
 use crate::registration::quality::witness::Witness;
-use crate::registration::quality::{self, Verdict};
+use crate::registration::quality::{Evidence, Surfaces, Verdict, judge};
 use crate::registration::resolution::resolution;
 use crate::registration::view::View;
 
@@ -157,7 +158,7 @@ fn settle_component(
 
 /// How the views of a refined component stand; `members` are its views.
 fn pose_supports_of(members: &[View], views: &[usize], refined: &Outcome, search: &Search) -> Vec<PoseSupport> {
-    let sharpness = quality::sharpness(members, refined, resolution(members, refined));
+    let sharpness = sharpness(members, refined, resolution(members, refined));
     let mut pose_supports = search.pose_supports(views, &refined.local_poses);
     for (support, sharpness) in pose_supports.iter_mut().zip(sharpness) {
         support.sharpness = sharpness.unwrap_or(0.0);
@@ -180,9 +181,11 @@ fn held_together(
     }
     let members: Vec<View> = component.views.iter().map(|view| set.views[*view].clone()).collect();
     let names: Vec<String> = component.views.iter().map(|view| set.names[*view].clone()).collect();
-    let mut verdict = quality::judge(&members, refined, &names);
     let sure = |support: &PoseSupport| confidence(support, &Witness::default());
-    verdict.doubt(&found.iter().map(sure).collect::<Vec<f64>>(), &refined.placed, &names);
+    let confidences: Vec<f64> = found.iter().map(sure).collect();
+    let surfaces = Surfaces::measure(&members, refined);
+    let by_surfaces = Evidence::of_surfaces(&names, refined, &surfaces);
+    let verdict = judge(&Evidence { confidences: Some(&confidences), ..by_surfaces });
     Some(PlacedComponent {
         views: kept.iter().map(|k| component.views[*k]).collect(),
         scan_poses: kept.iter().map(|k| world * scan_pose(*k)).collect(),

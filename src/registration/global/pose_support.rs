@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use super::coarse_view::CoarseView;
 use super::consensus::alike;
 use super::pair_hypothesis::PairHypothesis;
-use super::verification::{Evidence, verify};
+use super::verification::{PairVotes, verify};
 use super::votes::SurfelVotes;
 use crate::geometry::{Motion, Vector3};
 use crate::registration::joint::normal_equations::{NormalEquations, RIGID};
@@ -60,7 +60,7 @@ pub fn pose_supports(
 ) -> Vec<PoseSupport> {
     let n = coarse_views.len();
     let pairs: Vec<(usize, usize)> = (0..n).flat_map(|i| (i + 1..n).map(move |j| (i, j))).collect();
-    let said: Vec<Evidence> = pairs
+    let said: Vec<PairVotes> = pairs
         .par_iter()
         .map(|&(i, j)| {
             verify(coarse_views[i], coarse_views[j], &local_poses[i].inv_mul(&local_poses[j]), edge, SAMPLES)

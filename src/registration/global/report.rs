@@ -8,8 +8,8 @@ use super::placement::{Origin, PlacedComponent, Placement};
 use super::pose_support::PoseSupport;
 use crate::geometry::{Motion, se3};
 use crate::registration::outcome::Outcome;
+use crate::registration::quality::Quality;
 use crate::registration::quality::witness::Witness;
-use crate::registration::quality::{Quality, Verdict};
 use crate::registration::view::View;
 
 /// How the views came to their poses.
@@ -99,13 +99,9 @@ impl PlacementReport {
         self.components.iter().find_map(|component| Some(pose(component, i)?.inv_mul(&pose(component, j)?)))
     }
 
-    /// How good the poses are that were judged by themselves, if views may lie elsewhere.
-    pub fn doubted(&self, verdict: &Verdict, placed: &[bool], names: &[String]) -> Verdict {
-        let mut verdict = verdict.clone();
-        if let Some(sure) = &self.confidences {
-            verdict.doubt(sure, placed, names);
-        }
-        verdict
+    /// For each view the probability that its pose is right; `None` if poses were given and nothing else was tried.
+    pub fn confidences(&self) -> Option<&[f64]> {
+        self.confidences.as_deref()
     }
 
     /// Says anew how sure the poses are, from what was learned once they were final.

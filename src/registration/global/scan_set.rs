@@ -7,7 +7,7 @@ use crate::geometry::Motion;
 use crate::progress::{Canceled, Progress, Stage};
 use crate::registration::hinted::Hinted;
 use crate::registration::outcome::Outcome;
-use crate::registration::quality::{self, Quality, Verdict};
+use crate::registration::quality::{Evidence, Quality, Surfaces, judge};
 use crate::registration::sensor::Sensor;
 use crate::registration::view::View;
 
@@ -31,8 +31,8 @@ pub struct Set<'a> {
 pub struct Registered {
     /// Poses, pairs, overlaps.
     pub result: Outcome,
-    /// How good they are, judged by themselves.
-    pub verdict: Verdict,
+    /// What the surfaces say of them.
+    pub surfaces: Surfaces,
     /// How the views came to their poses.
     pub placement: PlacementReport,
 }
@@ -40,7 +40,8 @@ pub struct Registered {
 impl Registered {
     /// How good it is, its poses and how sure they are.
     pub fn quality(&self, names: &[String]) -> Quality {
-        self.placement.doubted(&self.verdict, &self.result.placed, names).quality
+        let by_surfaces = Evidence::of_surfaces(names, &self.result, &self.surfaces);
+        judge(&Evidence { confidences: self.placement.confidences(), ..by_surfaces }).quality
     }
 }
 
@@ -51,11 +52,10 @@ impl Set<'_> {
         let all: Option<Vec<Motion>> = self.given.iter().copied().collect();
         let Some(initial) = all else { return self.placed(refine, progress) };
         let result = refine(self.views, &initial)?;
-        let verdict = self.judge(&result, progress);
+        let surfaces = self.measured(&result, progress);
         let is_met = |result: &Outcome| self.hinted.is_met(&result.local_poses, &result.placed);
-        let good = verdict.quality == Quality::Good && is_met(&result);
-        let from_given = Registered { placement: PlacementReport::of_given(&result), result, verdict };
-        if good {
+        let from_given = Registered { placement: PlacementReport::of_given(&result), result, surfaces };
+        if from_given.quality(self.names) == Quality::Good && is_met(&from_given.result) {
             return Ok(from_given);
         }
         let repaired = self.placed(refine, progress)?;
@@ -67,12 +67,12 @@ impl Set<'_> {
     /// Places the views by their surface.
     fn placed(&self, refine: &Refine, progress: &Progress) -> Result<Registered, Canceled> {
         let placement = place(self, refine, progress)?;
-        let verdict = self.judge(&placement.result, progress);
-        Ok(Registered { placement: PlacementReport::of(&placement), result: placement.result, verdict })
+        let surfaces = self.measured(&placement.result, progress);
+        Ok(Registered { placement: PlacementReport::of(&placement), result: placement.result, surfaces })
     }
 
-    fn judge(&self, result: &Outcome, progress: &Progress) -> Verdict {
+    fn measured(&self, result: &Outcome, progress: &Progress) -> Surfaces {
         progress.report(Stage::Judging, 0.0);
-        quality::judge(self.views, result, self.names)
+        Surfaces::measure(self.views, result)
     }
 }

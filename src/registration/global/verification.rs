@@ -7,14 +7,14 @@ use crate::geometry::Motion;
 
 /// Both directions.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Evidence {
+pub struct PairVotes {
     /// View j's surfels in view i.
     pub j_in_i: SurfelVotes,
     /// View i's surfels in view j.
     pub i_in_j: SurfelVotes,
 }
 
-impl Evidence {
+impl PairVotes {
     /// What both say together.
     pub fn both(&self) -> SurfelVotes {
         self.j_in_i + self.i_in_j
@@ -39,8 +39,8 @@ const IN_FRONT: f32 = 1.5;
 /// A surface faces a scanner that it should be seen by from this cosine of its normal on.
 const FACING: f32 = 0.6;
 /// Asks both views, at most about `samples` surfels each.
-pub fn verify(i: &CoarseView, j: &CoarseView, i_from_j: &Motion, edge: f64, samples: usize) -> Evidence {
-    Evidence {
+pub fn verify(i: &CoarseView, j: &CoarseView, i_from_j: &Motion, edge: f64, samples: usize) -> PairVotes {
+    PairVotes {
         j_in_i: votes(j, i, i_from_j, edge as f32, samples),
         i_in_j: votes(i, j, &i_from_j.inverse(), edge as f32, samples),
     }
