@@ -1,9 +1,9 @@
 //! The coefficients of a view's confidence, and how far it can be trusted.
 //!
 //! `cargo run --release --example confidence -- [--svg FILE] ROWS...` takes the rows that `--example scanners` and
-//! `--example scans_alone` write. It fits the coefficients on the kinds of sensor and scene that are for fitting, and shows
-//! how often views of each confidence are right: on those, on the kinds kept aside, on turntables, and on objects scanned from
-//! all sides, with the coefficients fitted here and with those built in.
+//! `--example scans_alone` write. It fits the coefficients on the kinds of sensor and scene that are for fitting and on
+//! half of the objects, and shows how often views of each confidence are right: on those, and on the kinds kept aside, with the
+//! coefficients fitted here and with those built in.
 
 use std::fmt::Write as _;
 
@@ -16,16 +16,24 @@ use visage::synthetic::sensors::SensorKind;
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Kind {
     Fitted,
+    FittedObject,
     Aside,
     Turntable,
     Object,
 }
 
-const KINDS: [(Kind, &str); 4] = [
+impl Kind {
+    fn is_fitted(self) -> bool {
+        matches!(self, Kind::Fitted | Kind::FittedObject)
+    }
+}
+
+const KINDS: [(Kind, &str); 5] = [
     (Kind::Fitted, "sensors and scenes for fitting"),
+    (Kind::FittedObject, "objects from all sides, even places of the catalogue, for fitting"),
     (Kind::Aside, "sensors or scenes kept aside"),
     (Kind::Turntable, "turntables (kept aside)"),
-    (Kind::Object, "objects from all sides (kept aside)"),
+    (Kind::Object, "objects from all sides, odd places (kept aside)"),
 ];
 
 /// A placed view.
@@ -50,7 +58,11 @@ impl Row {
                 };
                 (kind, cells[7], cells.get(14)?.split(',').collect())
             }
-            "row" => (Kind::Object, cells[10], cells[14..].to_vec()),
+            "row" => {
+                let is_even = cells[2].parse::<usize>().ok()?.is_multiple_of(2);
+                let kind = if is_even { Kind::FittedObject } else { Kind::Object };
+                (kind, cells[10], cells[14..].to_vec())
+            }
             _ => return None,
         };
         let stands_still = features.contains(&"still");
@@ -74,7 +86,7 @@ fn main() -> anyhow::Result<()> {
     anyhow::ensure!(!files.is_empty(), "[--svg FILE] ROWS...");
     let texts: Vec<String> = files.iter().map(std::fs::read_to_string).collect::<Result<_, _>>()?;
     let rows: Vec<Row> = texts.iter().flat_map(|text| text.lines()).filter_map(Row::read).collect();
-    let training: Vec<&Row> = rows.iter().filter(|row| row.kind == Kind::Fitted).collect();
+    let training: Vec<&Row> = rows.iter().filter(|row| row.kind.is_fitted()).collect();
     let fitted = fit(&training);
     println!("fitted on {} placed views: {fitted:.3?}", training.len());
     for (name, model) in [("fitted", &fitted), ("as built in", &MODEL)] {
@@ -86,7 +98,7 @@ fn main() -> anyhow::Result<()> {
             println!("| {of} | {} | {} | {} |", those.len(), sure(&those, model, SURE), sure(&those, model, 0.95));
         }
     }
-    let others: Vec<&Row> = rows.iter().filter(|row| row.kind != Kind::Fitted).collect();
+    let others: Vec<&Row> = rows.iter().filter(|row| !row.kind.is_fitted()).collect();
     println!("\n| confidence | views not fitted | mean confidence | right |\n| --- | ---: | ---: | ---: |");
     for (bounds, (count, mean, right)) in BINS.windows(2).zip(bins(&others, &MODEL)) {
         println!("| {}-{} | {count} | {mean:.3} | {right:.3} |", bounds[0], bounds[1]);
