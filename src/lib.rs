@@ -39,6 +39,8 @@ pub mod machine;
 pub mod pipeline;
 pub mod progress;
 pub mod reconstruction;
+// equations are named as in the paper, [P n], which rustdoc takes for links
+#[allow(rustdoc::broken_intra_doc_links, rustdoc::redundant_explicit_links)]
 pub mod registration;
 pub mod retrieval;
 pub mod saliency;
