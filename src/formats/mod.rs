@@ -19,6 +19,7 @@ pub mod ply;
 mod points;
 pub mod poses;
 mod reading;
+pub mod stl;
 mod table;
 
 pub use budget::ReadLimits;
@@ -29,7 +30,8 @@ pub use table::{Content, Format, Reader, SurfaceReader, Writers, markdown, surfa
 use crate::geometry::Surface;
 
 /// Every format, in the order in which people read about them.
-pub const FORMATS: &[&Format] = &[&ply::FORMAT, &pcd::FORMAT, &obj::FORMAT, &poses::JSON, &poses::CONF, &poses::TEXT];
+pub const FORMATS: &[&Format] =
+    &[&ply::FORMAT, &pcd::FORMAT, &obj::FORMAT, &stl::FORMAT, &poses::JSON, &poses::CONF, &poses::TEXT];
 
 /// Why a file could not be read. Messages name the place in the file and what to do.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
