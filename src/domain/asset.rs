@@ -101,8 +101,6 @@ assets! {
     Cloud = "cloud.ply", crate::formats::ply::FORMAT.media_type, Cloud, signs: true;
     /// What the registration found out, and what it took.
     Report = "report.json", JSON, Report, signs: false;
-    /// Nothing at all.
-    Dummy = "dummy.txt", "text/plain; charset=utf-8", Report, signs: false;
 }
 
 impl Asset {

@@ -113,7 +113,6 @@ fn content(
             outcome.cloud.as_ref().map(|merged| formats::ply::write_cloud(&merged.cloud, Some(&merged.views)))
         }
         Asset::Report => Some(report_json(&outcome.report, &run())?),
-        Asset::Dummy => Some(b"nothing\n".to_vec()),
         Asset::UploadedMesh(_) | Asset::UploadedCloud(_) | Asset::Annotated(_) => None,
     })
 }
