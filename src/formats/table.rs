@@ -1,4 +1,4 @@
-//! What there is to know of a file format: everything that lists formats, or chooses one, asks [`FORMATS`](super::FORMATS).
+//! What there is to know of a file format: everything that lists formats, or chooses one, asks [`FORMATS`].
 
 use std::fmt;
 
