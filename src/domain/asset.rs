@@ -24,6 +24,8 @@ pub enum Kind {
     Cloud,
     /// Triangles of a surface.
     Mesh,
+    /// The surface of a standard, cloud or mesh.
+    Standard,
 }
 
 /// What a file is to its model.
@@ -34,15 +36,24 @@ pub struct Role {
     /// Whether a run made it or a user sent it.
     pub origin: Origin,
     /// Whether the signature of the model is made anew from it.
-    pub signs: bool,
+    pub makes_signature: bool,
+}
+
+impl Role {
+    fn new(kind: Kind, origin: Origin, makes_signature: bool) -> Self {
+        Role { kind, origin, makes_signature }
+    }
 }
 
 const JSON: &str = poses::JSON.media_type;
 
-/// The files that a registration makes: one line each, in the order in which they are written. `jobs::artifacts` holds what
-/// is written into each.
+/// The files that a registration makes: one line each, in the order in which they are written. `jobs::artifacts` says
+/// what they hold.
 macro_rules! assets {
-    ($($(#[$doc:meta])* $asset:ident = $name:literal, $media_type:expr, $kind:ident, signs: $signs:literal;)*) => {
+    ($(
+        $(#[$doc:meta])*
+        $asset:ident = $name:literal, $media_type:expr, $kind:ident, signature: $signature:literal;
+    )*) => {
         /// A file of a model or a standard.
         #[derive(Debug, Clone, Copy, PartialEq, Eq)]
         pub enum Asset {
@@ -82,10 +93,10 @@ macro_rules! assets {
             /// What it is to its model.
             pub fn role(self) -> Role {
                 match self {
-                    $(Asset::$asset => Role { kind: Kind::$kind, origin: Origin::Registered, signs: $signs },)*
-                    Asset::UploadedMesh(_) => Role { kind: Kind::Mesh, origin: Origin::Uploaded, signs: true },
-                    Asset::UploadedCloud(_) => Role { kind: Kind::Cloud, origin: Origin::Uploaded, signs: true },
-                    Asset::Annotated(_) => Role { kind: Kind::Mesh, origin: Origin::Uploaded, signs: false },
+                    $(Asset::$asset => Role::new(Kind::$kind, Origin::Registered, $signature),)*
+                    Asset::UploadedMesh(_) => Role::new(Kind::Mesh, Origin::Uploaded, true),
+                    Asset::UploadedCloud(_) => Role::new(Kind::Cloud, Origin::Uploaded, true),
+                    Asset::Annotated(_) => Role::new(Kind::Standard, Origin::Uploaded, false),
                 }
             }
         }
@@ -94,13 +105,13 @@ macro_rules! assets {
 
 assets! {
     /// Where each scan is: its motion to the world, null for one without a place.
-    Poses = "poses.json", JSON, Poses, signs: false;
+    Poses = "poses.json", JSON, Poses, signature: false;
     /// The same in Stanford's format, where that can hold it.
-    PosesConf = "poses.conf", poses::CONF.media_type, Poses, signs: false;
+    PosesConf = "poses.conf", poses::CONF.media_type, Poses, signature: false;
     /// The merged cloud of the placed scans.
-    Cloud = "cloud.ply", crate::formats::ply::FORMAT.media_type, Cloud, signs: true;
+    Cloud = "cloud.ply", crate::formats::ply::FORMAT.media_type, Cloud, signature: true;
     /// What the registration found out, and what it took.
-    Report = "report.json", JSON, Report, signs: false;
+    Report = "report.json", JSON, Report, signature: false;
 }
 
 impl Asset {
@@ -118,7 +129,7 @@ impl Asset {
 
     /// The names of the files that the signature of a model may be made anew from, the best first.
     pub fn describing(origin: Origin) -> Vec<Cow<'static, str>> {
-        Asset::of(origin).into_iter().filter(|asset| asset.role().signs).map(Asset::name).collect()
+        Asset::of(origin).into_iter().filter(|asset| asset.role().makes_signature).map(Asset::name).collect()
     }
 
     /// The file of this name of a model of this origin. A result is never taken for an upload of the same name.
@@ -170,7 +181,7 @@ mod tests {
         // the mesh of a result, should there be one some day, is not what its signature is made from
         assert_eq!(Asset::named("mesh.ply", Origin::Registered), None);
         let uploaded = Asset::named("mesh.ply", Origin::Uploaded).expect("an upload");
-        assert!(uploaded.role().signs && uploaded.role().kind == Kind::Mesh);
+        assert!(uploaded.role().makes_signature && uploaded.role().kind == Kind::Mesh);
         let result = Asset::named("cloud.ply", Origin::Registered).expect("a result");
         assert_ne!(Some(result), Asset::named("cloud.ply", Origin::Uploaded));
     }

@@ -1,5 +1,5 @@
-//! What the caller of a job may choose. [`OPTIONS`] declares each option once: its field, its checks, what `GET /v1/info` and
-//! the contract say of it, and the arguments of `visage register` follow from its line.
+//! What the caller of a job may choose. [`OPTIONS`] declares each option once: its field, its checks, what
+//! `GET /v1/info` and the contract say of it, and the arguments of `visage register` follow from its line.
 
 use std::fmt;
 
@@ -16,7 +16,7 @@ pub struct JobOption {
     pub kind: Kind,
     /// What is used when it is not given; null if the data decides.
     pub default: fn() -> Value,
-    /// What it does, without a capital or a full stop; of a flag, what it asks for, so that "don't" may stand before it.
+    /// What it does, without a capital or a full stop; of a flag, what it asks for: "don't" may stand before it.
     pub help: &'static str,
 }
 
@@ -232,15 +232,17 @@ options! {
     /// What the caller of a job may choose. Unknown fields are refused.
     Options, OPTIONS;
     method: Method = Method::Joint, METHODS, "how the scans are registered with each other";
-    threads: Option<usize> = None, Kind::Integer(1, 1024), "worker threads, one per core when not given; capped by the server's own number";
-    min_overlap: f64 = 0.5, Kind::Number(0.05, 0.95), "the least overlap of a pair of scans that is registered (xi_0)";
+    threads: Option<usize> = None, Kind::Integer(1, 1024),
+        "worker threads, one per core when not given; capped by the server's own number";
+    min_overlap: f64 = 0.5, Kind::Number(0.05, 0.95),
+        "the least overlap of a pair of scans that is registered (xi_0)";
     range_accuracy: Option<f64> = None, Kind::Number(0.0, LONGEST),
         "depth error of the scanner (R_e), in the unit of the scans; estimated from the scans when not given";
     max_rounds: usize = 20, Kind::Integer(1, 1000), "the most rounds of overlap, ICP and averaging";
     sensor: Option<[f64; 3]> = None, Kind::Point(MAX_COORDINATE),
         "where the scanner stood in each scan's frame [x, y, z]; believed before what the files say";
     scale: Scale = Scale::None, SCALES,
-        "whether scans are scaled: per_view finds a factor for each, that of the first being 1, for scanners that disagree in unit";
+        "whether scans are scaled: per_view finds a factor for each, the first's being 1: for scanners of several units";
     reference: Option<String> = None, Kind::Text,
         "the name of the scan that keeps its pose and so fixes the world; the first when not given";
     keep_all: bool = false, Kind::Flag,

@@ -1,7 +1,8 @@
-//! STL, the format of 3D printing: triangles, each with its three corners; ASCII and binary. It knows neither unit nor colour.
+//! STL, the format of 3D printing: triangles, each with its three corners; ASCII and binary. It knows neither unit nor
+//! colour.
 //!
-//! Corners with equal coordinates are one vertex. Normals of facets are passed over: programs write zeros, and the corners
-//! say the same.
+//! Corners with equal coordinates are one vertex. Normals of facets are passed over: programs write zeros, and the
+//! corners say the same.
 
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
@@ -39,8 +40,8 @@ const REPAIR: &str = "repair the file or export it again";
 ///
 /// # Errors
 /// [`FormatError::Truncated`] when the file declares more than it holds (checked before anything is allocated),
-/// [`FormatError::TooLarge`] and [`FormatError::TooManyBytes`] beyond the limits, [`FormatError::Malformed`] with the facet
-/// for the rest: no facets, words that are no numbers, coordinates that are too large.
+/// [`FormatError::TooLarge`] and [`FormatError::TooManyBytes`] beyond the limits, [`FormatError::Malformed`] with the
+/// facet for the rest: no facets, words that are no numbers, coordinates that are too large.
 pub fn read(bytes: &[u8], limits: &ReadLimits) -> Result<Reading, FormatError> {
     let declared = bytes.get(HEADER..HEAD).and_then(|count| count.try_into().ok()).map_or(0, u32::from_le_bytes);
     let needed = HEAD as u64 + u64::from(declared) * FACET as u64;
@@ -251,8 +252,8 @@ fn read_text(text: &[u8], limits: &ReadLimits) -> Result<Reading, FormatError> {
     facets.finish()
 }
 
-/// Writes a mesh as binary STL. Coordinates are `f32`, whatever the distance from the origin; vertices that no face has are
-/// not in it. The same mesh always gives the same bytes.
+/// Writes a mesh as binary STL. Coordinates are `f32`, whatever the distance from the origin; vertices that no face has
+/// are not in it. The same mesh always gives the same bytes.
 pub fn write_mesh(mesh: &Mesh) -> Vec<u8> {
     let mut bytes = Vec::with_capacity(HEAD + FACET * mesh.faces.len());
     // it must not begin with `solid`

@@ -6,8 +6,8 @@ use super::poses::PoseFile;
 use super::{FORMATS, FormatError, ReadLimits, Reading};
 use crate::geometry::{Cloud, Mesh, Motion};
 
-/// The media type of scans and models. They are sent as bytes, also where a type is registered: an operation has one media
-/// type, and generated clients take `model/...` for JSON.
+/// The media type of scans and models. They are sent as bytes, also where a type is registered: an operation has one
+/// media type, and generated clients take `model/...` for JSON.
 pub(super) const BYTES: &str = "application/octet-stream";
 
 /// A file format, and what it is read and written by.

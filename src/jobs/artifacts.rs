@@ -85,8 +85,8 @@ fn report_json(result: &Value, run: &RunFacts) -> Result<Vec<u8>, serde_json::Er
     Ok(bytes)
 }
 
-/// Hands all files of a model to `sink`, in the order in which they are written. `run` is asked when the report is made: its
-/// times are those up to there.
+/// Hands all files of a model to `sink`, in the order in which they are written. `run` is asked when the report is made:
+/// its times are those up to there.
 pub fn write_assets<E: From<serde_json::Error>>(
     outcome: &RegisteredModel,
     run: impl Fn() -> RunFacts,
