@@ -5,7 +5,7 @@ use utoipa::openapi::schema::{AdditionalProperties, SchemaType};
 use utoipa::openapi::{ObjectBuilder, OneOfBuilder, Ref, RefOr, Schema, Type};
 use utoipa::{Number, PartialSchema, ToSchema};
 
-use super::schemas::{Point, choice, null, number, text};
+use super::schemas::{choice, list, null, number, text};
 use crate::domain::options::{JobOption, Kind, OPTIONS};
 
 /// One option as `GET /v1/info` describes it.
@@ -71,7 +71,6 @@ impl ToSchema for OptionsView {
     }
 
     fn schemas(schemas: &mut Vec<(String, RefOr<Schema>)>) {
-        schemas.push((Point::name().into(), Point::schema()));
         for option in OPTIONS {
             if let Kind::Choice { name, about, words } = option.kind {
                 schemas.push((name.to_owned(), choice(words(), about)));
@@ -92,10 +91,11 @@ fn property(option: &JobOption) -> RefOr<Schema> {
     let about = sentence(option.help);
     let plain = match option.kind {
         Kind::Choice { name, .. } => return named(name, about).into(),
-        Kind::Point(_) if option.is_open() => {
-            return OneOfBuilder::new().item(named(&Point::name(), about)).item(null()).into();
+        Kind::Point(reach) => {
+            let coordinate = number().minimum(Some(short(-reach))).maximum(Some(short(reach)));
+            let point = list(coordinate, 3).description(Some(about));
+            return if option.is_open() { OneOfBuilder::new().item(point).item(null()).into() } else { point.into() };
         }
-        Kind::Point(_) => return named(&Point::name(), about).into(),
         Kind::Number(..) => number(),
         Kind::Integer(..) => ObjectBuilder::new().schema_type(Type::Integer),
         Kind::Flag => ObjectBuilder::new().schema_type(Type::Boolean),

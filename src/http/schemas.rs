@@ -97,7 +97,7 @@ pub(super) fn null() -> ObjectBuilder {
     ObjectBuilder::new().schema_type(Type::Null)
 }
 
-fn list(item: impl Into<RefOr<Schema>>, length: usize) -> ArrayBuilder {
+pub(super) fn list(item: impl Into<RefOr<Schema>>, length: usize) -> ArrayBuilder {
     ArrayBuilder::new().items(item.into()).min_items(Some(length)).max_items(Some(length))
 }
 
