@@ -12,6 +12,11 @@ check:
     cargo clippy --all-targets --locked -- -D warnings
     cargo test --locked
 
+# doc comments: broken links are errors
+doc:
+    RUSTDOCFLAGS="-D warnings -A rustdoc::private_intra_doc_links" \
+        cargo doc --no-deps --document-private-items --locked
+
 # the tests, with code-made data only
 test *args:
     cargo test --locked {{args}}

@@ -15,8 +15,10 @@
 //! - [`pipeline`]: scans to model to signature, stage by stage
 //! - [`progress`]: the progress sink and the cancel flag
 //!
-//! Around them:
 //! - [`formats`]: bytes to geometry and back
+//! - [`domain`]: what the service keeps and its users choose, as plain values
+//!
+//! Around them:
 //! - [`store`]: the only module that knows SQL
 //! - [`blobs`]: the only module that knows where files are kept
 //! - [`jobs`]: the durable queue and its runner
@@ -30,6 +32,7 @@ pub mod blobs;
 pub mod classes;
 pub mod cli;
 pub mod config;
+pub mod domain;
 pub mod faces;
 pub mod formats;
 pub mod geometry;
@@ -39,6 +42,8 @@ pub mod machine;
 pub mod pipeline;
 pub mod progress;
 pub mod reconstruction;
+// equations are named as in the paper, [P n], which rustdoc takes for links
+#[allow(rustdoc::broken_intra_doc_links, rustdoc::redundant_explicit_links)]
 pub mod registration;
 pub mod retrieval;
 pub mod saliency;

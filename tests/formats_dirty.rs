@@ -153,9 +153,36 @@ fn obj_cases() -> Vec<Case> {
     ]
 }
 
+/// A text of facets, each of three corners.
+fn stl(facets: &[[&str; 3]]) -> String {
+    let corners = |facet: &[&str; 3]| facet.map(|corner| format!("   vertex {corner}\n")).concat();
+    let facet = |facet| format!(" facet normal 0 0 0\n  outer loop\n{}  endloop\n endfacet\n", corners(facet));
+    format!("solid a\n{}endsolid a\n", facets.iter().map(facet).collect::<String>())
+}
+
+fn stl_cases() -> Vec<Case> {
+    let square = stl(&[["0 0 0", "1 0 0", "0 1 0"], ["1 0 0", "1 1 0", "0 1 0"]]);
+    let nan = stl(&[["0 0 0", "1 0 0", "0 1 0"], ["1 0 0", "-nan(ind) 1 0", "0 1 0"]]);
+    vec![
+        Case::new("corners of equal place", "a.stl", square.as_str(), 4).faces(2),
+        Case::new("corners of nearly equal place", "a.stl", square.replacen("1 0 0", "1.0000001 0 0", 1), 5).faces(2),
+        Case::new("zero with a sign", "a.stl", square.replacen("0 1 0", "-0.0 1 -0", 1), 4).faces(2),
+        Case::new("a facet without an area", "a.stl", stl(&[["0 0 0", "0 0 0", "0 1 0"]]), 2).faces(1),
+        Case::new("a NaN corner", "a.stl", nan, 3).faces(1).drops(Dropped { faces: 1, ..none() }),
+        Case::new("names with words of the format", "a.stl", square.replace("solid a", "solid my vertex endloop"), 4)
+            .faces(2),
+        Case::new("several solids", "a.stl", square.repeat(2), 4).faces(4),
+        Case::new("capitals", "a.STL", square.to_uppercase(), 4).faces(2),
+        Case::new("the mark of UTF-8", "a.stl", format!("\u{feff}{square}"), 4).faces(2),
+        Case::new("no endsolid", "a.stl", square.replace("endsolid a\n", ""), 4)
+            .faces(2)
+            .drops(Dropped { notes: vec!["there is no endsolid: the file may be cut short".into()], ..none() }),
+    ]
+}
+
 #[test]
 fn every_dirty_file_gives_what_it_holds() {
-    for case in ply_cases().into_iter().chain(pcd_cases()).chain(obj_cases()) {
+    for case in ply_cases().into_iter().chain(pcd_cases()).chain(obj_cases()).chain(stl_cases()) {
         let Reading { surface, dropped } = read(case.name, case.text.as_bytes());
         let what = case.what;
         assert_eq!(surface.cloud.len(), case.points, "{what}");
@@ -177,7 +204,7 @@ fn what_has_no_sound_value_at_all_is_not_there() {
 #[test]
 fn utf16_is_refused_with_the_remedy() {
     let utf16 = |text: &str| -> Vec<u8> { text.encode_utf16().flat_map(u16::to_le_bytes).collect() };
-    for name in ["a.ply", "a.pcd", "a.obj"] {
+    for name in ["a.ply", "a.pcd", "a.obj", "a.stl"] {
         for text in ["\u{feff}v 0 0 0\n", "v 0 0 0\n"] {
             assert_eq!(refusal(name, &utf16(text)), "byte 0: the text is UTF-16; save the file as UTF-8");
         }
@@ -213,6 +240,9 @@ fn nothing_grows_beyond_the_budget() {
     let grid = ply(1, "", grid, &format!("0 0 0\n{}", "0\n".repeat(1000)));
     assert!(refused("a.ply", grid).starts_with("what it holds takes "));
     assert!(refused("a.obj", format!("v 0 0 0\n{}", "vn 0 0 1\n".repeat(1000))).starts_with("what it holds takes "));
+    let strip: Vec<String> = (0..20).map(|k| format!("{k} 0 0")).collect();
+    let strip: Vec<[&str; 3]> = strip.windows(3).map(|corners| [0, 1, 2].map(|k| corners[k].as_str())).collect();
+    assert_eq!(refused("a.stl", stl(&strip)), "points 11 exceeds the limit of 10; thin the scan or raise the limit");
     let fan = ply(
         1,
         "",
@@ -257,6 +287,7 @@ proptest! {
         let texts = [
             ("a.ply", ply(3, channels, face, &format!("{rows}1 1 0 7 8 9\n3 0 1 2\n"))),
             ("a.pcd", pcd(" r g b", " 1 1 1", " U U U", 2, rows)),
+            ("a.stl", stl(&[["0 0 0", "1 0 0", "0 1 0"], ["1 0 0", "1 1 0", "0 1 0"]])),
             ("a.obj", "# a comment\nv 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 3\n".to_owned()),
         ];
         for (name, text) in texts {

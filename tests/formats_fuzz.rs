@@ -48,6 +48,11 @@ fn seeds() -> Vec<(&'static str, Vec<u8>)> {
     let strips = "element tristrips 1\nproperty list int int vertex_indices\n";
     let grid = "element range_grid 4\nproperty list uchar int vertex_indices\n";
     let obj = rows(&|p| format!("v {} {} {} 0.1 0.2 0.3\n", p.x, p.y, p.z)) + &"vn 0 0 1\n".repeat(20);
+    let facet = |face: &[u32; 3]| {
+        let corners = face.map(|vertex| points[vertex as usize]).map(|p| format!("vertex {} {} {}\n", p.x, p.y, p.z));
+        format!("facet normal 0 0 1\nouter loop\n{}endloop\nendfacet\n", corners.concat())
+    };
+    let text_stl = format!("solid a\n{}endsolid a\n", mesh.faces.iter().map(facet).collect::<String>());
     let binary: Vec<u8> = points
         .iter()
         .flat_map(|p| [p.x, p.y, p.z].map(|x| (x as f32).to_le_bytes()).concat().into_iter().chain([1, 2, 3, 0]))
@@ -68,6 +73,8 @@ fn seeds() -> Vec<(&'static str, Vec<u8>)> {
         ("binary.pcd", [pcd_head("binary").as_bytes(), &binary].concat()),
         ("packed.pcd", [pcd_head("binary_compressed").as_bytes(), &sizes, &literal].concat()),
         ("mesh.obj", format!("{obj}f 1/1/1 2/1/2 3/1/3 4/1/4\n").into_bytes()),
+        ("text.stl", text_stl.into_bytes()),
+        ("binary.stl", formats::stl::write_mesh(&mesh)),
         ("poses.json", poses::write_json(&named).into_bytes()),
         ("poses.conf", poses::write_conf(&named).into_bytes()),
         ("poses.txt", blocks.as_bytes().to_vec()),
@@ -97,6 +104,9 @@ const ODD_WORDS: &[&str] = &[
     "x",
     "rgb",
     "1//1",
+    "solid",
+    "endsolid",
+    "endloop",
     "-1/-1/-1",
     "null",
     "[",

@@ -2,7 +2,7 @@
 //! place and the remedy.
 
 use proptest::prelude::*;
-use visage::formats::{FormatError, ReadLimits, obj, ply, poses, read_surface};
+use visage::formats::{FormatError, ReadLimits, obj, ply, poses, read_surface, stl};
 use visage::geometry::{Cloud, Mesh, Motion, Point3, RangeGrid, Vector3};
 
 const XYZ: &str = "property float x\nproperty float y\nproperty float z\n";
@@ -39,6 +39,34 @@ fn a_file_that_declares_10_to_the_12_vertices_is_refused_without_allocating() {
     assert!(message(file.as_bytes()).starts_with("the file is cut short"));
     let huge = "ply\nformat ascii 1.0\nelement vertex 99999999999999999999999\nend_header\n";
     assert!(message(huge.as_bytes()).starts_with("header line 3: an element needs a count"));
+}
+
+#[test]
+fn an_stl_that_declares_4_thousand_million_facets_is_refused_without_allocating() {
+    let mut file = vec![0; 80];
+    file.extend(u32::MAX.to_le_bytes());
+    file.extend([0; 50]);
+    let error = read_surface("a.stl", &file, &ReadLimits::default()).expect_err("one facet").to_string();
+    assert!(
+        error.starts_with("the file is cut short: it declares 4294967295 facets but ends within the 50 bytes"),
+        "{error}"
+    );
+}
+
+#[test]
+fn an_stl_of_one_long_line_takes_no_time() {
+    let text = "solid facet ".repeat(1_000_000);
+    let error = read_surface("a.stl", text.as_bytes(), &ReadLimits::default()).expect_err("nothing in it").to_string();
+    assert!(error.contains("there are no facets"), "{error}");
+}
+
+#[test]
+fn every_truncation_of_a_binary_stl_is_an_error() {
+    let vertices = vec![Point3::origin(), Point3::new(1.0, 0.0, 0.0), Point3::new(0.0, 1.0, 0.0)];
+    let whole = stl::write_mesh(&Mesh { vertices, faces: vec![[0, 1, 2]; 5] });
+    for length in 0..whole.len() {
+        assert!(read_surface("a.stl", &whole[..length], &ReadLimits::default()).is_err(), "{length}");
+    }
 }
 
 #[test]
@@ -80,7 +108,8 @@ fn points_too_far_away_are_named_with_their_value() {
     assert!(message(&binary).starts_with("vertex 0 (byte 124): y is 3.4028234"), "{}", message(&binary));
     let pcd = "FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH 1\nHEIGHT 1\nDATA ascii\n0 -1e19 0\n";
     let obj = "v 0 0 1e19\n";
-    for (name, text) in [("a.pcd", pcd), ("a.obj", obj)] {
+    let stl = "solid\nfacet normal 0 0 0\nouter loop\nvertex 0 0 1e19\nvertex 0 1 0\nvertex 1 0 0\nendloop\nendfacet\nendsolid\n";
+    for (name, text) in [("a.pcd", pcd), ("a.obj", obj), ("a.stl", stl)] {
         let error = read_surface(name, text.as_bytes(), &ReadLimits::default()).expect_err(name).to_string();
         assert!(error.contains("1e19, which is too large to be a coordinate"), "{error}");
     }
@@ -187,6 +216,8 @@ proptest! {
     fn any_bytes_are_read_or_refused(bytes in prop::collection::vec(any::<u8>(), 0..300)) {
         let limits = ReadLimits::default();
         let _ = obj::read(&bytes, &limits);
+        let _ = stl::read(&bytes, &limits);
+        let _ = stl::read(&[b"solid ", bytes.as_slice()].concat(), &limits);
         let _ = poses::read("poses", &bytes);
         let _ = ply::read(&bytes, &limits);
         let _ = ply::read(&[b"ply\n", bytes.as_slice()].concat(), &limits);
@@ -227,6 +258,24 @@ proptest! {
     }
 
     #[test]
+    fn odd_stls_are_read_soundly_or_refused(
+        text in "solid( (solid|facet|normal|outer|loop|vertex 0 [0-9] 1|vertex|endloop|endfacet|endsolid|nan|1e400|\\pL)|\n){0,40}",
+        head in prop::collection::vec(any::<u8>(), 80),
+        count in 0..4u32,
+        body in prop::collection::vec(any::<u8>(), 0..200),
+    ) {
+        let binary = [head.as_slice(), &count.to_le_bytes(), &body].concat();
+        for file in [text.as_bytes(), &binary] {
+            if let Ok(surface) = read_surface("model.stl", file, &ReadLimits::default()) {
+                let vertices = surface.cloud.len();
+                prop_assert!(vertices > 0 && !surface.faces.is_empty());
+                prop_assert!(surface.faces.iter().flatten().all(|vertex| (*vertex as usize) < vertices));
+                prop_assert!(surface.cloud.points.iter().all(|p| p.iter().all(|x| x.is_finite())));
+            }
+        }
+    }
+
+    #[test]
     fn odd_pose_files_are_read_or_refused(text in "(bmesh|a|\\{|\\}|\\[|\\]|\"a\":|null|,|[01] |-1e3 |\n|#){0,60}") {
         if let Ok(file) = poses::read("poses", text.as_bytes()) {
             prop_assert!(!file.poses.is_empty() || !file.unplaced.is_empty());
@@ -249,7 +298,16 @@ proptest! {
         let faces = faces.iter().map(|face| face.map(|i| i.index(cloud.len()) as u32)).collect();
         let mesh = Mesh { vertices: cloud.points, faces };
         let back = read(&ply::write_mesh(&mesh)).expect("own files are read").mesh().expect("faces");
-        prop_assert_eq!(back.faces, mesh.faces);
+        prop_assert_eq!(&back.faces, &mesh.faces);
+        // STL names corners by their place, as `f32`
+        let back = stl::read(&stl::write_mesh(&mesh), &ReadLimits::default()).expect("own files are read").surface;
+        prop_assert_eq!(back.faces.len(), mesh.faces.len());
+        for (face, expected) in back.faces.iter().zip(&mesh.faces) {
+            for (vertex, expected) in face.iter().zip(expected) {
+                let rounded = mesh.vertices[*expected as usize].map(|x| f64::from(x as f32));
+                prop_assert_eq!(back.cloud.points[*vertex as usize], rounded);
+            }
+        }
     }
 
     #[test]

@@ -57,7 +57,7 @@ impl StagedWriter {
     }
 }
 
-/// The files of a model in the making. Removed when dropped before [`Blobs::keep_model`].
+/// The files of a model in the making. Removed when dropped before [`Blobs::keep_model`](super::Blobs::keep_model).
 #[derive(Debug)]
 pub struct StagedModel {
     pub(super) folder: PathBuf,

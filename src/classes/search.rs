@@ -25,7 +25,8 @@ use crate::saliency::{CellGrid, Samples};
 pub struct Found {
     /// Where the standard lies in the model.
     pub pose: Similarity,
-    /// What is left between the region and the surface; see [`Fit::residual_mm`].
+    /// What is left between the region and the surface; see
+    /// [`Fit::residual_mm`](crate::faces::verification::Fit::residual_mm).
     pub residual_mm: f64,
     /// The share of the region that could be seen.
     pub observed: f64,

@@ -1,6 +1,7 @@
 //! `visage register`: the scans of a folder into one model, without a server.
 
 mod folder;
+mod options;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -13,18 +14,20 @@ use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use self::folder::Folder;
+use self::options::Given;
+use crate::domain::asset::Asset;
+use crate::domain::options::Options;
 use crate::formats::{self, Dropped, ReadLimits, Reading, poses::PoseFile};
 use crate::geometry::Unit;
-use crate::jobs::artifacts::{RunFacts, add_readings, report_json};
+use crate::jobs::artifacts::{RunFacts, add_readings, write_assets};
 use crate::jobs::tracker::Tracker;
-
-use crate::pipeline::{self, Hints, Method, NamedScan, Options, PipelineError, RegisteredModel, Scale, Start};
+use crate::pipeline::{self, Hints, NamedScan, PipelineError, RegisteredModel, Start};
 use crate::progress::{Progress, Stage};
 
 /// What to register and where to write it.
 #[derive(Debug, Args)]
 pub struct RegisterArgs {
-    /// The folder with the scans (PLY, PCD or OBJ)
+    #[arg(help = format!("The folder with the scans ({})", formats::surface_names()))]
     dir: PathBuf,
     /// Initial poses: Stanford .conf, JSON {"scan name": 4x4 scan-to-world}, or text blocks of a name and four rows
     #[arg(long)]
@@ -35,50 +38,27 @@ pub struct RegisterArgs {
     /// Unit of the scans: mm, cm, m, in or unknown
     #[arg(long, default_value = "unknown")]
     unit: Unit,
-    /// Registration method
-    #[arg(long, default_value_t = Method::default())]
-    method: Method,
-    /// Worker threads [default: one per core]
-    #[arg(long)]
-    threads: Option<usize>,
-    /// Least overlap of a pair that is registered, between 0 and 1
-    #[arg(long, default_value_t = Options::default().min_overlap)]
-    min_overlap: f64,
-    /// Range accuracy R_e of the scanner in the unit of the scans [default: estimated]
-    #[arg(long)]
-    range_accuracy: Option<f64>,
-    /// Where the scanner stood in each scan's frame, for outward normals [default: the file's, else estimated]
-    #[arg(long, value_name = "X,Y,Z", value_parser = position, allow_hyphen_values = true)]
-    sensor: Option<[f64; 3]>,
-    /// Whether scans are scaled: none, or per_view for scanners that disagree in unit
-    #[arg(long, default_value_t = Scale::default())]
-    scale: Scale,
-    /// The scan that keeps its pose and so fixes the world [default: the first]
-    #[arg(long, value_name = "SCAN")]
-    reference: Option<String>,
-    /// Add scans to a finished model: its folder (or its poses.json); the poses in it stay as they are
+    #[command(flatten)]
+    options: Given<Options>,
+    /// Add scans to a finished model: its folder (or its file of poses); the poses in it stay as they are
     #[arg(long, value_name = "MODEL")]
     add_to: Option<PathBuf>,
     /// What you say of the scans where machines can't tell, JSON: picked points, pairs that overlap, regions to use or leave
     #[arg(long, value_name = "FILE")]
     hints: Option<PathBuf>,
-    /// Keep turntable, floor, walls and stray points [default: left out where recognised]
-    #[arg(long)]
-    keep_all: bool,
-    /// Don't make the merged cloud
-    #[arg(long)]
-    no_cloud: bool,
-    /// Don't make the signature for retrieval
-    #[arg(long)]
-    no_signature: bool,
-    /// The folder to write poses.json, cloud.ply and report.json to; made if it isn't there
-    #[arg(long)]
+    #[arg(long, help = format!("The folder to write {} to; made if it isn't there", results()))]
     out: PathBuf,
+}
+
+/// The files that are written, for the help.
+fn results() -> String {
+    Asset::RESULTS.iter().map(|asset| asset.name()).collect::<Vec<_>>().join(", ")
 }
 
 /// Registers and writes the results.
 pub fn run(args: RegisterArgs) -> anyhow::Result<()> {
-    let threads = args.threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
+    let options = &args.options.0;
+    let threads = options.threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().context("starting the worker threads")?;
     let bar = progress_bar();
     let tracker = Arc::new_cyclic(|tracker: &std::sync::Weak<Tracker>| {
@@ -110,43 +90,18 @@ pub fn run(args: RegisterArgs) -> anyhow::Result<()> {
         base: base.map(|file| file.matrices).unwrap_or_default(),
         hints,
     };
-    let options = options(&args);
     let mut outcome =
-        pool.install(|| pipeline::run_from(scans, &start, args.unit, &options, &progress)).map_err(with_hint)?;
+        pool.install(|| pipeline::run_from(scans, &start, args.unit, options, &progress)).map_err(with_hint)?;
     add_readings(&mut outcome.report, &dropped, &pose_notes);
 
     progress.report(Stage::Storing, 0.0);
-    write_model(&args.out, &outcome)?;
-    progress.report(Stage::Storing, 1.0);
-    let facts = RunFacts::here(None, threads, tracker.snapshot().stage_seconds);
-    write(&args.out.join("report.json"), &report_json(&outcome.report, &facts)?)?;
+    let facts = || {
+        progress.report(Stage::Storing, 1.0);
+        RunFacts::here(None, threads, tracker.snapshot().stage_seconds)
+    };
+    write_assets(&outcome, facts, |asset, content| write(&args.out.join(&*asset.name()), content))?;
     bar.finish_and_clear();
     summarise(&outcome, &args.out)
-}
-
-/// Reads "x,y,z".
-fn position(text: &str) -> Result<[f64; 3], String> {
-    let numbers: Vec<f64> = text.split(',').filter_map(|part| part.trim().parse().ok()).collect();
-    match numbers.try_into() {
-        Ok(position) if text.split(',').count() == 3 => Ok(position),
-        _ => Err("give three numbers, such as 0,0,0".into()),
-    }
-}
-
-fn options(args: &RegisterArgs) -> Options {
-    Options {
-        method: args.method,
-        threads: args.threads,
-        min_overlap: args.min_overlap,
-        range_accuracy: args.range_accuracy,
-        sensor: args.sensor,
-        scale: args.scale,
-        reference: args.reference.clone(),
-        keep_all: args.keep_all,
-        cloud: !args.no_cloud,
-        signature: !args.no_signature,
-        ..Options::default()
-    }
 }
 
 fn read_poses(path: &Path) -> anyhow::Result<PoseFile> {
@@ -164,10 +119,10 @@ fn read_hints(path: &Path) -> anyhow::Result<Hints> {
 
 /// The poses of a finished model, from its folder or from the file itself.
 fn read_base(model: &Path) -> anyhow::Result<PoseFile> {
-    let path = if model.is_dir() { model.join("poses.json") } else { model.to_owned() };
+    let path = if model.is_dir() { model.join(&*Asset::Poses.name()) } else { model.to_owned() };
     let file = read_poses(&path)?;
     let has_matrices = file.matrices.len() == file.poses.len() && !file.poses.is_empty();
-    ensure!(has_matrices, "{} is not the poses.json of a finished model", path.display());
+    ensure!(has_matrices, "{} is not the {} of a finished model", path.display(), Asset::Poses.name());
     Ok(file)
 }
 
@@ -199,14 +154,6 @@ fn with_hint(error: PipelineError) -> anyhow::Error {
         PipelineError::Unusable { message, hint, .. } => anyhow::anyhow!("{message}; {hint}"),
         canceled @ PipelineError::Canceled(_) => canceled.into(),
     }
-}
-
-fn write_model(out: &Path, outcome: &RegisteredModel) -> anyhow::Result<()> {
-    write(&out.join("poses.json"), formats::poses::write_matrices(&outcome.matrices).as_bytes())?;
-    if let Some(model) = &outcome.cloud {
-        write(&out.join("cloud.ply"), &formats::ply::write_cloud(&model.cloud, Some(&model.views)))?;
-    }
-    Ok(())
 }
 
 fn write(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
@@ -241,8 +188,9 @@ fn groups_in_words(report: &serde_json::Value) -> Vec<String> {
             group["views"].as_array().into_iter().flatten().filter_map(|name| name.as_str()).collect();
         let quality = group["quality"].as_str().unwrap_or("unknown");
         format!(
-            "group {index} ({quality} by itself): {}; not placed, their poses among each other are in report.json",
-            names.join(", ")
+            "group {index} ({quality} by itself): {}; not placed, their poses among each other are in {}",
+            names.join(", "),
+            Asset::Report.name()
         )
     };
     report["groups"].as_array().into_iter().flatten().enumerate().skip(1).map(words).collect()

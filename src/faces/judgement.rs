@@ -21,6 +21,20 @@ pub enum MatchMethod {
     Literal,
 }
 
+impl MatchMethod {
+    /// Every method, the default first.
+    pub const ALL: [MatchMethod; 3] = [MatchMethod::Verified, MatchMethod::Descriptors, MatchMethod::Literal];
+
+    /// The name used in queries and answers.
+    pub fn name(self) -> &'static str {
+        match self {
+            MatchMethod::Descriptors => "descriptors",
+            MatchMethod::Verified => "verified",
+            MatchMethod::Literal => "literal",
+        }
+    }
+}
+
 /// How a signature was judged.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Verdict {

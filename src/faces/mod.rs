@@ -98,7 +98,7 @@ pub fn describe(surface: &Surface, unit: Unit, progress: &Progress) -> Result<Si
     Ok(signature.with_profile(profile).with_left_out(left_out))
 }
 
-/// The surface without what is none of it; see [`cleaned`].
+/// The surface without what is none of it; see [`mod@cleaned`].
 pub(crate) fn cleaned(surface: &Surface, progress: &Progress) -> Result<Surface, DescribeError> {
     checked_size(surface)?;
     Ok(cleaned::cleaned(surface, progress)?.0)

@@ -1,6 +1,12 @@
 //! The lines of a text header that a binary body may follow, whatever ends them: LF, CR LF, CR, LF CR, or one after
 //! the other.
 
+/// The lines that end in `text`, whether with LF, CR LF or CR: for messages.
+pub(super) fn lines_of(text: &[u8]) -> usize {
+    let count = |end: u8| text.iter().filter(|byte| **byte == end).count();
+    count(b'\n').max(count(b'\r'))
+}
+
 /// How a line ends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum LineEnd {

@@ -5,10 +5,7 @@
 //! [budget](ReadLimits). One rule for all of them: what can be read without doubt is read; what is not sound costs
 //! itself and not the file, and is counted ([`Dropped`]).
 //!
-//! - [`ply`]: scans, models and range grids, ASCII and binary, read and written
-//! - [`obj`]: models, read
-//! - [`pcd`]: scans, organised or not, read
-//! - [`poses`]: Stanford `.conf`, JSON and text blocks, read and written
+//! [`FORMATS`] is the one list of formats: a new one is a file beside the others and a line there.
 
 #![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used))]
 
@@ -22,24 +19,31 @@ pub mod ply;
 mod points;
 pub mod poses;
 mod reading;
+pub mod stl;
+mod table;
 
 pub use budget::ReadLimits;
 pub use number::{NoCoordinate, checked_coordinate};
 pub use reading::{Dropped, Reading};
+pub use table::{Content, Format, Reader, SurfaceReader, Writers, markdown, surface_endings, surface_names};
 
 use crate::geometry::Surface;
+
+/// Every format, in the order in which people read about them.
+pub const FORMATS: &[&Format] =
+    &[&ply::FORMAT, &pcd::FORMAT, &obj::FORMAT, &stl::FORMAT, &poses::JSON, &poses::CONF, &poses::TEXT];
 
 /// Why a file could not be read. Messages name the place in the file and what to do.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum FormatError {
     /// The name's extension is none that is read here.
-    #[error("files ending in {extension:?} are not read; send PLY, PCD or OBJ")]
+    #[error("files ending in {extension:?} are not read; send {}", surface_names())]
     UnknownExtension {
         /// The part of the name after the last dot.
         extension: String,
     },
     /// The name's extension is that of a packed file.
-    #[error("files ending in {extension:?} are packed; unpack the file and send PLY, PCD or OBJ")]
+    #[error("files ending in {extension:?} are packed; unpack the file and send {}", surface_names())]
     Packed {
         /// The part of the name after the last dot.
         extension: String,
@@ -115,9 +119,6 @@ fn text_start(bytes: &[u8]) -> Result<usize, FormatError> {
     Ok(if bytes.starts_with(b"\xef\xbb\xbf") { 3 } else { 0 })
 }
 
-/// Extensions (lower case, no dot) of the files that are read as scans or models.
-pub const EXTENSIONS: &[&str] = &["ply", "pcd", "obj"];
-
 /// Extensions of packed files, which may hold a scan.
 const PACKED: &[&str] = &["gz", "bz2", "xz", "zst", "zip", "7z", "rar", "tar", "tgz"];
 
@@ -126,27 +127,28 @@ pub fn extension(name: &str) -> String {
     name.rsplit_once('.').map_or("", |(_, extension)| extension).to_ascii_lowercase()
 }
 
-/// Whether a file of this name may be read.
+/// The format of a scan or model by the name of its file.
 ///
 /// # Errors
 /// [`FormatError::UnknownExtension`] or [`FormatError::Packed`], by its ending.
-pub fn check_name(name: &str) -> Result<(), FormatError> {
+pub fn check_name(name: &str) -> Result<&'static Format, FormatError> {
+    reader_of(name).map(|(format, _)| format)
+}
+
+/// What reads a file of this name.
+fn reader_of(name: &str) -> Result<(&'static Format, SurfaceReader), FormatError> {
     let extension = extension(name);
-    match extension.as_str() {
-        known if EXTENSIONS.contains(&known) => Ok(()),
-        packed if PACKED.contains(&packed) => Err(FormatError::Packed { extension }),
+    match Format::of_ending(&extension) {
+        Some(format @ Format { reader: Reader::Surface(read), .. }) => Ok((format, *read)),
+        _ if PACKED.contains(&extension.as_str()) => Err(FormatError::Packed { extension }),
         _ => Err(FormatError::UnknownExtension { extension }),
     }
 }
 
 /// Reads a scan or model, and says what of it was not taken; the extension of `name` is that of the format.
 pub fn read(name: &str, bytes: &[u8], limits: &ReadLimits) -> Result<Reading, FormatError> {
-    check_name(name)?;
-    match extension(name).as_str() {
-        "ply" => ply::read(bytes, limits),
-        "pcd" => pcd::read(bytes, limits),
-        _ => obj::read(bytes, limits),
-    }
+    let (_, read) = reader_of(name)?;
+    read(bytes, limits)
 }
 
 /// The same without what was not taken.
@@ -162,11 +164,12 @@ mod tests {
     fn an_unknown_extension_is_named_with_the_remedy() {
         for name in ["scan.xyz", "scan.XYZ"] {
             let error = read_surface(name, b"", &ReadLimits::default()).expect_err("xyz is not read");
-            assert_eq!(error.to_string(), "files ending in \"xyz\" are not read; send PLY, PCD or OBJ");
+            assert_eq!(error.to_string(), format!("files ending in \"xyz\" are not read; send {}", surface_names()));
         }
         assert!(matches!(read_surface("ply", b"", &ReadLimits::default()), Err(FormatError::UnknownExtension { .. })));
         let packed = read_surface("scan.ply.gz", b"", &ReadLimits::default()).expect_err("packed").to_string();
-        assert_eq!(packed, "files ending in \"gz\" are packed; unpack the file and send PLY, PCD or OBJ");
+        let remedy = format!("unpack the file and send {}", surface_names());
+        assert_eq!(packed, format!("files ending in \"gz\" are packed; {remedy}"));
     }
 
     #[test]

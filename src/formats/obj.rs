@@ -6,8 +6,19 @@ use std::borrow::Cow;
 use super::budget::Budget;
 use super::colors::Channels;
 use super::points::{COLOR, INTENSITY, Layout, NONE, NORMAL, Points, SLOTS, X};
+use super::table::{self, BYTES, Content, Format, Writers};
 use super::{FormatError, ReadLimits, Reading, number, quote, text_start};
 use crate::geometry::Vector3;
+
+/// Its line in the table of formats.
+pub const FORMAT: Format = Format {
+    name: "OBJ",
+    endings: &["obj"],
+    media_type: BYTES,
+    holds: &[Content::Points, Content::Mesh, Content::Normals, Content::Colors],
+    reader: table::Reader::Surface(read),
+    writers: Writers::NONE,
+};
 
 /// Reads an OBJ file: `v x y z` (also with a weight, or with red green blue behind, of any range), `vn` and `f`.
 ///

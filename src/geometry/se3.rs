@@ -1,7 +1,8 @@
 //! Rigid motions and their Lie algebra: the exact exponential and logarithm of SE(3).
 //!
 //! A twist is a 6-vector `(u, w)`: translation part first (a length), rotation vector second (radians).
-//! This is `vec` [P5] of the 4x4 matrix logarithm [P4]; `exp` undoes `cev` [P9] and the matrix exponential [P10].
+//! This is `vec` `[P5]` of the 4x4 matrix logarithm `[P4]`; `exp` undoes `cev` `[P9]` and the matrix
+//! exponential `[P10]`.
 //! Formulas: Sola, Deray, Atchuthan, "A micro Lie theory for state estimation in robotics", 2018, appendix D.
 
 use super::Vector3;

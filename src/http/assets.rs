@@ -15,6 +15,7 @@ use super::problem::{Code, Problem};
 use super::responses;
 use super::schemas::{FileContent, Poses, SurfaceFile};
 use super::state::AppState;
+use crate::domain::asset::Asset;
 
 /// How much is read from disk at a time.
 const CHUNK: usize = 256 << 10;
@@ -32,9 +33,14 @@ struct PartHeaders {
     if_range: String,
 }
 
+/// The address of a file in the table of routes.
+fn address(asset: Asset) -> String {
+    format!("/v1/models/{{id}}/{}", asset.name())
+}
+
 /// Fetch the poses of a registered model.
 #[utoipa::path(
-    get, path = "/v1/models/{id}/poses.json", tag = TAG, operation_id = "getModelPoses",
+    get, path = address(Asset::Poses), tag = TAG, operation_id = "getModelPoses",
     params(("id" = String, Path, format = "uuid", description = "The model."), ConditionHeaders),
     responses(
         (status = 200, description = "The poses.", body = Poses,
@@ -48,14 +54,14 @@ pub async fn get_poses(
     conditions: Conditions,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    send(state, &id, "poses.json", &conditions, &headers).await
+    send(state, &id, &Asset::Poses.name(), &conditions, &headers).await
 }
 
 /// Fetch the poses of a registered model in Stanford's format.
 ///
 /// There is none where a scan's name has a blank or a view a scale, which that format can't hold.
 #[utoipa::path(
-    get, path = "/v1/models/{id}/poses.conf", tag = TAG, operation_id = "getModelConf",
+    get, path = address(Asset::PosesConf), tag = TAG, operation_id = "getModelConf",
     params(("id" = String, Path, format = "uuid", description = "The model."), ConditionHeaders),
     responses(
         (status = 200, description = "The pose file.", body = String, content_type = "text/plain",
@@ -69,12 +75,12 @@ pub async fn get_conf(
     conditions: Conditions,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    send(state, &id, "poses.conf", &conditions, &headers).await
+    send(state, &id, &Asset::PosesConf.name(), &conditions, &headers).await
 }
 
 /// Fetch the report on a registration.
 #[utoipa::path(
-    get, path = "/v1/models/{id}/report.json", tag = TAG, operation_id = "getModelReport",
+    get, path = address(Asset::Report), tag = TAG, operation_id = "getModelReport",
     params(("id" = String, Path, format = "uuid", description = "The model."), ConditionHeaders),
     responses(
         (status = 200, description = "`result` (the same for the same scans) and `run` (times, memory, host).",
@@ -88,7 +94,7 @@ pub async fn get_report(
     conditions: Conditions,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    send(state, &id, "report.json", &conditions, &headers).await
+    send(state, &id, &Asset::Report.name(), &conditions, &headers).await
 }
 
 /// Fetch the surface of a model.

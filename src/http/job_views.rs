@@ -6,8 +6,9 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use super::hint_views::HintsView;
+use super::option_views::OptionsView;
 use super::scan_set_views::UnitView;
-use super::schemas::{MethodName, Point, ScaleName, ShortText};
+use super::schemas::{self, ShortText};
 use crate::pipeline::{Hints, Options};
 use crate::store::{JobError, JobId, JobKind, JobRecord, JobStatus, NewJob};
 
@@ -37,53 +38,12 @@ pub struct NewJobBody {
     pub label: Option<String>,
 }
 
-/// The options of a job; all are optional in a request.
-#[derive(Deserialize, ToSchema)]
-#[serde(deny_unknown_fields)]
-#[schema(as = JobOptions)]
-#[expect(dead_code, reason = "only describes `pipeline::Options`; a test holds them against each other")]
-pub struct OptionsView {
-    /// The registration method: one of those that `GET /v1/info` lists.
-    #[schema(required = false, value_type = MethodName)]
-    method: String,
-    /// Worker threads; capped by the server's own number.
-    #[schema(minimum = 1, maximum = 1024)]
-    threads: Option<usize>,
-    /// The least overlap of a pair that is registered.
-    #[schema(required = false, example = 0.5, minimum = 0.05, maximum = 0.95)]
-    min_overlap: f64,
-    /// Depth error of the scanner, in the unit of the scans; estimated when not given.
-    #[schema(minimum = 0, maximum = 1_000_000)]
-    range_accuracy: Option<f64>,
-    /// The most rounds of overlap, ICP and averaging.
-    #[schema(required = false, example = 20, minimum = 1, maximum = 1000)]
-    max_rounds: usize,
-    /// Where the scanner stood in each scan's frame; believed before what the files say.
-    #[schema(value_type = Option<Point>)]
-    sensor: Option<Vec<f64>>,
-    /// Whether each scan gets a scale factor of its own: `none` or `per_view`.
-    #[schema(required = false, value_type = ScaleName)]
-    scale: String,
-    /// The scan that keeps its pose and so fixes the world; the first when not given.
-    reference: Option<String>,
-    /// Whether turntable, floor, walls and stray points stay in the scans.
-    #[schema(required = false, example = false)]
-    keep_all: bool,
-    /// Whether the merged cloud is made.
-    #[schema(required = false, example = true)]
-    cloud: bool,
-    /// Whether the signature is made.
-    #[schema(required = false, example = true)]
-    signature: bool,
-}
-
 /// The form by which scans are stored and registered in one call.
 #[derive(Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 #[expect(dead_code, reason = "only describes the form")]
 pub struct NewJobForm {
-    /// The scans: PLY, PCD or OBJ files, at least two, each with a name of its own.
-    #[schema(value_type = Vec<String>, format = Binary, min_items = 2)]
+    #[schema(schema_with = schemas::two_scans)]
     scans: Vec<Vec<u8>>,
     /// The initial poses: a Stanford `.conf`, JSON, or text blocks. Scans without one are placed by their surface.
     #[schema(required = false, value_type = String, format = Binary)]
@@ -248,28 +208,4 @@ pub struct JobList {
     pub items: Vec<JobView>,
     /// What to send as `cursor` for the next page; null on the last one.
     pub next_cursor: Option<String>,
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use utoipa::PartialSchema;
-
-    #[test]
-    fn the_contract_names_every_option() {
-        let schema = serde_json::to_value(OptionsView::schema()).expect("plain data");
-        let mut stated: Vec<&str> =
-            schema["properties"].as_object().expect("an object").keys().map(String::as_str).collect();
-        let table = crate::jobs::options::table();
-        let mut actual: Vec<&str> = table.iter().map(|option| option.name).collect();
-        stated.sort_unstable();
-        actual.sort_unstable();
-        assert_eq!(stated, actual);
-        assert_eq!(schema.get("required"), None);
-        for option in &table {
-            let stated = &schema["properties"][option.name];
-            assert_eq!(stated["minimum"].as_f64(), option.minimum, "{}", option.name);
-            assert_eq!(stated["maximum"].as_f64(), option.maximum, "{}", option.name);
-        }
-    }
 }

@@ -22,9 +22,10 @@ use super::scan_sets::{form_rules, from_form, keep_files, parse_id as parse_scan
 use super::state::{AppState, deleted, forget, uninterrupted};
 use super::upload::{self, UploadedFile};
 use super::{cursor, events, extract, hint_views, job_views, models, names, responses};
+use crate::domain::asset::Asset;
+use crate::domain::options::{Declared, Options};
+use crate::jobs::admission;
 use crate::jobs::memory::Budget;
-use crate::jobs::{admission, options};
-use crate::pipeline::Options;
 use crate::store::{
     FileId, JobBase, JobFilter, JobId, JobKind, JobRecord, JobStatus, ModelId, NewJob, NewScanSet, PoseFile,
     ScanRecord, ScanSetId, StoreError,
@@ -213,7 +214,7 @@ async fn order_of_json(state: &AppState, body: NewJobBody) -> Result<Order, Prob
 
 fn options_of(mut value: serde_json::Value) -> Result<Options, Problem> {
     whole_numbers(&mut value);
-    Ok(options::parse(value)?)
+    Ok(Options::parse(value)?)
 }
 
 async fn order_of_form(state: &AppState, form: upload::Form) -> Result<Order, Problem> {
@@ -246,7 +247,7 @@ async fn base_of(state: &AppState, id: ModelId, set: ScanSetId) -> Result<JobBas
         return Err(Problem::new(Code::WrongBase, format!("the model {id} was not made from this scan set"), hint));
     }
     let assets = state.shop.store.assets(id).await?;
-    let poses = match assets.iter().find(|asset| asset.name == "poses.json") {
+    let poses = match assets.iter().find(|asset| asset.name == Asset::Poses.name()) {
         Some(asset) => models::read_asset(state, id, asset).await?,
         None => None,
     };

@@ -8,11 +8,12 @@ use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
 use super::extract::LONGEST_KEY;
+use super::option_views::{OptionInfo, infos};
 use super::problem::Problem;
 use super::responses;
 use super::standards::MOST_STANDARDS;
 use super::state::AppState;
-use crate::jobs::options::{self, OptionInfo};
+use crate::domain::options::OPTIONS;
 use crate::store::live_gallery::NotReady;
 
 const TAG: &str = "service";
@@ -142,7 +143,7 @@ struct Info {
     /// Options of a job.
     job_options: Vec<OptionInfo>,
     /// Endings of the files that are read.
-    file_formats: &'static [&'static str],
+    file_formats: Vec<&'static str>,
     /// Units of length.
     units: [&'static str; 5],
     /// How busy it is.
@@ -188,8 +189,8 @@ async fn info(State(state): State<AppState>) -> Result<Json<Info>, Problem> {
             idempotency_key_characters: LONGEST_KEY,
             standards: MOST_STANDARDS,
         },
-        job_options: options::table(),
-        file_formats: crate::formats::EXTENSIONS,
+        job_options: infos(OPTIONS),
+        file_formats: crate::formats::surface_endings(),
         units: ["mm", "cm", "m", "in", "unknown"],
         load: Load {
             queued_jobs,

@@ -37,6 +37,7 @@ mod model_views;
 mod models;
 mod multipart;
 mod names;
+mod option_views;
 mod poses;
 pub mod problem;
 mod queries;

@@ -5,8 +5,9 @@ use utoipa::ToSchema;
 
 use super::reading_view::ReadingView;
 use super::scan_set_views::UnitView;
-use super::schemas::ShortText;
+use super::schemas::{self, ShortText};
 use super::verdicts::VerdictView;
+use crate::domain::asset::Asset;
 use crate::faces::{LeftOut, SignatureSummary};
 use crate::store::{AssetRecord, ModelId, ModelRecord};
 
@@ -52,7 +53,7 @@ impl From<&SignatureSummary> for SignatureView {
 #[derive(Debug, Clone, Serialize, ToSchema)]
 pub struct AssetView {
     /// Its name.
-    #[schema(example = "cloud.ply")]
+    #[schema(example = json!(Asset::Cloud.name()))]
     pub name: String,
     /// Its size.
     pub bytes: u64,
@@ -77,15 +78,9 @@ impl AssetView {
     }
 }
 
-/// The media type that a file of a model is sent as. Meshes and clouds are bytes: no type is registered for PLY and PCD,
-/// and generated clients take `model/...` for JSON.
-pub fn media_type(asset: &str) -> &'static str {
-    match asset.rsplit_once('.').map_or("", |(_, ending)| ending) {
-        "json" => "application/json",
-        "conf" => "text/plain; charset=utf-8",
-        "png" => "image/png",
-        _ => "application/octet-stream",
-    }
+/// The media type that a file of a model is sent as; that of any bytes for a file of another version of this program.
+pub fn media_type(name: &str) -> &'static str {
+    Asset::media_type_of(name).unwrap_or("application/octet-stream")
 }
 
 /// The address of a model.
@@ -189,8 +184,7 @@ pub struct ModelList {
 #[serde(deny_unknown_fields)]
 #[expect(dead_code, reason = "only describes the form")]
 pub struct NewModelForm {
-    /// A mesh or cloud: PLY, PCD or OBJ.
-    #[schema(value_type = String, format = Binary)]
+    #[schema(schema_with = schemas::model)]
     model: Vec<u8>,
     /// Its class, such as `face`.
     #[schema(required = false, value_type = ShortText)]

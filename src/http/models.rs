@@ -18,6 +18,7 @@ use super::state::{AppState, blocking, deleted, forget, uninterrupted};
 use super::upload::{self, Form, FormRules, UploadedFile};
 use super::verdicts::{self, VerdictView};
 use super::{assets, cursor, describe, names, reading_view, responses};
+use crate::domain::asset::Asset;
 use crate::faces::Signature;
 use crate::formats::Reading;
 use crate::geometry::Surface;
@@ -142,7 +143,7 @@ async fn described(state: &AppState, mut form: Form) -> Result<Upload, Problem> 
     let turn = describe::turn(state, &file).await?;
     let (file, Reading { surface, dropped }) = upload::read(state, file).await?;
     let asset = AssetRecord {
-        name: asset_name(&file.name, &surface),
+        name: asset_name(&file.name, &surface)?,
         bytes: file.staged.bytes,
         checksum: file.staged.checksum.clone(),
     };
@@ -164,10 +165,9 @@ async fn described(state: &AppState, mut form: Form) -> Result<Upload, Problem> 
 }
 
 /// An uploaded file is kept under the name that a file of that kind has for every model.
-fn asset_name(file: &str, surface: &Surface) -> String {
-    let stem = if surface.faces.is_empty() { "cloud" } else { "mesh" };
-    let ending = file.rsplit_once('.').map_or("", |(_, ending)| ending).to_ascii_lowercase();
-    format!("{stem}.{ending}")
+fn asset_name(file: &str, surface: &Surface) -> Result<String, Problem> {
+    let format = names::surface_format(file)?;
+    Ok(Asset::uploaded(format, !surface.faces.is_empty()).name().into_owned())
 }
 
 async fn keep_file(state: &AppState, model: &NewModel, file: UploadedFile) -> Result<(), Problem> {
@@ -245,7 +245,8 @@ async fn read_report(
     id: ModelId,
     assets: &[AssetRecord],
 ) -> Result<Option<serde_json::Value>, Problem> {
-    let Some(asset) = assets.iter().find(|asset| asset.name == "report.json" && asset.bytes <= LARGEST_REPORT) else {
+    let Some(asset) = assets.iter().find(|asset| asset.name == Asset::Report.name() && asset.bytes <= LARGEST_REPORT)
+    else {
         return Ok(None);
     };
     let content = read_asset(state, id, asset).await?;

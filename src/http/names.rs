@@ -1,7 +1,7 @@
 //! Names that users give. They are shown and compared, never used as paths; still, nothing odd comes in.
 
 use super::problem::{Code, Problem};
-use crate::formats;
+use crate::formats::{self, Format};
 
 /// The longest file name, in bytes: what file systems allow.
 const LONGEST_FILE_NAME: usize = 255;
@@ -36,8 +36,13 @@ pub fn file_name(name: &str) -> Result<String, Problem> {
 /// The file name of a scan or model, whose ending tells a format that is read here.
 pub fn surface_file_name(name: &str) -> Result<String, Problem> {
     let name = file_name(name)?;
-    formats::check_name(&name).map_err(|error| Problem::unreadable(&name, &error))?;
+    surface_format(&name)?;
     Ok(name)
+}
+
+/// The format of a scan or model, by its file name.
+pub fn surface_format(name: &str) -> Result<&'static Format, Problem> {
+    formats::check_name(name).map_err(|error| Problem::unreadable(name, &error))
 }
 
 /// A name or label: short, in one line.

@@ -13,6 +13,7 @@ use super::scan_set_views::PosesView;
 use super::scan_sets::{TAG, fit_poses, parse_id};
 use super::schemas::{FileContent, Poses};
 use super::state::AppState;
+use crate::domain::asset::Asset;
 use crate::store::{PoseFile, ScanSetRecord};
 
 /// Set the initial poses of a scan set.
@@ -77,13 +78,13 @@ async fn store_poses(
     let id = parse_id(id)?;
     // before all of it is sent in vain
     conditions.check(poses_tag(&state.shop.store.scan_set(id).await?).as_ref())?;
-    let name = if is_json(&media_type(request.headers())) { "poses.json" } else { "poses" };
+    let is_json = is_json(&media_type(request.headers()));
     let content = read_body(&state, request, state.limits().pose_file_bytes).await?.to_vec();
     if content.is_empty() {
         let hint = "send a Stanford .conf, JSON {\"scan name\": 4x4}, or text blocks of a name and 4 rows";
         return Err(Problem::new(Code::UnreadablePoses, "the pose file is empty", hint));
     }
-    let poses = PoseFile { name: name.to_owned(), content };
+    let poses = PoseFile { name: if is_json { Asset::Poses.name().into() } else { "poses".to_owned() }, content };
     let _turn = conditions.turn(&state).await;
     let set = state.shop.store.scan_set(id).await?;
     conditions.check(poses_tag(&set).as_ref())?;

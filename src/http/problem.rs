@@ -8,10 +8,10 @@ use axum::http::header::{self, HeaderName, HeaderValue};
 use axum::response::{IntoResponse, Response};
 
 use crate::classes::ClassError;
+use crate::domain::options::OptionError;
 use crate::faces::DescribeError;
-use crate::formats::FormatError;
+use crate::formats::{FormatError, surface_names};
 use crate::jobs::admission::AdmissionError;
-use crate::jobs::options::OptionError;
 use crate::pipeline::PipelineError;
 use crate::store::live_gallery::NotReady;
 
@@ -206,8 +206,8 @@ impl Problem {
             _ => Code::UnreadableScan,
         };
         let hint = match error {
-            FormatError::UnknownExtension { .. } => "export the scan as PLY, PCD or OBJ".to_owned(),
-            FormatError::Packed { .. } => "unpack the file and send what is in it: PLY, PCD or OBJ".to_owned(),
+            FormatError::UnknownExtension { .. } => format!("export the scan as {}", surface_names()),
+            FormatError::Packed { .. } => format!("unpack the file and send what is in it: {}", surface_names()),
             FormatError::Malformed { remedy, .. } => remedy.clone(),
             FormatError::Truncated { .. } => "export or upload the file again".to_owned(),
             FormatError::TooLarge { .. } | FormatError::TooManyBytes { .. } => {

@@ -6,7 +6,7 @@ use utoipa::ToSchema;
 use super::names;
 use super::problem::Problem;
 use super::reading_view::ReadingView;
-use super::schemas::{ScanName, ShortText};
+use super::schemas::{self, ScanName, ShortText};
 use crate::geometry::Unit;
 use crate::jobs::admission::{self, PoseFit};
 use crate::store::{NewScanSet, PoseFile, ScanRecord, ScanSetId, ScanSetRecord};
@@ -80,8 +80,7 @@ impl NewScanSetBody {
 #[serde(deny_unknown_fields)]
 #[expect(dead_code, reason = "only describes the form")]
 pub struct ScanSetForm {
-    /// The scans: PLY, PCD or OBJ files, each with a name of its own.
-    #[schema(required = false, value_type = Vec<String>, format = Binary)]
+    #[schema(required = false, schema_with = schemas::scans)]
     scans: Vec<Vec<u8>>,
     /// The initial poses: a Stanford `.conf`, JSON, or text blocks.
     #[schema(required = false, value_type = String, format = Binary)]

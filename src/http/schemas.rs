@@ -7,8 +7,8 @@ use utoipa::openapi::schema::{AdditionalProperties, ArrayBuilder, ObjectBuilder,
 use utoipa::openapi::{KnownFormat, OneOfBuilder, RefOr, Schema, SchemaFormat, Type};
 use utoipa::{PartialSchema, ToSchema};
 
-use crate::formats::EXTENSIONS;
-use crate::pipeline::{Method, Scale};
+use crate::domain::asset::Asset;
+use crate::formats::{surface_endings, surface_names};
 
 macro_rules! schemas {
     ($($(#[doc = $doc:literal])* $name:ident = $schema:expr;)*) => {
@@ -29,17 +29,13 @@ macro_rules! schemas {
 
 schemas! {
     /// A file, byte by byte.
-    FileContent = text().format(Some(SchemaFormat::KnownFormat(KnownFormat::Binary)));
+    FileContent = file();
     /// A plain file name (no folders, no control characters, no blank at either end) whose ending tells the format.
     ScanName = text().pattern(Some(scan_name_pattern())).max_length(Some(255)).examples(["bun045.ply"]);
     /// A name or label: one line, not blank.
     ShortText = text().pattern(Some(short_text_pattern())).min_length(Some(1)).max_length(Some(200));
     /// A file that holds the surface of a model.
-    SurfaceFile = text().enum_values(Some(surface_files())).examples(["cloud.ply"]);
-    /// A registration method.
-    MethodName = text().enum_values(Some(Method::ALL.map(Method::name)));
-    /// Whether scans get scale factors.
-    ScaleName = text().enum_values(Some(Scale::ALL.map(Scale::name)));
+    SurfaceFile = text().enum_values(Some(Asset::surface_names())).examples([Asset::Cloud.name()]);
     /// x, y and z.
     Point = list(number(), 3);
     /// A place in two scans: first in the one, then in the other.
@@ -54,19 +50,54 @@ schemas! {
     Poses = map(OneOfBuilder::new().item(list(list(number(), 4), 4)).item(null()));
 }
 
-fn text() -> ObjectBuilder {
+/// One of some words.
+pub fn choice(words: Vec<&'static str>, about: &str) -> RefOr<Schema> {
+    text().enum_values(Some(words)).description(Some(about)).build().into()
+}
+
+/// The part `scans` of a form that may have none.
+pub fn scans() -> Schema {
+    let about = format!("The scans: {} files, each with a name of its own.", surface_names());
+    ArrayBuilder::new().items(file()).description(Some(about)).build().into()
+}
+
+/// The part `scans` of a form that is to be registered.
+pub fn two_scans() -> Schema {
+    let about = format!("The scans: {} files, at least two, each with a name of its own.", surface_names());
+    ArrayBuilder::new().items(file()).min_items(Some(2)).description(Some(about)).build().into()
+}
+
+/// A file with the surface of a model.
+pub fn model() -> Schema {
+    file().description(Some(format!("A mesh or cloud: {}.", surface_names()))).build().into()
+}
+
+/// A file with the surface that a standard is made of.
+pub fn model_of_class() -> Schema {
+    let about = format!(
+        "A mesh or cloud of one model of the class: {}. A mesh that is not closed must be wound outward.",
+        surface_names()
+    );
+    file().description(Some(about)).build().into()
+}
+
+fn file() -> ObjectBuilder {
+    text().format(Some(SchemaFormat::KnownFormat(KnownFormat::Binary)))
+}
+
+pub(super) fn text() -> ObjectBuilder {
     ObjectBuilder::new().schema_type(Type::String)
 }
 
-fn number() -> ObjectBuilder {
+pub(super) fn number() -> ObjectBuilder {
     ObjectBuilder::new().schema_type(Type::Number).format(Some(SchemaFormat::KnownFormat(KnownFormat::Double)))
 }
 
-fn null() -> ObjectBuilder {
+pub(super) fn null() -> ObjectBuilder {
     ObjectBuilder::new().schema_type(Type::Null)
 }
 
-fn list(item: impl Into<RefOr<Schema>>, length: usize) -> ArrayBuilder {
+pub(super) fn list(item: impl Into<RefOr<Schema>>, length: usize) -> ArrayBuilder {
     ArrayBuilder::new().items(item.into()).min_items(Some(length)).max_items(Some(length))
 }
 
@@ -79,7 +110,7 @@ fn map(value: impl Into<RefOr<Schema>>) -> ObjectBuilder {
 /// `names::surface_file_name` as a regular expression of ECMA 262; a test holds them against each other.
 fn scan_name_pattern() -> String {
     let either = |c: char| format!("[{}{}]", c.to_ascii_lowercase(), c.to_ascii_uppercase());
-    let endings: Vec<String> = EXTENSIONS.iter().map(|ending| ending.chars().map(either).collect()).collect();
+    let endings: Vec<String> = surface_endings().iter().map(|ending| ending.chars().map(either).collect()).collect();
     let plain = r"/\\\u0000-\u001f\u007f-\u009f";
     format!(r"^([^\s{plain}][^{plain}]*)?\.({})$", endings.join("|"))
 }
@@ -88,10 +119,6 @@ fn scan_name_pattern() -> String {
 fn short_text_pattern() -> String {
     let control = r"\u0000-\u001f\u007f-\u009f";
     format!("^[^{control}]*[^\\s{control}][^{control}]*$")
-}
-
-fn surface_files() -> Vec<String> {
-    ["cloud", "mesh"].iter().flat_map(|stem| EXTENSIONS.iter().map(move |ending| format!("{stem}.{ending}"))).collect()
 }
 
 #[cfg(test)]
@@ -148,10 +175,5 @@ mod tests {
             let is_sound = names::text("label", text).is_ok() && !trims_control;
             assert_eq!(pattern.is_match(text), is_sound, "{text:?}");
         }
-    }
-
-    #[test]
-    fn files_of_models_are_told_by_stem_and_ending() {
-        assert_eq!(surface_files(), ["cloud.ply", "cloud.pcd", "cloud.obj", "mesh.ply", "mesh.pcd", "mesh.obj"]);
     }
 }

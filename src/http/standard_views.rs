@@ -7,7 +7,7 @@ use utoipa::ToSchema;
 
 use super::problem::{Code, Problem};
 use super::scan_set_views::UnitView;
-use super::schemas::{Corners, Landmarks};
+use super::schemas::{self, Corners, Landmarks};
 use crate::classes::limit::Learned;
 use crate::classes::{Annotation, CornerChoice, CornerKind, Landmark, SelectiveTriangle};
 use crate::faces::judgement::MATCH_SCORE;
@@ -48,8 +48,7 @@ impl From<CornerKind> for KindView {
 #[serde(deny_unknown_fields)]
 #[expect(dead_code, reason = "only describes the form")]
 pub struct NewStandardForm {
-    /// A mesh or cloud of one model of the class: PLY, PCD or OBJ. A mesh that is not closed must be wound outward.
-    #[schema(value_type = String, format = Binary)]
+    #[schema(schema_with = schemas::model_of_class)]
     model: Vec<u8>,
     /// The name that queries ask for: letters, digits, `-` and `_`.
     #[schema(min_length = 1, max_length = 64, pattern = "^[A-Za-z0-9_-]+$", example = "teapot")]

@@ -21,6 +21,7 @@ use super::state::{AppState, blocking, deleted, uninterrupted};
 use super::upload::{self, Form, FormRules, UploadedFile};
 use super::{describe, names, responses};
 use crate::classes::limit::{self, Learned};
+use crate::domain::asset::Asset;
 use crate::faces::standard::by_name;
 use crate::retrieval;
 use crate::store::{
@@ -141,7 +142,7 @@ async fn annotated(state: &AppState, mut form: Form) -> Result<(NewStandard, Upl
     let file = form.files.pop().ok_or_else(|| missing("model", "send a mesh or cloud as a file named `model`"))?;
     let turn = describe::turn(state, &file).await?;
     let (file, surface) = upload::read_surface(state, file).await?;
-    let ending = file.name.rsplit_once('.').map_or("", |(_, ending)| ending).to_ascii_lowercase();
+    let format = names::surface_format(&file.name)?;
     let given = annotation.clone();
     let class = describe::computed(state, turn, move |engine, progress| {
         engine.annotate(&surface, unit, &given, progress).map_err(Problem::from)
@@ -149,7 +150,7 @@ async fn annotated(state: &AppState, mut form: Form) -> Result<(NewStandard, Upl
     .await
     .map_err(|problem| problem.scan(&file.name))?;
     let asset = AssetRecord {
-        name: format!("model.{ending}"),
+        name: Asset::Annotated(format).name().into_owned(),
         bytes: file.staged.bytes,
         checksum: file.staged.checksum.clone(),
     };

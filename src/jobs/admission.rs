@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use crate::domain::asset::Asset;
 use crate::formats::{FormatError, poses};
 use crate::geometry::Motion;
 use crate::pipeline::{Hints, MIN_SCANS, Method, Options, PipelineError, Start};
@@ -162,7 +163,7 @@ pub fn plan(
                 start: Start { poses: fit.poses.into_iter().collect(), scales: fit.scales, ..Start::default() },
             }
         }
-        Some(base) => plan_addition(scans, file, &poses::read_scaled("poses.json", base)?)?,
+        Some(base) => plan_addition(scans, file, &poses::read_scaled(&Asset::Poses.name(), base)?)?,
     };
     plan.start.hints = hints.clone();
     let names: Vec<&str> = plan.names.iter().map(String::as_str).collect();

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use serde_json::Value;
 
+use crate::domain::asset::Asset;
 use crate::formats::{self, Dropped};
 use crate::geometry::se3;
 use crate::pipeline::{PoseMatrix, RegisteredModel};
@@ -73,7 +74,7 @@ pub fn add_readings(report: &mut Value, dropped: &BTreeMap<String, Dropped>, pos
 }
 
 /// `report.json`: the deterministic result and, apart from it, the run.
-pub fn report_json(result: &Value, run: &RunFacts) -> Result<Vec<u8>, serde_json::Error> {
+fn report_json(result: &Value, run: &RunFacts) -> Result<Vec<u8>, serde_json::Error> {
     #[derive(serde::Serialize)]
     struct Report<'a> {
         result: &'a Value,
@@ -84,9 +85,41 @@ pub fn report_json(result: &Value, run: &RunFacts) -> Result<Vec<u8>, serde_json
     Ok(bytes)
 }
 
+/// Hands all files of a model to `sink`, in the order in which they are written. `run` is asked when the report is made:
+/// its times are those up to there.
+pub fn write_assets<E: From<serde_json::Error>>(
+    outcome: &RegisteredModel,
+    run: impl Fn() -> RunFacts,
+    mut sink: impl FnMut(Asset, &[u8]) -> Result<(), E>,
+) -> Result<(), E> {
+    for asset in Asset::RESULTS {
+        if let Some(content) = content(*asset, outcome, &run)? {
+            sink(*asset, &content)?;
+        }
+    }
+    Ok(())
+}
+
+/// What a file of a model holds; `None` if this model has no such file.
+fn content(
+    asset: Asset,
+    outcome: &RegisteredModel,
+    run: impl Fn() -> RunFacts,
+) -> Result<Option<Vec<u8>>, serde_json::Error> {
+    Ok(match asset {
+        Asset::Poses => Some(formats::poses::write_matrices(&outcome.matrices).into_bytes()),
+        Asset::PosesConf => poses_conf(outcome).map(String::into_bytes),
+        Asset::Cloud => {
+            outcome.cloud.as_ref().map(|merged| formats::ply::write_cloud(&merged.cloud, Some(&merged.views)))
+        }
+        Asset::Report => Some(report_json(&outcome.report, &run())?),
+        Asset::UploadedMesh(_) | Asset::UploadedCloud(_) | Asset::Annotated(_) => None,
+    })
+}
+
 /// `poses.conf` in Stanford's convention; views without a place are left out. `None` when a name has a blank or a view a
 /// scale, which that format can't hold.
-pub fn poses_conf(outcome: &RegisteredModel) -> Option<String> {
+fn poses_conf(outcome: &RegisteredModel) -> Option<String> {
     let has_blank = |name: &str| name.chars().any(char::is_whitespace);
     let is_scaled = |matrix: &PoseMatrix| se3::from_rows(matrix).is_err();
     let holds =
@@ -100,18 +133,37 @@ mod tests {
     use crate::geometry::Motion;
     use serde_json::json;
 
+    fn outcome(name: &str, scale: f64) -> RegisteredModel {
+        let pose = Motion::identity();
+        RegisteredModel {
+            poses: vec![(name.to_owned(), Some(pose))],
+            matrices: vec![(name.to_owned(), Some(se3::to_scaled_rows(&pose, scale)))],
+            report: json!({}),
+            cloud: None,
+            signature: None,
+        }
+    }
+
+    #[test]
+    fn what_there_is_not_is_not_written() {
+        let written = |name: &str| {
+            let mut written = Vec::new();
+            let run = || RunFacts::here(None, 2, BTreeMap::new());
+            let sink = |asset: Asset, content: &[u8]| -> Result<(), serde_json::Error> {
+                assert!(!content.is_empty());
+                written.push(asset);
+                Ok(())
+            };
+            write_assets(&outcome(name, 1.0), run, sink).expect("plain data");
+            written
+        };
+        assert_eq!(written("scan.ply"), [Asset::Poses, Asset::PosesConf, Asset::Report]);
+        assert_eq!(written("my scan.ply"), [Asset::Poses, Asset::Report]);
+    }
+
     #[test]
     fn a_name_with_a_blank_or_a_scale_has_no_conf() {
-        let conf = |name: &str, scale: f64| {
-            let pose = Motion::identity();
-            poses_conf(&RegisteredModel {
-                poses: vec![(name.to_owned(), Some(pose))],
-                matrices: vec![(name.to_owned(), Some(se3::to_scaled_rows(&pose, scale)))],
-                report: json!({}),
-                cloud: None,
-                signature: None,
-            })
-        };
+        let conf = |name: &str, scale: f64| poses_conf(&outcome(name, scale));
         assert_eq!(conf("my scan.ply", 1.0), None);
         assert_eq!(conf("scan.ply", 1.1), None);
         assert!(conf("scan.ply", 1.0).is_some_and(|text| text.starts_with("bmesh scan.ply ")));

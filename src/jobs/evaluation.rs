@@ -13,6 +13,7 @@ use super::work::{WorkError, stored};
 use crate::blobs::{BlobError, Blobs};
 use crate::classes::{Class, ClassError, limit};
 use crate::config::Limits;
+use crate::domain::asset::Asset;
 use crate::faces::{DescribeError, Signature};
 use crate::formats;
 use crate::geometry::Surface;
@@ -24,8 +25,6 @@ use crate::store::{
 
 /// Models that are asked for at a time.
 const BATCH: usize = 32;
-/// The files that hold a model's surface, the best first.
-const SURFACES: [&str; 6] = ["mesh.ply", "mesh.obj", "cloud.ply", "cloud.obj", "mesh.pcd", "cloud.pcd"];
 
 /// Everything an evaluation needs.
 pub(super) struct Evaluation {
@@ -145,11 +144,11 @@ impl Evaluation {
     /// The surface of a model, or why there is none.
     fn surface(&self, model: &ModelRecord) -> Result<Result<Surface, String>, WorkError> {
         let assets = self.stored(|| self.store.assets(model.id))?;
-        for name in SURFACES {
+        for name in Asset::describing(model.origin()) {
             let Some(asset) = assets.iter().find(|asset| asset.name == name) else { continue };
             match self.blobs.read_asset(model.id, asset) {
                 Ok(Some(bytes)) => {
-                    let surface = formats::read_surface(name, &bytes, &self.limits.read_limits());
+                    let surface = formats::read_surface(&name, &bytes, &self.limits.read_limits());
                     return Ok(surface.map_err(|error| error.to_string()));
                 }
                 Ok(None) => {}

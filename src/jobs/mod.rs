@@ -2,7 +2,6 @@
 //!
 //! - [`admission`]: which scan sets may become a job
 //! - [`memory`]: whether a registration fits into it
-//! - [`options`]: what the caller may choose, with types, ranges and defaults
 //! - [`engine`]: the seam to the algorithms (tests put slow or failing ones in)
 //! - [`tracker`]: the progress sink with a clock
 //! - [`board`]: what runs now, for cancel and for those who wait
@@ -24,7 +23,6 @@ pub mod engine;
 mod evaluation;
 pub mod memory;
 pub mod opening;
-pub mod options;
 pub mod runner;
 pub mod tracker;
 mod work;

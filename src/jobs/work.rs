@@ -14,6 +14,7 @@ use super::tracker::Tracker;
 use super::{admission, artifacts};
 use crate::blobs::{BlobError, Blobs, StagedModel};
 use crate::config::Limits;
+use crate::domain::asset::Asset;
 use crate::faces::Signature;
 use crate::formats::{self, Dropped};
 use crate::pipeline::{NamedScan, PipelineError, RegisteredModel};
@@ -118,6 +119,13 @@ impl From<PipelineError> for WorkError {
     }
 }
 
+impl From<serde_json::Error> for WorkError {
+    /// A report that can't be written.
+    fn from(error: serde_json::Error) -> Self {
+        defect(error.to_string())
+    }
+}
+
 pub(super) fn failed(
     code: &str,
     message: impl Into<String>,
@@ -218,23 +226,18 @@ impl Work {
     fn keep(&self, outcome: RegisteredModel) -> Result<Made, WorkError> {
         let staged = self.blobs.stage_model()?;
         let mut assets = Vec::new();
-        let mut write = |name: &str, content: &[u8]| -> Result<(), WorkError> {
-            self.progress.check()?;
-            assets.push(write_asset(&staged, name, content)?);
-            Ok(())
+        let run = || {
+            let seconds = self.tracker.snapshot().stage_seconds;
+            artifacts::RunFacts::here(Some(self.job.id.to_string()), self.threads, seconds)
         };
-        write("poses.json", formats::poses::write_matrices(&outcome.matrices).as_bytes())?;
-        if let Some(conf) = artifacts::poses_conf(&outcome) {
-            write("poses.conf", conf.as_bytes())?;
-        }
-        if let Some(merged) = &outcome.cloud {
-            write("cloud.ply", &formats::ply::write_cloud(&merged.cloud, Some(&merged.views)))?;
-            self.progress.report(Stage::Storing, 0.5);
-        }
-        let seconds = self.tracker.snapshot().stage_seconds;
-        let run = artifacts::RunFacts::here(Some(self.job.id.to_string()), self.threads, seconds);
-        let report = artifacts::report_json(&outcome.report, &run).map_err(|error| defect(error.to_string()))?;
-        write("report.json", &report)?;
+        artifacts::write_assets(&outcome, run, |asset, content| -> Result<(), WorkError> {
+            self.progress.check()?;
+            assets.push(write_asset(&staged, &asset.name(), content)?);
+            if asset == Asset::Cloud {
+                self.progress.report(Stage::Storing, 0.5);
+            }
+            Ok(())
+        })?;
         let id = ModelId::new();
         let coming = [StoredFile::Model(id)];
         stored(&self.runtime, &self.progress, || self.store.expect_files(&coming))?;

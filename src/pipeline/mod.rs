@@ -10,14 +10,15 @@ mod supports;
 
 use std::collections::BTreeMap;
 
+use crate::domain::options::{Declared, OptionError};
+pub use crate::domain::options::{Method, Options, Scale};
 use crate::faces::{self, DescribeError, Signature};
-use crate::geometry::{MAX_COORDINATE, Motion, Surface, Unit, Vector3};
+use crate::geometry::{Motion, Surface, Unit, Vector3};
 use crate::progress::{Canceled, Progress, Stage};
 pub use crate::reconstruction::merge::ModelCloud;
 use crate::reconstruction::merge::{PosedView, merge};
 use crate::registration::global::scan_set::Registered;
 pub use crate::registration::hints::Hints;
-pub use crate::registration::method::Method;
 use crate::registration::outcome::Outcome;
 use crate::registration::quality::colour::{self, Brightness};
 use crate::registration::quality::free_space::intrusions;
@@ -30,7 +31,7 @@ use crate::registration::view::View;
 use crate::registration::{self, covariance};
 
 use self::start::Setting;
-pub use self::start::{PoseMatrix, Scale, Start};
+pub use self::start::{PoseMatrix, Start};
 use self::still::{Settled, Taken};
 
 /// One scan with the name by which poses and reports speak of it.
@@ -40,52 +41,6 @@ pub struct NamedScan {
     pub name: String,
     /// Its points, in the sensor's frame.
     pub surface: Surface,
-}
-
-/// What the caller may choose. Unknown fields are refused.
-#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Options {
-    /// The registration method.
-    pub method: Method,
-    /// Worker threads (capped by the server's own).
-    pub threads: Option<usize>,
-    /// The least overlap xi_0 of a pair that is registered.
-    pub min_overlap: f64,
-    /// Range accuracy R_e in the unit of the scans; estimated when absent.
-    pub range_accuracy: Option<f64>,
-    /// The most rounds of overlap, ICP and averaging.
-    pub max_rounds: usize,
-    /// Where the scanner stood in each scan's frame; believed before what files say.
-    pub sensor: Option<[f64; 3]>,
-    /// Whether scans are scaled.
-    pub scale: Scale,
-    /// The scan that keeps its pose and so fixes the world; the first if absent.
-    pub reference: Option<String>,
-    /// Whether turntable, floor, walls and stray points stay in the scans.
-    pub keep_all: bool,
-    /// Whether the merged cloud is made.
-    pub cloud: bool,
-    /// Whether the signature is made.
-    pub signature: bool,
-}
-
-impl Default for Options {
-    fn default() -> Self {
-        Options {
-            method: Method::default(),
-            threads: None,
-            min_overlap: 0.5,
-            range_accuracy: None,
-            max_rounds: 20,
-            sensor: None,
-            scale: Scale::default(),
-            reference: None,
-            keep_all: false,
-            cloud: true,
-            signature: true,
-        }
-    }
 }
 
 /// What a run leaves behind.
@@ -281,19 +236,17 @@ fn check_input(scans: &[NamedScan], options: &Options) -> Result<(), PipelineErr
             hint: "choose two scans, or a method for several such as joint".into(),
         });
     }
-    if !(options.min_overlap > 0.0 && options.min_overlap < 1.0) {
-        return Err(bad_option("min_overlap", "a share between 0 and 1, such as 0.5"));
+    Ok(options.check()?)
+}
+
+impl From<OptionError> for PipelineError {
+    fn from(error: OptionError) -> Self {
+        let hint = match &error {
+            OptionError::OutOfRange { minimum, maximum, .. } => format!("give a value from {minimum} to {maximum}"),
+            OptionError::Malformed(_) => "give options that are known, with values of their types".to_owned(),
+        };
+        PipelineError::Unusable { code: "bad_option", scan: None, message: error.to_string(), hint }
     }
-    if options.range_accuracy.is_some_and(|r| !(r.is_finite() && r >= 0.0)) {
-        return Err(bad_option("range_accuracy", "a length of 0 or more in the unit of the scans"));
-    }
-    if options.sensor.is_some_and(|place| !place.iter().all(|x| x.abs() <= MAX_COORDINATE)) {
-        return Err(bad_option("sensor", "a place that coordinates reach: 1e12 at most"));
-    }
-    if !(1..=1000).contains(&options.max_rounds) {
-        return Err(bad_option("max_rounds", "a number from 1 to 1000"));
-    }
-    Ok(())
 }
 
 fn bad_option(name: &str, remedy: &str) -> PipelineError {

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::{Method, NamedScan, Options, PipelineError, bad_option, sensor_of};
+use super::{Method, NamedScan, Options, PipelineError, Scale, bad_option, sensor_of};
 use crate::geometry::{Motion, se3};
 use crate::progress::{Canceled, Progress, Stage};
 use crate::registration::global::placement::place;
@@ -18,48 +18,6 @@ use crate::registration::view::View;
 
 /// A pose as a 4x4 row-major matrix `[s R, t]`; the scale s is 1 unless scales were sought.
 pub type PoseMatrix = [[f64; 4]; 4];
-
-/// Whether scans are scaled.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Scale {
-    /// All scans are in one unit.
-    #[default]
-    None,
-    /// Each scan has a scale factor of its own, that of the first being 1: for scanners that disagree in unit.
-    PerView,
-}
-
-impl Scale {
-    /// Every choice, the default first.
-    pub const ALL: [Scale; 2] = [Scale::None, Scale::PerView];
-
-    /// The name used in options and messages.
-    pub fn name(self) -> &'static str {
-        match self {
-            Scale::None => "none",
-            Scale::PerView => "per_view",
-        }
-    }
-}
-
-impl std::fmt::Display for Scale {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(self.name())
-    }
-}
-
-impl std::str::FromStr for Scale {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, Self::Err> {
-        let all = Scale::ALL.into_iter();
-        all.clone().find(|scale| scale.name() == text).ok_or_else(|| {
-            let names: Vec<&str> = all.map(Scale::name).collect();
-            format!("{text:?} is no choice; use one of: {}", names.join(", "))
-        })
-    }
-}
 
 /// What is known of the scans' poses beforehand.
 #[derive(Debug, Clone, Default, PartialEq)]

@@ -116,7 +116,7 @@ fn standard_json(standard: &Standard) -> serde_json::Value {
         "shape": standard.annotated_shape().coordinates(),
         "score_threshold": judgement::MATCH_SCORE,
         "thres_ft_mm": judgement::THRES_FT_MM,
-        "methods": ["descriptors", "literal"],
+        "methods": MatchMethod::ALL.map(MatchMethod::name),
     })
 }
 
@@ -124,6 +124,14 @@ fn standard_json(standard: &Standard) -> serde_json::Value {
 mod tests {
     use super::*;
     use crate::faces::signature::tests::example;
+
+    #[test]
+    fn the_face_lists_every_method_under_the_name_that_queries_use() {
+        let listed = standards()[0]["methods"].clone();
+        assert_eq!(listed, serde_json::json!(MatchMethod::ALL), "as a query spells them");
+        assert_eq!(listed[0], serde_json::json!(MatchMethod::default()));
+        assert_eq!(listed.as_array().map(Vec::len), Some(3));
+    }
 
     #[test]
     fn only_known_standards_are_judged() {

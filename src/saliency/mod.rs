@@ -1,5 +1,5 @@
-//! From a surface to its salient regions: mean curvature, weighted curvature [P11], multi-scale saliency
-//! [P12], threshold and clustering. Pure.
+//! From a surface to its salient regions: mean curvature, weighted curvature `[P11]`, multi-scale saliency
+//! `[P12]`, threshold and clustering. Pure.
 //!
 //! Meshes get their mean curvature from the cotangent Laplace-Beltrami operator ([`curvature`]), bare clouds
 //! from local quadric fits ([`quadric`]). All of it works on [`CurvedSurface`]: positions, outward normals,
@@ -67,7 +67,7 @@ pub struct CurvedSurface {
 impl CurvedSurface {
     /// A mesh's vertices. `side` is the factor that turns the mesh's winding outward: 1 or -1.
     ///
-    /// Curvatures beyond 1/xi are cut there: a radius below xi is noise to every scale of [P12], and one
+    /// Curvatures beyond 1/xi are cut there: a radius below xi is noise to every scale of `[P12]`, and one
     /// needle-shaped face must not own the maximum that the maps are scaled by.
     pub fn from_mesh(mesh: &Mesh, side: f64) -> CurvedSurface {
         let mut surface = curvature::of_mesh(mesh, side);

@@ -1,4 +1,4 @@
-//! Weighted curvature [P11] and multi-scale saliency [P12], scales combined after Lee, Varshney, Jacobs,
+//! Weighted curvature `[P11]` and multi-scale saliency `[P12]`, scales combined after Lee, Varshney, Jacobs,
 //! "Mesh saliency", 2005.
 
 use rayon::prelude::*;
@@ -19,7 +19,7 @@ pub(super) const WIDEST_IN_XI: f64 = FILTERS_IN_XI[7];
 /// For each scale, the filters sigma_i and 2 sigma_i.
 const SCALES: [[usize; 2]; 5] = [[0, 2], [1, 4], [2, 5], [3, 6], [4, 7]];
 
-/// Weighted curvature [P11]: `G(l(v), sigma)`, the mean of l over the points nearer than sigma, weighted by
+/// Weighted curvature `[P11]`: `G(l(v), sigma)`, the mean of l over the points nearer than sigma, weighted by
 /// `exp(-|x - v|^2 / (2 sigma^2))`.
 ///
 /// Every point also counts by the area it stands for; with equal areas that is the paper's formula, and with
@@ -36,7 +36,7 @@ pub fn weighted_curvature(surface: &CurvedSurface, grid: &CellGrid, vertex: usiz
 
 /// Saliency of every point in [0, 1] for scale unit `xi` (a length).
 ///
-/// [P12] for each sigma: `phi_i(v) = |G(l(v), sigma_i) - G(l(v), 2 sigma_i)|`. Each map is scaled to [0, 1] and
+/// `[P12]` for each sigma: `phi_i(v) = |G(l(v), sigma_i) - G(l(v), 2 sigma_i)|`. Each map is scaled to [0, 1] and
 /// weighted by `(1 - m)^2`, m being the mean of its other local maxima: a map with one outstanding place
 /// counts for more than one that is busy everywhere. The sum is scaled to [0, 1] again.
 pub fn saliency(surface: &CurvedSurface, xi: f64, progress: &Progress) -> Result<Vec<f64>, Canceled> {

@@ -6,6 +6,7 @@ use super::{
     Deleted, JobId, ModelId, Page, PageRequest, Replay, ScanSetId, Store, StoreError, StoredFile, StoredSignature,
     Unseen, damaged, evaluations, replays, signatures, stored_id, sweep, to_i64, to_u64,
 };
+use crate::domain::asset::Origin;
 use crate::faces::SignatureSummary;
 use crate::geometry::Unit;
 
@@ -68,6 +69,13 @@ pub struct ModelRecord {
     pub reading: Option<String>,
     /// What the API shows of its signature.
     pub signature: Option<SignatureSummary>,
+}
+
+impl ModelRecord {
+    /// Where it comes from.
+    pub fn origin(&self) -> Origin {
+        if self.job_id.is_some() { Origin::Registered } else { Origin::Uploaded }
+    }
 }
 
 /// Which models a list shows.

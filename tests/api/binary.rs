@@ -10,6 +10,7 @@ use crate::common::{expect_json, files, text};
 use reqwest::multipart::{Form, Part};
 use reqwest::{Client, StatusCode};
 use serde_json::{Value, json};
+use visage::domain::asset::Asset;
 
 /// A running `visage serve`, killed when dropped.
 pub struct Process {
@@ -106,6 +107,42 @@ fn it_prints_its_contract() {
     let output = Command::new(env!("CARGO_BIN_EXE_visage")).arg("openapi").output().expect("it runs");
     assert!(output.status.success());
     assert_eq!(String::from_utf8(output.stdout).expect("text"), visage::http::openapi_yaml().expect("YAML"));
+}
+
+/// A folder with three scans, and their names.
+fn folder_of_scans(folder: &Path) -> Vec<String> {
+    let names: Vec<String> = (0..3).map(|index| format!("s{index}.ply")).collect();
+    for (index, name) in names.iter().enumerate() {
+        std::fs::write(folder.join(name), coarse_scan(index, 40)).expect("written");
+    }
+    names
+}
+
+#[test]
+fn register_writes_the_files_that_the_service_keeps() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let names = folder_of_scans(folder.path());
+    let poses = folder.path().join("given.json");
+    std::fs::write(&poses, disturbed_poses(&names)).expect("written");
+    let out = folder.path().join("out");
+    let register = |more: &[&str]| {
+        Command::new(env!("CARGO_BIN_EXE_visage"))
+            .args(["register", "--no-signature", "--poses"])
+            .args([poses.as_path(), folder.path(), Path::new("--out"), out.as_path()])
+            .args(more)
+            .output()
+            .expect("it starts")
+    };
+    let refused = register(&["--min-overlap", "0.01"]);
+    let complaint = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert!(!refused.status.success() && complaint.contains("not between 0.05 and 0.95"), "{complaint}");
+    let done = register(&[]);
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    for asset in Asset::RESULTS {
+        assert!(out.join(&*asset.name()).is_file(), "{asset:?} is missing");
+    }
+    let conf = std::fs::read(out.join(&*Asset::PosesConf.name())).expect("written");
+    assert_eq!(visage::formats::poses::read("it", &conf).expect("sound").poses.len(), 3);
 }
 
 /// A part of a bumpy sphere as a scan; with 220 rows so dense that registering a few takes a while.

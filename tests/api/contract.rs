@@ -133,7 +133,7 @@ async fn the_service_tells_how_it_is_and_what_it_offers() {
     assert!(
         min_overlap["minimum"].is_number() && min_overlap["maximum"].is_number() && min_overlap["help"].is_string()
     );
-    assert_eq!(info["file_formats"], serde_json::json!(visage::formats::EXTENSIONS));
+    assert_eq!(info["file_formats"], serde_json::json!(visage::formats::surface_endings()));
 }
 
 #[tokio::test]

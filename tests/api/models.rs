@@ -97,6 +97,37 @@ async fn files_are_fetched_in_part_and_only_when_new() {
     assert_eq!(head.headers()["content-length"], whole.len().to_string().as_str());
 }
 
+/// A model in every format, kept and sent as the table of formats says.
+#[tokio::test]
+async fn an_uploaded_model_comes_back_as_it_was_sent() {
+    let server = TestServer::start().await;
+    let limits = visage::formats::ReadLimits::default();
+    let obj = files::bumpy_sphere(0.0);
+    let surface = visage::formats::read_surface("ball.obj", &obj, &limits).expect("sound");
+    let rows: String = surface.cloud.points.iter().map(|p| format!("{} {} {}\n", p.x, p.y, p.z)).collect();
+    let count = surface.cloud.len();
+    let pcd = format!("FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH {count}\nHEIGHT 1\nDATA ascii\n{rows}");
+    let mesh = surface.mesh().expect("faces");
+    let sent = [
+        ("mesh.obj", obj),
+        ("mesh.ply", visage::formats::ply::write_mesh(&mesh)),
+        ("mesh.stl", visage::formats::stl::write_mesh(&mesh)),
+        ("cloud.pcd", pcd.into_bytes()),
+    ];
+    assert_eq!(sent.len(), visage::formats::Format::surfaces().count(), "a new format wants a row");
+    for (name, content) in sent {
+        let format = visage::formats::check_name(name).expect("read here");
+        let form =
+            Form::new().part("model", Part::bytes(content.clone()).file_name(format!("ball.{}", format.ending())));
+        let model = expect_json(server.post_form("/v1/models", form).await, StatusCode::CREATED).await;
+        assert_eq!(model["assets"][0]["name"], name);
+        assert_eq!(model["assets"][0]["media_type"], format.media_type);
+        let answer = server.get(&text(&model, "/assets/0/href")).await;
+        assert_eq!(answer.headers()["content-type"], format.media_type);
+        assert_eq!(answer.bytes().await.expect("a body"), content);
+    }
+}
+
 #[tokio::test]
 async fn the_gallery_finds_what_it_holds_and_forgets_what_is_deleted() {
     let server = TestServer::start().await;

@@ -38,9 +38,23 @@ def knobbed_ball(tips=TIPS, size=1.0, rows=range(ROWS + 1)):
     return ("\n".join(lines) + "\n").encode()
 
 
+def facets(ball):
+    """The triangles of a ball as ASCII STL."""
+    rows = [line.split() for line in ball.decode().splitlines()]
+    points = [" ".join(row[1:]) for row in rows if row[0] == "v"]
+    lines = ["solid ball"]
+    for row in rows:
+        if row[0] == "f":
+            corners = [f"vertex {points[int(corner) - 1]}" for corner in row[1:]]
+            lines += ["facet normal 0 0 0", "outer loop", *corners, "endloop", "endfacet"]
+    return ("\n".join(lines + ["endsolid ball"]) + "\n").encode()
+
+
 def content(name):
     """The vertices of the ball in the format that the ending of a file name asks for."""
     ball = knobbed_ball()
+    if name.lower().endswith(".stl"):
+        return facets(ball)
     points = [line[2:] for line in ball.decode().splitlines() if line.startswith("v ")]
     heads = {
         "obj": None,

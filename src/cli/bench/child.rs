@@ -1,5 +1,6 @@
 //! `visage register` run as a process of its own, so that its whole cost is seen from outside.
 
+use crate::domain::asset::Asset;
 use std::path::Path;
 use std::process::Command;
 use std::time::Instant;
@@ -42,7 +43,7 @@ pub fn register(dir: &Path, poses: &Path, out: &Path, options: &[&str]) -> anyho
     let (cpu_seconds, wall_seconds) = (cpu_of_children()? - cpu_before, started.elapsed().as_secs_f64());
     let complaint = String::from_utf8_lossy(&output.stderr);
     ensure!(output.status.success(), "visage register {} failed: {}", dir.display(), complaint.trim());
-    let report = out.join("report.json");
+    let report = out.join(&*Asset::Report.name());
     let report = std::fs::read(&report).with_context(|| format!("reading {}", report.display()))?;
     let report = serde_json::from_slice(&report).context("reading the report")?;
     Ok(Run { cpu_seconds, wall_seconds, report })

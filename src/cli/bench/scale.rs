@@ -7,6 +7,7 @@ use clap::Args;
 use rayon::prelude::*;
 
 use super::child::{self, Run};
+use crate::domain::asset::Asset;
 use crate::formats::{ply, poses};
 use crate::geometry::{Motion, Point3};
 use crate::synthetic::head::{Proportions, head};
@@ -88,7 +89,7 @@ fn make_set(dir: &Path, views: usize, resolution: f64) -> anyhow::Result<Truth> 
 }
 
 fn row(truth: &Truth, dir: &Path, run: &Run) -> anyhow::Result<String> {
-    let path = dir.join("result").join("poses.json");
+    let path = dir.join("result").join(&*Asset::Poses.name());
     let bytes = std::fs::read(&path).with_context(|| format!("reading {}", path.display()))?;
     let found = poses::read("poses.json", &bytes).context("reading the poses")?.to_map();
     let placed: Vec<usize> = (0..truth.poses.len()).filter(|&view| found.contains_key(&truth.poses[view].0)).collect();

@@ -6,6 +6,7 @@ use reqwest::{RequestBuilder, Response};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 
+use crate::domain::asset::Asset;
 use crate::formats::poses::{self, PoseFile};
 
 /// Talks to one server.
@@ -107,7 +108,7 @@ impl Client {
         for (file, bytes) in scans {
             form = form.part("scans", Part::bytes(bytes.clone()).file_name(file.clone()));
         }
-        form = form.part("poses", Part::text(poses_json.to_owned()).file_name("poses.json"));
+        form = form.part("poses", Part::text(poses_json.to_owned()).file_name(Asset::Poses.name()));
         let created: Created = json(self.http.post(self.url("/v1/scan-sets")).multipart(form)).await?;
         Ok(created.id)
     }
@@ -132,7 +133,8 @@ impl Client {
 
     /// The poses that were found.
     pub async fn poses(&self, model_id: &str) -> anyhow::Result<PoseFile> {
-        Ok(poses::read("poses.json", &self.asset(model_id, "poses.json").await?)?)
+        let name = Asset::Poses.name();
+        Ok(poses::read(&name, &self.asset(model_id, &name).await?)?)
     }
 
     /// How all stored models compare with a standard.

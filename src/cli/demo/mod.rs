@@ -16,6 +16,7 @@ use self::client::{Client, Job};
 use self::exhibits::Exhibit;
 use self::verdict::{Finding, PoseFinding};
 use crate::config::ServerConfig;
+use crate::domain::asset::Asset;
 use crate::http::Server;
 use crate::telemetry::{self, LogFormat};
 
@@ -135,8 +136,8 @@ fn save_scans(exhibits: &[Exhibit], out: &Path) -> anyhow::Result<()> {
 async fn save(client: &Client, findings: &[Finding], out: &Path) -> anyhow::Result<()> {
     std::fs::create_dir_all(out).with_context(|| format!("making {}", out.display()))?;
     for finding in findings {
-        for asset in ["cloud.ply", "poses.json", "report.json"] {
-            let bytes = client.asset(&finding.model_id, asset).await?;
+        for asset in [Asset::Cloud, Asset::Poses, Asset::Report].map(Asset::name) {
+            let bytes = client.asset(&finding.model_id, &asset).await?;
             let path = out.join(format!("{}_{asset}", finding.name));
             std::fs::write(&path, bytes).with_context(|| format!("writing {}", path.display()))?;
         }
@@ -155,7 +156,7 @@ fn say_how_to_look(client: &Client, findings: &[Finding], args: &DemoArgs) {
     if args.keep {
         println!("\nLook at the results (clouds open in MeshLab, CloudCompare or Blender):");
         for finding in findings {
-            println!("  curl -o {}.ply {}", finding.name, client.asset_url(&finding.model_id, "cloud.ply"));
+            println!("  curl -o {}.ply {}", finding.name, client.asset_url(&finding.model_id, &Asset::Cloud.name()));
         }
         println!("  curl {}", client.url("/v1/models"));
         let body = "'{\"standard\": \"face\"}'";

@@ -127,14 +127,14 @@ impl<'a> Folder<'a> {
                 let packed = self.names().filter(packed).count();
                 let packed =
                     if packed > 0 { format!("; {packed} files are packed: unpack them") } else { String::new() };
-                format!("no scans in {path} (read are: {}{packed})", formats::EXTENSIONS.join(", "))
+                format!("no scans in {path} (read are: {}{packed})", formats::surface_endings().join(", "))
             }
         }
     }
 
     /// What is not read of the folder when its scans are not chosen, in words: other formats, and poses.
     pub fn not_read(&self) -> Vec<String> {
-        let is_pose_file = |name: &str| name.ends_with(".conf");
+        let is_pose_file = |name: &str| formats::poses::CONF.endings.contains(&&*formats::extension(name));
         let mut endings: BTreeMap<String, usize> = BTreeMap::new();
         let others = self.names().filter(|name| !name.starts_with('.') && name.contains('.') && !is_pose_file(name));
         for name in others.filter(|name| formats::check_name(name).is_err()) {
@@ -171,11 +171,11 @@ mod tests {
 
     #[test]
     fn droppings_are_passed_over_and_other_formats_are_mentioned() {
-        let folder = folder(&["a10.ply", "a9.PCD", "._a9.PCD", ".b.ply", "c.stl", "d.xyz", "e.las", "README"]);
+        let folder = folder(&["a10.ply", "a9.PCD", "._a9.PCD", ".b.ply", "c.glb", "d.xyz", "e.las", "README"]);
         let list = Folder::list(folder.path()).expect("listed");
         assert_eq!(list.choose(None, None, None).expect("two scans"), ["a9.PCD", "a10.ply"]);
         assert_eq!(list.choose(Some("*"), None, None).expect("a glob").len(), 6, "all but the hidden ones");
-        assert_eq!(list.not_read(), ["3 files are not read (las, stl, xyz)"]);
+        assert_eq!(list.not_read(), ["3 files are not read (glb, las, xyz)"]);
     }
 
     #[test]
@@ -192,7 +192,8 @@ mod tests {
         let folder = folder(&["a.ply.gz", "b.ply.gz"]);
         let error =
             Folder::list(folder.path()).expect("listed").choose(None, None, None).expect_err("none").to_string();
-        assert!(error.ends_with("(read are: ply, pcd, obj; 2 files are packed: unpack them)"), "{error}");
+        assert!(error.ends_with("; 2 files are packed: unpack them)"), "{error}");
+        assert!(error.contains(&format!("(read are: {};", formats::surface_endings().join(", "))), "{error}");
     }
 
     #[test]

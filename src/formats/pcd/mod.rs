@@ -8,3 +8,15 @@ mod lzf;
 mod reader;
 
 pub use reader::read;
+
+use super::table::{BYTES, Content, Format, Reader, Writers};
+
+/// Its line in the table of formats.
+pub const FORMAT: Format = Format {
+    name: "PCD",
+    endings: &["pcd"],
+    media_type: BYTES,
+    holds: &[Content::Points, Content::Normals, Content::Colors, Content::Intensities, Content::Grid, Content::Sensor],
+    reader: Reader::Surface(read),
+    writers: Writers::NONE,
+};

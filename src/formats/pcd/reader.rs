@@ -4,6 +4,7 @@ use super::header::{Encoding, Field, Header, NumberType};
 use super::lzf;
 use crate::formats::budget::Budget;
 use crate::formats::colors::Channels;
+use crate::formats::header_lines::lines_of;
 use crate::formats::number::parse;
 use crate::formats::points::{Layout, PACKED, Points, SLOTS, Values, packed_color, packed_color_of, slot_of};
 use crate::formats::{FormatError, ReadLimits, Reading, quote};
@@ -252,12 +253,6 @@ fn next_line<'a>(body: &'a [u8], position: &mut usize) -> Option<&'a [u8]> {
     let length = memchr::memchr2(b'\n', b'\r', rest).unwrap_or(rest.len());
     *position = start + length;
     Some(&rest[..length])
-}
-
-/// The lines that end in `text`, whether with LF, CR LF or CR.
-fn lines_of(text: &[u8]) -> usize {
-    let count = |end: u8| text.iter().filter(|byte| **byte == end).count();
-    count(b'\n').max(count(b'\r'))
 }
 
 fn line_values(line: &[u8], columns: &Columns) -> Result<Values, String> {

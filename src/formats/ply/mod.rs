@@ -12,3 +12,15 @@ mod writer;
 
 pub use reader::read;
 pub use writer::{write_cloud, write_mesh};
+
+use super::table::{BYTES, Content, Format, Reader, Writers};
+
+/// Its line in the table of formats.
+pub const FORMAT: Format = Format {
+    name: "PLY",
+    endings: &["ply"],
+    media_type: BYTES,
+    holds: &[Content::Points, Content::Mesh, Content::Normals, Content::Colors, Content::Intensities, Content::Grid],
+    reader: Reader::Surface(read),
+    writers: Writers { cloud: Some(|cloud| write_cloud(cloud, None)), mesh: Some(write_mesh), poses: None },
+};

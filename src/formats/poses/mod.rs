@@ -7,12 +7,45 @@ mod text;
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use super::table::{Content, Format, Reader, Writers};
 use super::{FormatError, checked_coordinate, quote};
 use crate::geometry::Motion;
 use crate::geometry::se3::{self, NearestMotion};
 
 pub use conf::write as write_conf;
 pub use json::{write as write_json, write_matrices};
+
+/// JSON, `{"scan name": 4x4 row-major}`; what is written of a model.
+pub const JSON: Format = Format {
+    name: "JSON",
+    endings: &["json"],
+    media_type: "application/json",
+    holds: &[Content::Poses],
+    reader: Reader::Poses(read_scaled),
+    writers: Writers { poses: Some(json::write), ..Writers::NONE },
+};
+
+/// Stanford's `.conf`.
+pub const CONF: Format = Format {
+    name: "Stanford `.conf`",
+    endings: &["conf"],
+    media_type: PLAIN_TEXT,
+    holds: &[Content::Poses],
+    reader: Reader::Poses(read_scaled),
+    writers: Writers { poses: Some(conf::write), ..Writers::NONE },
+};
+
+/// Blocks of text: a line with the name of a scan, then four rows; files of it end as people like.
+pub const TEXT: Format = Format {
+    name: "text blocks",
+    endings: &[],
+    media_type: PLAIN_TEXT,
+    holds: &[Content::Poses],
+    reader: Reader::Poses(read_scaled),
+    writers: Writers::NONE,
+};
+
+const PLAIN_TEXT: &str = "text/plain; charset=utf-8";
 
 /// The poses of a file, in the order of the file.
 #[derive(Debug, Clone, Default, PartialEq)]

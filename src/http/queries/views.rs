@@ -7,7 +7,7 @@ use utoipa::openapi::{OneOfBuilder, Ref, RefOr, Schema};
 use utoipa::{PartialSchema, ToSchema};
 
 use super::super::scan_set_views::UnitView;
-use super::super::schemas::{Corners, Landmarks, Point};
+use super::super::schemas::{self, Corners, Landmarks, Point};
 use super::super::verdicts::{ExplanationView, Places, ReasonView, VerdictView};
 use super::terms::FilterView;
 use crate::retrieval::MatchMethod;
@@ -135,8 +135,7 @@ pub struct QueryBody {
 #[serde(deny_unknown_fields)]
 #[expect(dead_code, reason = "only describes the form")]
 pub struct ProbeForm {
-    /// A mesh or cloud: PLY, PCD or OBJ.
-    #[schema(value_type = String, format = Binary)]
+    #[schema(schema_with = schemas::model)]
     probe: Vec<u8>,
     /// The unit of its coordinates; not known if not given.
     #[schema(required = false)]
