@@ -5,8 +5,8 @@ use crate::registration::quality::limits;
 use crate::registration::quality::witness::Witness;
 
 /// Coefficients of the logistic model; see [`features`]. Fitted by `examples/confidence.rs` on code-made sets of three of six
-/// sensors and four of eight scenes; docs/results/scanners.md shows how it holds on the others.
-pub const MODEL: [f64; FEATURES] = [1.09, -0.42, -0.73, -0.66, 0.79, -0.67, -0.53, 2.43, -0.46, 0.97, -2.21];
+/// sensors with four of eight scenes and on half of the objects; docs/results/scanners.md shows how it holds on the others.
+pub const MODEL: [f64; FEATURES] = [1.18, -1.85, -0.55, -0.10, 0.63, -2.05, -1.65, 1.96, -0.46, 1.09, -2.36];
 /// What the logarithm of the odds loses where something moved before a background that holds the views: one of both is wrong.
 pub const STILL: f64 = 4.0;
 /// A view is called sure from this confidence on.
