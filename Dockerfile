@@ -2,17 +2,18 @@
 FROM rust:1.95-slim-bookworm AS build
 # the slim image has the C compiler that SQLite and BLAKE3 need
 WORKDIR /src
-# dependencies first: they change seldom
+# dependencies and algorithms first: they change less often
 COPY Cargo.toml Cargo.lock ./
+COPY crates crates
 RUN mkdir src \
     && echo 'fn main() {}' > src/main.rs \
     && touch src/lib.rs \
-    && cargo build --profile dist --locked \
+    && cargo build --profile dist --locked -p visage \
     && rm -r src
 COPY migrations migrations
 COPY src src
 RUN touch src/lib.rs src/main.rs \
-    && cargo build --profile dist --locked \
+    && cargo build --profile dist --locked -p visage \
     && mkdir /data
 
 FROM gcr.io/distroless/cc-debian12:nonroot

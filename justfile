@@ -9,7 +9,7 @@ _list:
 # formatting, lints, tests
 check:
     cargo fmt --all --check
-    cargo clippy --all-targets --locked -- -D warnings
+    cargo clippy --workspace --all-targets --locked -- -D warnings
     cargo test --locked
 
 # doc comments: broken links are errors
@@ -23,7 +23,7 @@ test *args:
 
 # the tests on real data
 real *args:
-    cargo test --release --locked {{args}} -- --ignored --skip long:: --nocapture
+    cargo test --release --locked -p visage --test '*' {{args}} -- --ignored --skip long:: --nocapture
 
 # write the contract anew after a change of the API
 openapi:

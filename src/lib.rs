@@ -26,27 +26,22 @@
 //! - [`cli`]: the commands of the binary
 //! - [`config`], [`telemetry`], [`machine`]: settings, logs, memory
 
-#![warn(missing_docs)]
-
 pub mod blobs;
-pub mod classes;
 pub mod cli;
 pub mod config;
 pub mod domain;
-pub mod faces;
-pub mod formats;
-pub mod geometry;
 pub mod http;
 pub mod jobs;
 pub mod machine;
 pub mod pipeline;
-pub mod progress;
-pub mod reconstruction;
-// equations are named as in the paper, [P n], which rustdoc takes for links
-#[allow(rustdoc::broken_intra_doc_links, rustdoc::redundant_explicit_links)]
-pub mod registration;
-pub mod retrieval;
-pub mod saliency;
 pub mod store;
-pub mod synthetic;
 pub mod telemetry;
+
+pub use visage_formats as formats;
+pub use visage_gallery as retrieval;
+pub use visage_geometry as geometry;
+pub use visage_geometry::progress;
+pub use visage_registration as registration;
+pub use visage_shape::{classes, faces, saliency};
+pub use visage_surface as reconstruction;
+pub use visage_synthetic as synthetic;

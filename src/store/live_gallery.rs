@@ -314,7 +314,7 @@ fn entry(id: ModelId, content: &StoredContent) -> Option<IndexedModel> {
 mod tests {
     use super::super::{NewModel, StoredSignature, testing};
     use super::*;
-    use crate::faces::signature::tests::example;
+    use crate::faces::signature::example::example;
     use crate::retrieval::TopK;
 
     #[tokio::test]

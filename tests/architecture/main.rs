@@ -8,22 +8,22 @@ use std::path::{Path, PathBuf};
 use paths::{Named, paths};
 use visage::domain::asset::{Asset, Origin};
 
-/// The modules of the crate, each with those it may use. Arrows point one way: to modules further up.
+/// Rooms of the house, each with those it may use. Arrows point one way: to rooms further up. Between crates Cargo holds them;
+/// what it can't see are rooms inside a crate, and purity.
 const LAYERS: &[(&str, &[&str])] = &[
     // pure
     ("geometry", &[]),
-    ("progress", &[]),
-    ("registration", &["geometry", "progress"]),
-    ("reconstruction", &["geometry", "registration", "progress"]),
-    ("saliency", &["geometry", "progress"]),
-    ("faces", &["geometry", "saliency", "progress"]),
-    ("classes", &["geometry", "saliency", "faces", "progress"]),
-    ("retrieval", &["geometry", "faces", "progress"]),
+    ("registration", &["geometry"]),
+    ("reconstruction", &["geometry", "registration"]),
+    ("saliency", &["geometry"]),
+    ("faces", &["geometry", "saliency"]),
+    ("classes", &["geometry", "saliency", "faces"]),
+    ("retrieval", &["geometry", "faces"]),
     ("synthetic", &["geometry"]),
     ("formats", &["geometry"]),
     // names of files, and what may be chosen: the methods
     ("domain", &["geometry", "registration", "formats"]),
-    ("pipeline", &["geometry", "registration", "reconstruction", "saliency", "faces", "progress", "domain"]),
+    ("pipeline", &["geometry", "registration", "reconstruction", "saliency", "faces", "domain"]),
     // around them
     // what the machine has
     ("machine", &[]),
@@ -42,7 +42,6 @@ const LAYERS: &[(&str, &[&str])] = &[
             "classes",
             "pipeline",
             "domain",
-            "progress",
             "config",
             "machine",
             "telemetry",
@@ -60,7 +59,6 @@ const LAYERS: &[(&str, &[&str])] = &[
             "retrieval",
             "pipeline",
             "domain",
-            "progress",
             "config",
             "telemetry",
             "store",
@@ -80,7 +78,6 @@ const LAYERS: &[(&str, &[&str])] = &[
             "retrieval",
             "pipeline",
             "domain",
-            "progress",
             "config",
             "machine",
             "telemetry",
@@ -95,7 +92,6 @@ const LAYERS: &[(&str, &[&str])] = &[
 /// Algorithms: no HTTP, SQL, files, network, clock, environment, processes or printing.
 const PURE: &[&str] = &[
     "geometry",
-    "progress",
     "registration",
     "reconstruction",
     "saliency",
@@ -146,12 +142,28 @@ const ONLY_IN: &[(&str, &[&str])] = &[
 
 const MOST_LINES: usize = 450;
 
-/// The module of the crate that a path leads to, if it starts from the crate's root. `depth` is the number of names
-/// in the module path of the file.
+/// The crates below `crates/`, each with the room that it is; one that holds several is none itself.
+const CRATES: &[(&str, Option<&str>)] = &[
+    ("geometry", Some("geometry")),
+    ("registration", Some("registration")),
+    ("surface", Some("reconstruction")),
+    ("shape", None),
+    ("gallery", Some("retrieval")),
+    ("synthetic", Some("synthetic")),
+    ("formats", Some("formats")),
+];
+
+/// The room that a path leads to, if it starts from the root of a crate. `depth` is the number of names in the module path
+/// of the file.
 fn module_named(named: &Named, depth: usize) -> Option<&str> {
     let first = named.segments.first()?;
+    let is_crate = |(name, _): &&(&str, Option<&'static str>)| first.strip_prefix("visage_") == Some(name);
+    if let Some((_, Some(room))) = CRATES.iter().find(is_crate) {
+        return Some(room);
+    }
+    let is_crate = first == "visage_shape";
     let supers = named.segments.iter().take_while(|segment| *segment == "super").count();
-    let from_root = if first == "crate" || first == "visage" {
+    let from_root = if first == "crate" || first == "visage" || is_crate {
         1
     } else if supers == depth && supers > 0 {
         supers
@@ -193,10 +205,28 @@ fn complaints(module: &str, depth: usize, source: &str) -> Vec<String> {
     complaints
 }
 
-/// All source files with their path below `src`.
-fn sources() -> Vec<(PathBuf, String)> {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
-    let mut folders = vec![root.clone()];
+/// A source file.
+struct Source {
+    /// Its path below the root of the house.
+    file: PathBuf,
+    /// Its path below `src`, as if all rooms stood there: `geometry/se3.rs`.
+    place: PathBuf,
+    text: String,
+}
+
+/// All source files.
+fn sources() -> Vec<Source> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut files = files_of(root, Path::new("src"), None);
+    for (name, room) in CRATES {
+        files.extend(files_of(root, &Path::new("crates").join(name).join("src"), *room));
+    }
+    files.sort_by(|a, b| a.file.cmp(&b.file));
+    files
+}
+
+fn files_of(root: &Path, source: &Path, room: Option<&str>) -> Vec<Source> {
+    let mut folders = vec![root.join(source)];
     let mut files = Vec::new();
     while let Some(folder) = folders.pop() {
         for entry in std::fs::read_dir(&folder).expect("a folder of sources") {
@@ -205,11 +235,17 @@ fn sources() -> Vec<(PathBuf, String)> {
                 folders.push(path);
             } else if path.extension().is_some_and(|extension| extension == "rs") {
                 let text = std::fs::read_to_string(&path).expect("UTF-8");
-                files.push((path.strip_prefix(&root).expect("below the root").to_owned(), text));
+                let file = path.strip_prefix(root).expect("below the root").to_owned();
+                let inside = file.strip_prefix(source).expect("below the crate");
+                let place = match room {
+                    Some(room) if inside == Path::new("lib.rs") => Path::new(room).join("mod.rs"),
+                    Some(room) => Path::new(room).join(inside),
+                    None => inside.to_owned(),
+                };
+                files.push(Source { file, place, text });
             }
         }
     }
-    files.sort();
     files
 }
 
@@ -223,10 +259,10 @@ fn module_path(file: &Path) -> Vec<String> {
 #[test]
 fn layers_point_one_way() {
     let mut all = Vec::new();
-    for (file, source) in sources() {
-        let names = module_path(&file);
-        let found = complaints(&names[0], names.len(), &source);
-        all.extend(found.into_iter().map(|complaint| format!("src/{}:{complaint}", file.display())));
+    for Source { file, place, text } in sources() {
+        let names = module_path(&place);
+        let found = complaints(&names[0], names.len(), &text);
+        all.extend(found.into_iter().map(|complaint| format!("{}:{complaint}", file.display())));
     }
     assert!(all.is_empty(), "{} places break the layers:\n{}", all.len(), all.join("\n"));
 }
@@ -234,8 +270,13 @@ fn layers_point_one_way() {
 #[test]
 fn every_module_has_its_place() {
     let mut files: BTreeMap<String, usize> = BTreeMap::new();
-    for (file, _) in sources() {
-        *files.entry(module_path(&file)[0].clone()).or_default() += 1;
+    for source in sources() {
+        *files.entry(module_path(&source.place)[0].clone()).or_default() += 1;
+    }
+    let crates = std::fs::read_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("crates")).expect("the crates");
+    for entry in crates {
+        let name = entry.expect("an entry").file_name().to_string_lossy().into_owned();
+        assert!(CRATES.iter().any(|(known, _)| *known == name), "crates/{name} is not known: add it to CRATES");
     }
     for name in files.keys().filter(|name| !["lib", "main"].contains(&name.as_str())) {
         assert!(LAYERS.iter().any(|(known, _)| known == name), "src/{name} is in no layer: add it to LAYERS");
@@ -255,9 +296,9 @@ fn every_module_has_its_place() {
 fn files_stay_short() {
     let long: Vec<String> = sources()
         .iter()
-        .map(|(file, source)| (file, source.lines().count()))
+        .map(|source| (&source.file, source.text.lines().count()))
         .filter(|(_, lines)| *lines > MOST_LINES)
-        .map(|(file, lines)| format!("src/{}: {lines} lines", file.display()))
+        .map(|(file, lines)| format!("{}: {lines} lines", file.display()))
         .collect();
     assert!(long.is_empty(), "split these (at most {MOST_LINES} lines): {}", long.join(", "));
 }
@@ -273,10 +314,10 @@ fn names_of_files_of_models_stand_in_one_place() {
         !["formats", "cli/bench", "domain/asset.rs"].into_iter().any(is_apart)
     };
     let mut found = Vec::new();
-    for (file, source) in sources().into_iter().filter(|(file, _)| elsewhere(file)) {
-        let code = source.split("#[cfg(test)]").next().unwrap_or_default();
+    for Source { file, text, .. } in sources().into_iter().filter(|source| elsewhere(&source.place)) {
+        let code = text.split("#[cfg(test)]").next().unwrap_or_default();
         let named = code.lines().filter(|line| names.iter().any(|name| line.contains(name)));
-        found.extend(named.map(|line| format!("src/{}: {}", file.display(), line.trim())));
+        found.extend(named.map(|line| format!("{}: {}", file.display(), line.trim())));
     }
     assert!(found.is_empty(), "ask Asset for these names:\n{}", found.join("\n"));
 }
@@ -295,6 +336,11 @@ fn the_reader_finds_what_is_forbidden() {
             "use crate::registration::view::View;",
             "1: geometry must not use registration (crate::registration::view::View)",
         ),
+        (
+            "use visage_registration::view::View;",
+            "1: geometry must not use registration (visage_registration::view::View)",
+        ),
+        ("use visage_shape::faces::Size;", "1: geometry must not use faces (visage_shape::faces::Size)"),
         ("use crate::{progress, http::Server};", "1: geometry must not use http (crate::http::Server)"),
         ("use super::super::store::Store;", "1: geometry must not use store (super::super::store::Store)"),
     ] {

@@ -1,0 +1,229 @@
+//! What there is to know of a file format: everything that lists formats, or chooses one, asks [`FORMATS`].
+
+use std::fmt;
+
+use super::poses::PoseFile;
+use super::{FORMATS, FormatError, ReadLimits, Reading};
+use visage_geometry::{Cloud, Mesh, Motion};
+
+/// The media type of scans and models. They are sent as bytes, also where a type is registered: an operation has one
+/// media type, and generated clients take `model/...` for JSON.
+pub(super) const BYTES: &str = "application/octet-stream";
+
+/// A file format, and what it is read and written by.
+pub struct Format {
+    /// What people call it: `PLY`.
+    pub name: &'static str,
+    /// How the names of its files end: lower case, no dot, the one that is written first.
+    pub endings: &'static [&'static str],
+    /// The media type that its files are sent as.
+    pub media_type: &'static str,
+    /// What its files can hold, as far as it is read.
+    pub holds: &'static [Content],
+    /// What reads it.
+    pub reader: Reader,
+    /// What writes it.
+    pub writers: Writers,
+}
+
+/// What a file can hold.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Content {
+    /// Points of a surface.
+    Points,
+    /// Triangles.
+    Mesh,
+    /// Normals of the points.
+    Normals,
+    /// Colours of the points.
+    Colors,
+    /// Intensities of the points.
+    Intensities,
+    /// The grid of an organised scan.
+    Grid,
+    /// Where the scanner stood.
+    Sensor,
+    /// Where each of several scans is, by name.
+    Poses,
+}
+
+impl Content {
+    /// In words, for lists.
+    pub fn name(self) -> &'static str {
+        match self {
+            Content::Points => "points",
+            Content::Mesh => "mesh",
+            Content::Normals => "normals",
+            Content::Colors => "colours",
+            Content::Intensities => "intensities",
+            Content::Grid => "range grid",
+            Content::Sensor => "place of the scanner",
+            Content::Poses => "poses",
+        }
+    }
+}
+
+/// Reads a scan or a model, and says what of it was not taken.
+pub type SurfaceReader = fn(&[u8], &ReadLimits) -> Result<Reading, FormatError>;
+
+/// Reads the bytes of a file.
+#[derive(Clone, Copy)]
+pub enum Reader {
+    /// A scan or a model.
+    Surface(SurfaceReader),
+    /// Poses by scan name; the name of the file serves messages.
+    Poses(fn(&str, &[u8]) -> Result<PoseFile, FormatError>),
+}
+
+/// Writes poses by scan name.
+pub type PoseWriter = fn(&[(String, Option<Motion>)]) -> String;
+
+/// Writes the bytes of a file; the same values always give the same bytes.
+#[derive(Clone, Copy)]
+pub struct Writers {
+    /// A cloud with all its attributes.
+    pub cloud: Option<fn(&Cloud) -> Vec<u8>>,
+    /// A mesh.
+    pub mesh: Option<fn(&Mesh) -> Vec<u8>>,
+    /// Poses by scan name, `None` for a scan without a place.
+    pub poses: Option<PoseWriter>,
+}
+
+impl Writers {
+    /// For a format that is only read.
+    pub const NONE: Writers = Writers { cloud: None, mesh: None, poses: None };
+
+    /// Whether anything is written in the format.
+    pub fn any(&self) -> bool {
+        self.cloud.is_some() || self.mesh.is_some() || self.poses.is_some()
+    }
+}
+
+impl Format {
+    /// The format of files that end like this (lower case, no dot).
+    pub fn of_ending(ending: &str) -> Option<&'static Format> {
+        FORMATS.iter().copied().find(|format| format.endings.contains(&ending))
+    }
+
+    /// The formats of scans and models, in the order in which people read about them.
+    pub fn surfaces() -> impl Iterator<Item = &'static Format> + Clone {
+        FORMATS.iter().copied().filter(|format| matches!(format.reader, Reader::Surface(_)))
+    }
+
+    /// The ending that is written.
+    pub fn ending(&self) -> &'static str {
+        self.endings.first().copied().unwrap_or_default()
+    }
+}
+
+impl PartialEq for Format {
+    fn eq(&self, other: &Self) -> bool {
+        self.name == other.name
+    }
+}
+
+impl Eq for Format {}
+
+impl fmt::Debug for Format {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name)
+    }
+}
+
+/// Endings (lower case, no dot) of the files that are read as scans or models.
+pub fn surface_endings() -> Vec<&'static str> {
+    Format::surfaces().flat_map(|format| format.endings.iter().copied()).collect()
+}
+
+/// The formats of scans and models as a choice, for messages: "A, B or C".
+pub fn surface_names() -> String {
+    let names: Vec<&str> = Format::surfaces().map(|format| format.name).collect();
+    match names.split_last() {
+        Some((last, [])) => (*last).to_owned(),
+        Some((last, others)) => format!("{} or {last}", others.join(", ")),
+        None => String::new(),
+    }
+}
+
+/// The formats as a table in Markdown, for the documentation.
+pub fn markdown() -> String {
+    let mut text =
+        "| format | endings | holds, as far as it is read | written |\n| --- | --- | --- | --- |\n".to_owned();
+    for format in FORMATS {
+        let endings: Vec<String> = format.endings.iter().map(|ending| format!("`.{ending}`")).collect();
+        let holds: Vec<&str> = format.holds.iter().map(|content| content.name()).collect();
+        let written = [
+            (format.writers.cloud.is_some(), "clouds"),
+            (format.writers.mesh.is_some(), "meshes"),
+            (format.writers.poses.is_some(), "poses"),
+        ];
+        let written: Vec<&str> = written.iter().filter(|(is_written, _)| *is_written).map(|(_, what)| *what).collect();
+        let row = [format.name, &endings.join(", "), &holds.join(", "), &written.join(", ")].map(or_none).join(" | ");
+        text.push_str(&format!("| {row} |\n"));
+    }
+    text
+}
+
+fn or_none(cell: &str) -> &str {
+    if cell.is_empty() { "-" } else { cell }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::check_name;
+    use super::*;
+    use visage_geometry::Point3;
+
+    #[test]
+    fn every_ending_belongs_to_one_format() {
+        let mut endings: Vec<&str> = FORMATS.iter().flat_map(|format| format.endings).copied().collect();
+        assert!(endings.iter().all(|ending| ending.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit())));
+        let count = endings.len();
+        endings.sort_unstable();
+        endings.dedup();
+        assert_eq!(endings.len(), count);
+        for format in FORMATS {
+            for ending in format.endings {
+                let is_surface = matches!(format.reader, Reader::Surface(_));
+                let found = check_name(&format!("a.b.{}", ending.to_uppercase())).ok();
+                assert_eq!(found, is_surface.then_some(*format));
+            }
+        }
+        assert!(check_name("ply").is_err());
+    }
+
+    #[test]
+    fn what_is_written_in_a_format_is_read_by_it() {
+        let vertices = vec![Point3::new(0.0, 0.0, 0.0), Point3::new(1.0, 0.0, 0.5), Point3::new(0.0, 2.0, 0.25)];
+        let mesh = Mesh { vertices: vertices.clone(), faces: vec![[0, 1, 2], [2, 1, 0]] };
+        let poses = vec![("a".to_owned(), Some(Motion::translation(1.0, 2.0, 3.0))), ("b".to_owned(), None)];
+        for format in FORMATS {
+            match format.reader {
+                Reader::Surface(read) => {
+                    let read = |bytes: Vec<u8>| read(&bytes, &ReadLimits::default()).expect(format.name).surface;
+                    if let Some(write) = format.writers.mesh {
+                        assert!(format.holds.contains(&Content::Mesh));
+                        assert_eq!(read(write(&mesh)).mesh().as_ref(), Some(&mesh), "{format:?}");
+                    }
+                    if let Some(write) = format.writers.cloud {
+                        assert_eq!(read(write(&Cloud::from_points(vertices.clone()))).cloud.points, vertices);
+                    }
+                    assert!(format.writers.poses.is_none());
+                }
+                Reader::Poses(read) => {
+                    assert_eq!(format.holds, [Content::Poses]);
+                    if let Some(write) = format.writers.poses {
+                        let read = read("poses", write(&poses).as_bytes()).expect(format.name);
+                        assert_eq!(read.to_map()["a"], Motion::translation(1.0, 2.0, 3.0), "{format:?}");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_documentation_has_the_table() {
+        let documentation = include_str!("../../../docs/API.md");
+        assert!(documentation.contains(&markdown()), "docs/API.md is to hold:\n{}", markdown());
+    }
+}

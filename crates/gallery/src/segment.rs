@@ -1,0 +1,135 @@
+//! Some of the gallery's models in their final form: packed, indexed, never changed.
+
+use rayon::prelude::*;
+
+use super::dense_rows::DenseRows;
+use super::face_order::FaceOrder;
+use super::indexed_model::{self, IndexedModel, METHODS, Standing};
+use super::outline::Outlines;
+use super::triangle_index::TriangleIndex;
+use super::{MatchMethod, ModelId};
+use visage_shape::faces::ShapeProfile;
+
+/// A list of models, ascending by id. A model is known here by its place in it.
+#[derive(Debug, Default)]
+pub(super) struct Segment {
+    pub ids: Vec<ModelId>,
+    pub outlines: Outlines,
+    pub triangles: TriangleIndex,
+    pub standings: Vec<[Standing; 3]>,
+    /// How surely each is a face, apart from the other figures for searches that go over all.
+    pub face_scores: Vec<f64>,
+    /// For each method all places, best score first, ties by id.
+    pub rankings: [Vec<u32>; 3],
+    pub profiles: Vec<ShapeProfile>,
+    pub dense: DenseRows,
+    pub faces: FaceOrder,
+}
+
+/// Some models of another segment, by their places.
+pub(super) struct Kept<'a> {
+    pub segment: &'a Segment,
+    pub places: Vec<u32>,
+}
+
+/// Where a model that goes into a segment is now.
+enum Source<'a> {
+    Kept(&'a Segment, u32),
+    Fresh(&'a IndexedModel),
+}
+
+impl Segment {
+    /// A segment of what is kept of others and of fresh models. No id may come twice. Runs inside the caller's rayon pool.
+    pub fn build(kept: &[Kept], fresh: &[IndexedModel]) -> Segment {
+        let old =
+            kept.iter().flat_map(|k| k.places.iter().map(|&p| (k.segment.ids[p as usize], Source::Kept(k.segment, p))));
+        let new = fresh.iter().map(|entry| (entry.id, Source::Fresh(entry)));
+        let mut sources: Vec<(ModelId, Source)> = old.chain(new).collect();
+        sources.sort_by_key(|(id, _)| *id);
+        let mut segment = Segment::default();
+        for (id, source) in sources {
+            segment.push(id, source);
+        }
+        segment.finish()
+    }
+
+    fn push(&mut self, id: ModelId, source: Source) {
+        self.ids.push(id);
+        match source {
+            Source::Kept(other, place) => {
+                self.outlines.push_from(&other.outlines, place);
+                self.standings.push(other.standings[place as usize]);
+                self.profiles.push(other.profiles[place as usize]);
+                self.dense.push_from(&other.dense, place);
+            }
+            Source::Fresh(entry) => {
+                self.outlines.push(&entry.signature);
+                self.standings.push(entry.standings);
+                self.profiles.push(*entry.signature.profile());
+                self.dense.push(entry.signature.dense());
+            }
+        }
+    }
+
+    /// Indexes what was pushed.
+    fn finish(mut self) -> Segment {
+        self.ids.shrink_to_fit();
+        self.outlines.shrink();
+        self.standings.shrink_to_fit();
+        self.profiles.shrink_to_fit();
+        self.dense.shrink();
+        let verified = indexed_model::slot(MatchMethod::Verified);
+        self.face_scores = self.standings.iter().map(|standings| standings[verified].score).collect();
+        self.rankings = [0, 1, 2].map(|slot| self.ranked(slot));
+        self.faces = FaceOrder::of(&self.dense, &self.rankings[verified]);
+        let shapes: Vec<Vec<_>> = (0..self.outlines.len() as u32)
+            .into_par_iter()
+            .map(|place| self.outlines.outline(place).triangles().map(|(number, t)| (place, number, t.shape)).collect())
+            .collect();
+        self.triangles = TriangleIndex::build(shapes.into_iter().flatten());
+        self
+    }
+
+    fn ranked(&self, slot: usize) -> Vec<u32> {
+        debug_assert!(slot < METHODS.len());
+        let mut places: Vec<u32> = (0..self.ids.len() as u32).collect();
+        let score = |place: u32| self.standings[place as usize][slot].score;
+        places.sort_by(|&a, &b| score(b).total_cmp(&score(a)).then(a.cmp(&b)));
+        places
+    }
+
+    /// Where a model is.
+    pub fn place(&self, id: ModelId) -> Option<u32> {
+        self.ids.binary_search(&id).ok().map(|place| place as u32)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visage_shape::faces::signature::example::example;
+
+    #[test]
+    fn models_moved_to_another_segment_are_as_if_built_there() {
+        let entry = |k: u128| IndexedModel::new(k, example(0.37 * k as f64, 3 + (k % 7) as usize));
+        let (first, second): (Vec<IndexedModel>, Vec<IndexedModel>) =
+            ((0..40).map(entry).collect(), (40..60).map(entry).collect());
+        let built = |entries: &[IndexedModel]| Segment::build(&[], entries);
+        let (first, second) = (built(&first), built(&second));
+        let kept =
+            [Kept { segment: &second, places: vec![1, 3, 17] }, Kept { segment: &first, places: (5..30).collect() }];
+        let moved = Segment::build(&kept, &[entry(100), entry(2)]);
+        let ids: Vec<u128> = [2].into_iter().chain(5..30).chain([41, 43, 57, 100]).collect();
+        assert_eq!(moved.ids, ids);
+        let anew = built(&ids.iter().map(|&id| entry(id)).collect::<Vec<_>>());
+        assert_eq!(moved.rankings, anew.rankings);
+        assert_eq!(moved.profiles, anew.profiles);
+        assert_eq!(moved.triangles.len(), anew.triangles.len());
+        for place in 0..ids.len() as u32 {
+            assert_eq!(moved.place(ids[place as usize]), Some(place));
+            assert!(moved.outlines.outline(place).triangles().eq(anew.outlines.outline(place).triangles()));
+            assert_eq!(moved.dense.signature(place), anew.dense.signature(place));
+        }
+        assert_eq!(moved.place(42), None);
+    }
+}

@@ -1,0 +1,220 @@
+//! From pairs to a whole: components of views grow by the best pair that all their views bear out.
+
+use rayon::prelude::*;
+
+use super::alignment::align;
+use super::coarse_set::CoarseSet;
+use super::coarse_view::CoarseView;
+use super::component::Component;
+use super::consensus::alike;
+use super::contact::contact;
+use super::merge_evidence::MergeEvidence;
+use super::pair_hypothesis::{LEAST_OVERLAP, PairHypothesis};
+use super::slippage::can_slip;
+use super::verification::verify;
+use visage_geometry::Motion;
+use visage_geometry::progress::{Canceled, Progress};
+
+/// All components, and views that could be laid on others in several ways.
+#[derive(Debug, Clone, Default)]
+pub struct Agglomeration {
+    /// The largest first, those of equal size in the order of views.
+    pub components: Vec<Component>,
+    /// For each view whether it, or its component, fits the rest in several ways.
+    pub ambiguous: Vec<bool>,
+}
+
+/// A pair within a join is refined on the surface; it may move by this many edges.
+const DRIFT: f64 = 4.0;
+/// Surfels of a view that are queried when components are joined.
+const SAMPLES: usize = 200;
+/// Another way to lay two components on each other is a rival from this share of the strength on.
+const RIVAL: f64 = 0.85;
+/// Components are joined if of the points of their strongest pairs that come near each other this share touches,
+pub(super) const TOUCHING: f64 = 0.75;
+/// looking at this many pairs.
+const WITNESSES: usize = 3;
+/// What came of trying a hypothesis.
+enum Attempt {
+    Joined(Component),
+    Ambiguous,
+    Refused,
+}
+
+/// Joins components until no hypothesis joins two of them: those `begun`, and each other view as one of its own.
+pub fn agglomerate(
+    coarse_set: &CoarseSet,
+    hypotheses: &[PairHypothesis],
+    begun: Vec<Component>,
+    progress: &Progress,
+) -> Result<Agglomeration, Canceled> {
+    let coarse_views = coarse_set.coarse_views;
+    let mut components: Vec<Option<Component>> =
+        (0..coarse_views.len()).map(|view| Some(Component::of(view))).collect();
+    let mut home: Vec<usize> = (0..coarse_views.len()).collect();
+    for component in begun {
+        let Some(&first) = component.views.first() else { continue };
+        component.views.iter().for_each(|view| (components[*view], home[*view]) = (None, first));
+        components[first] = Some(component);
+    }
+    let mut waiting: Vec<&PairHypothesis> = hypotheses.iter().filter(|hypothesis| hypothesis.is_promising()).collect();
+    waiting.sort_by(|a, b| coarse_set.score(b).total_cmp(&coarse_set.score(a)).then((a.i, a.j).cmp(&(b.i, b.j))));
+    let mut ambiguous = vec![false; coarse_views.len()];
+    // a hypothesis that was refused is tried again when one of its components has grown
+    let mut refused_at = vec![(0, 0); waiting.len()];
+    let mut joined = true;
+    while joined {
+        joined = false;
+        for (hypothesis, refused_at) in waiting.iter().zip(&mut refused_at) {
+            progress.check()?;
+            let (a, b) = (home[hypothesis.i], home[hypothesis.j]);
+            let (Some(left), Some(right)) = (&components[a], &components[b]) else { continue };
+            let sizes = (left.views.len(), right.views.len());
+            if a == b || *refused_at == sizes {
+                continue;
+            }
+            *refused_at = sizes;
+            match try_join(coarse_set, left, right, hypothesis, &waiting) {
+                Attempt::Joined(union) => {
+                    union.views.iter().for_each(|view| (home[*view], ambiguous[*view]) = (a, false));
+                    components[a] = Some(union);
+                    components[b] = None;
+                    joined = true;
+                }
+                Attempt::Ambiguous => {
+                    let smaller = if left.views.len() < right.views.len() { left } else { right };
+                    smaller.views.iter().for_each(|view| ambiguous[*view] = true);
+                }
+                Attempt::Refused => {}
+            }
+        }
+    }
+    let mut components: Vec<Component> = components.into_iter().flatten().collect();
+    sort_by_size(&mut components);
+    Ok(Agglomeration { components, ambiguous })
+}
+
+/// The largest first, those of equal size in the order of views.
+pub fn sort_by_size(components: &mut [Component]) {
+    components.sort_by(|a, b| b.views.len().cmp(&a.views.len()).then(a.views.cmp(&b.views)));
+}
+
+/// Lays both components together as `hypothesis` says, if all their views bear it out and nothing else fits as well.
+fn try_join(
+    coarse_set: &CoarseSet,
+    left: &Component,
+    right: &Component,
+    hypothesis: &PairHypothesis,
+    waiting: &[&PairHypothesis],
+) -> Attempt {
+    let (coarse_views, edge) = (coarse_set.coarse_views, coarse_set.edge);
+    let Some(motion) = implied(left, right, hypothesis) else { return Attempt::Refused };
+    let measured = measure_all(coarse_views, left, right, &motion, edge);
+    let mut evidence = MergeEvidence::of(coarse_set, &measured);
+    if !evidence.suffice() {
+        return Attempt::Refused;
+    }
+    evidence.touching = touching(coarse_set, &measured);
+    if evidence.touching < TOUCHING {
+        return Attempt::Refused;
+    }
+    let radius = right.views.iter().map(|view| coarse_views[*view].radius).fold(0.0, f64::max);
+    let rivals = waiting.iter().filter(|other| {
+        let same_pair = (other.i, other.j) == (hypothesis.i, hypothesis.j);
+        let is_other = !alike(&other.i_from_j, &hypothesis.i_from_j, radius, DRIFT * edge);
+        same_pair && is_other && coarse_set.score(other) > RIVAL * coarse_set.score(hypothesis)
+    });
+    for rival in rivals {
+        let Some(motion) = implied(left, right, rival) else { continue };
+        let other = MergeEvidence::of(coarse_set, &measure_all(coarse_views, left, right, &motion, edge));
+        evidence.rival = evidence.rival.max(other.score / evidence.score);
+    }
+    if evidence.rival < RIVAL && can_slip(coarse_views, &measured, edge, SAMPLES) {
+        evidence.rival = 1.0;
+    }
+    if evidence.rival > RIVAL {
+        return Attempt::Ambiguous;
+    }
+    let mut union = left.united(right, &motion);
+    union.hypotheses.extend(measured.into_iter().filter(PairHypothesis::is_promising));
+    union.average(coarse_views, edge);
+    Attempt::Joined(union)
+}
+
+/// How well the strongest pairs of a join touch at full resolution.
+pub(super) fn touching(coarse_set: &CoarseSet, measured: &[PairHypothesis]) -> f64 {
+    let mut strongest: Vec<&PairHypothesis> = measured.iter().collect();
+    strongest.sort_by(|a, b| coarse_set.score(b).total_cmp(&coarse_set.score(a)).then((a.i, a.j).cmp(&(b.i, b.j))));
+    let shares: Vec<f64> = strongest
+        .iter()
+        .take(WITNESSES)
+        .filter(|hypothesis| hypothesis.is_promising())
+        .filter_map(|hypothesis| {
+            contact(
+                &coarse_set.views[hypothesis.i],
+                &coarse_set.views[hypothesis.j],
+                &hypothesis.i_from_j,
+                coarse_set.resolution,
+            )
+        })
+        .map(|contact| contact.touching)
+        .collect();
+    shares.iter().sum::<f64>() / shares.len().max(1) as f64
+}
+
+/// The motion from the right component's world into the left one's that a hypothesis stands for, whichever way round it is.
+pub(super) fn implied(left: &Component, right: &Component, hypothesis: &PairHypothesis) -> Option<Motion> {
+    match (left.pose_of(hypothesis.i), right.pose_of(hypothesis.j)) {
+        (Some(pose_i), Some(pose_j)) => Some(pose_i * hypothesis.i_from_j * pose_j.inverse()),
+        _ => {
+            let (pose_j, pose_i) = (left.pose_of(hypothesis.j)?, right.pose_of(hypothesis.i)?);
+            Some(pose_j * hypothesis.i_from_j.inverse() * pose_i.inverse())
+        }
+    }
+}
+
+/// What all pairs of a left and a right view say when the components are laid on each other.
+pub(super) fn measure_all(
+    coarse_views: &[CoarseView],
+    left: &Component,
+    right: &Component,
+    motion: &Motion,
+    edge: f64,
+) -> Vec<PairHypothesis> {
+    let pairs: Vec<(usize, usize)> =
+        left.views.iter().flat_map(|&i| right.views.iter().map(move |&j| (i, j))).collect();
+    pairs
+        .par_iter()
+        .with_max_len(1)
+        .filter_map(|&(i, j)| {
+            let i_from_j = left.pose_of(i)?.inv_mul(&(motion * right.pose_of(j)?));
+            measure(coarse_views, i, j, &i_from_j, edge)
+        })
+        .collect()
+}
+
+/// What a pair says of an implied motion, refined on the surface first if that stays near; `None` if the views are
+/// apart.
+pub(super) fn measure(
+    coarse_views: &[CoarseView],
+    i: usize,
+    j: usize,
+    implied: &Motion,
+    edge: f64,
+) -> Option<PairHypothesis> {
+    if implied.translation.vector.norm() > coarse_views[i].radius + coarse_views[j].radius {
+        return None;
+    }
+    let (a, b) = (&coarse_views[i], &coarse_views[j]);
+    let at = |i_from_j: Motion| PairHypothesis { i, j, i_from_j, evidence: verify(a, b, &i_from_j, edge, SAMPLES) };
+    let raw = at(*implied);
+    if raw.evidence.overlap() < 0.5 * LEAST_OVERLAP {
+        return Some(raw);
+    }
+    let refined = align(a, b, implied, edge);
+    if !alike(&refined, implied, b.radius, DRIFT * edge) {
+        return Some(raw);
+    }
+    let refined = at(refined);
+    Some(if refined.score() > raw.score() { refined } else { raw })
+}

@@ -1,0 +1,89 @@
+//! How sure a view of a refined component is, as a probability.
+
+use super::pose_support::PoseSupport;
+use crate::quality::limits;
+use crate::quality::witness::Witness;
+
+/// Coefficients of the logistic model; see [`features`]. Fitted by `examples/confidence.rs` on code-made sets of three of six
+/// sensors with four of eight scenes and on half of the objects; docs/results/scanners.md shows how it holds on the others.
+pub const MODEL: [f64; FEATURES] = [1.18, -1.85, -0.55, -0.10, 0.63, -2.05, -1.65, 1.96, -0.46, 1.09, -2.36];
+/// What the logarithm of the odds loses where something moved before a background that holds the views: one of both is wrong.
+pub const STILL: f64 = 4.0;
+/// A view is called sure from this confidence on.
+pub const SURE: f64 = limits::LEAST_SURE;
+/// Numbers that the model looks at.
+pub const FEATURES: usize = 11;
+/// Displacement by one standard deviation where it is not known: what is usual, in the size of the set,
+const USUAL_DISPLACEMENT: f64 = 3e-3;
+/// and what is added to it, so that none is free of doubt.
+const LEAST_DISPLACEMENT: f64 = 1e-4;
+/// Agreement of colours that is as good as any.
+const COLOURS_AGREE: f64 = 0.8;
+
+/// The probability that a view that stands so is right.
+pub fn confidence(support: &PoseSupport, witness: &Witness) -> f64 {
+    let z: f64 = MODEL.iter().zip(features(support, witness)).map(|(c, x)| c * x).sum();
+    let z = if witness.stands_still { z - STILL } else { z };
+    1.0 / (1.0 + (-z).exp())
+}
+
+/// What the model looks at.
+pub fn features(support: &PoseSupport, witness: &Witness) -> [f64; FEATURES] {
+    let s = support;
+    [
+        1.0,
+        s.unseen.sqrt(),
+        s.contradict.max(s.component_contradict).sqrt(),
+        s.component_rival,
+        s.held.max(0.01).ln(),
+        s.rms.max(0.1).ln(),
+        (1.0 - s.sharpness).sqrt(),
+        s.agreeing,
+        (witness.displacement.unwrap_or(USUAL_DISPLACEMENT) + LEAST_DISPLACEMENT).ln(),
+        witness.colours.map_or(0.0, |agreement| agreement.min(COLOURS_AGREE) - COLOURS_AGREE),
+        f64::from(u8::from(witness.is_looked_through)),
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_speaks_against_a_place_makes_it_less_sure() {
+        let right = PoseSupport {
+            overlap: 0.6,
+            unseen: 0.0,
+            contradict: 0.0,
+            component_contradict: 0.0,
+            rms: 1.0,
+            agreeing: 0.8,
+            held: 0.2,
+            component_rival: 0.0,
+            sharpness: 1.0,
+        };
+        let none = Witness::default();
+        assert!(confidence(&right, &none) > SURE);
+        let worse = [
+            PoseSupport { unseen: 0.05, ..right },
+            PoseSupport { contradict: 0.3, ..right },
+            PoseSupport { component_contradict: 0.1, ..right },
+            PoseSupport { component_rival: 1.0, ..right },
+            PoseSupport { sharpness: 0.7, ..right },
+            PoseSupport { rms: 2.0, ..right },
+            PoseSupport { agreeing: 0.2, ..right },
+        ];
+        for support in worse {
+            assert!(confidence(&support, &none) < confidence(&right, &none), "{support:?}");
+        }
+        let against = [
+            Witness { displacement: Some(0.02), ..none },
+            Witness { is_looked_through: true, ..none },
+            Witness { colours: Some(0.2), ..none },
+            Witness { stands_still: true, ..none },
+        ];
+        for witness in against {
+            assert!(confidence(&right, &witness) < confidence(&right, &none), "{witness:?}");
+        }
+    }
+}

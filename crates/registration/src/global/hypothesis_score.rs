@@ -1,0 +1,144 @@
+//! A quick look at whether two views can lie as a motion says: a few surfels, looked up instead of searched. What
+//! [`super::verification`] asks at length of a few motions is asked briefly of thousands.
+
+use nalgebra::Vector3;
+
+use super::coarse_view::CoarseView;
+use super::depth_image::Seen;
+use super::grid::NearGrid;
+use crate::joint::normal_equations::{NormalEquations, RIGID};
+use visage_geometry::{Motion, se3};
+
+/// Surfels of a view that can be queried.
+pub const WITNESSES: usize = 120;
+/// A surfel's counterpart lies no farther beside it than this, in edges,
+const BESIDE: f32 = 2.2;
+/// and their normals are alike to this cosine.
+const LIKE: f32 = 0.6;
+/// A surfel stands where the scanner looked through from this height over the surface it saw on, in edges.
+const IN_FRONT: f32 = 2.0;
+/// A surface faces a scanner that it should be seen by from this cosine of its normal on.
+const FACING: f32 = 0.6;
+/// A surfel that the other scanner should have seen counts as so many that cross.
+const NOT_SEEN: f32 = 1.5;
+/// Motions are ranked by the overlap times what the share of agreement exceeds this by.
+const LEAST_CONSISTENCY: f32 = 0.4;
+/// Search distances of the steps towards the surface, in edges.
+const REACHES: [f32; 4] = [2.0, 1.5, 1.2, 1.0];
+
+/// A view that can be looked at quickly.
+#[derive(Debug, Clone)]
+pub struct HypothesisScorer<'a> {
+    /// The view.
+    pub coarse_view: &'a CoarseView,
+    grid: NearGrid,
+    /// Places and normals of some surfels, spread over the view, and so are the first few of them.
+    witnesses: Vec<(Vector3<f32>, Vector3<f32>)>,
+}
+
+/// What some surfels of one view say when they are put into another.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct HypothesisScore {
+    /// Surfels queried.
+    pub queried: f32,
+    /// Those that lie on the other view's surface, and look the same way.
+    pub agree: f32,
+    /// Those that cross it, and more for those that the other scanner should have seen and did not.
+    pub conflict: f32,
+}
+
+impl HypothesisScore {
+    /// How much speaks for the motion, to rank motions.
+    pub fn strength(&self) -> f32 {
+        let consistency = self.agree / (self.agree + self.conflict).max(1.0);
+        self.agree / self.queried.max(1.0) * (consistency - LEAST_CONSISTENCY).max(0.0)
+    }
+}
+
+impl<'a> HypothesisScorer<'a> {
+    /// Prepares a view.
+    pub fn new(coarse_view: &'a CoarseView, edge: f64) -> Self {
+        let inner = &coarse_view.inner;
+        // any number of multiples of the golden ratio are spread evenly over the curve along which surfels are stored
+        let place = |k: usize| (k as f64 * std::f64::consts::GOLDEN_RATIO).fract() * inner.len() as f64;
+        let witness = |k: usize| {
+            let surfel = inner[place(k) as usize] as usize;
+            (coarse_view.position(surfel), coarse_view.normals[surfel])
+        };
+        let witnesses = (0..WITNESSES.min(inner.len())).map(witness).collect();
+        HypothesisScorer { coarse_view, grid: NearGrid::new(&coarse_view.indexed.points, edge as f32), witnesses }
+    }
+
+    /// Puts some of this view's witnesses into `other`; `motion` maps the frame of the first into that of the second.
+    /// They agree within `tolerance` along the normal. Lengths but in `edge` are those of the scans.
+    pub fn look(
+        &self,
+        range: std::ops::Range<usize>,
+        other: &HypothesisScorer,
+        motion: &nalgebra::IsometryMatrix3<f32>,
+        edge: f32,
+        tolerance: f32,
+    ) -> HypothesisScore {
+        let count = self.witnesses.len();
+        let queried = &self.witnesses[range.start.min(count)..range.end.min(count)];
+        let mut said = HypothesisScore { queried: queried.len() as f32, ..HypothesisScore::default() };
+        for (place, normal) in queried {
+            let (moved, turned) = (motion.rotation * place + motion.translation.vector, motion.rotation * normal);
+            let Some(target) = other.grid.near(&moved) else {
+                said.conflict += if other.misses(&moved, &turned, edge) { NOT_SEEN } else { 0.0 };
+                continue;
+            };
+            let offset = moved - other.coarse_view.position(target);
+            let other_normal = other.coarse_view.normals[target];
+            let along = other_normal.dot(&offset);
+            let is_beside = offset.norm_squared() - along * along < (BESIDE * edge).powi(2);
+            if is_beside && along.abs() < tolerance && other_normal.dot(&turned) > LIKE {
+                said.agree += 1.0;
+            } else if other.coarse_view.is_inner[target] {
+                said.conflict += 1.0;
+            }
+        }
+        said
+    }
+
+    /// Whether the scanner should have seen a surface, given in this view's frame, and did not.
+    fn misses(&self, place: &Vector3<f32>, normal: &Vector3<f32>, edge: f32) -> bool {
+        let depth_image = &self.coarse_view.depth_image;
+        match depth_image.look(place) {
+            Seen::Surface { height } => height > IN_FRONT * edge,
+            Seen::Rim | Seen::Unknown => false,
+            Seen::Nothing => {
+                let toward = depth_image.toward_scanner(place);
+                toward.dot(normal) > FACING * toward.norm()
+            }
+        }
+    }
+
+    /// Improves a motion that maps this view into `other`'s frame: a few point-to-plane steps of the witnesses.
+    pub fn refined(&self, other: &HypothesisScorer, motion: &Motion, edge: f32) -> Motion {
+        let mut motion = *motion;
+        for reach in REACHES.map(|reach| reach * edge) {
+            let by = motion.cast::<f32>();
+            let (rotation, shift) = (by.rotation.to_rotation_matrix(), by.translation.vector);
+            let scale2 = (0.5 * reach).powi(2);
+            let mut sums = NormalEquations::<RIGID>::default();
+            for (place, normal) in &self.witnesses {
+                let (moved, turned) = (rotation * place + shift, rotation * normal);
+                let Some(target) = other.grid.near(&moved).filter(|k| other.coarse_view.is_inner[*k]) else { continue };
+                let (offset, other_normal) =
+                    (moved - other.coarse_view.position(target), other.coarse_view.normals[target]);
+                // the surfel looked up may lie beside the nearest
+                if other_normal.dot(&turned) < LIKE || offset.norm() > 2.0 * reach {
+                    continue;
+                }
+                let mean = (other_normal + turned).normalize();
+                let residual = mean.dot(&offset);
+                let robust = scale2 / (scale2 + residual * residual);
+                sums.add(&mean.cast(), &moved.cast(), residual.into(), f64::from(robust * robust));
+            }
+            let Some(twist) = sums.step() else { break };
+            motion = se3::exp(&twist) * motion;
+        }
+        motion
+    }
+}

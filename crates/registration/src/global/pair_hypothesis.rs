@@ -1,0 +1,34 @@
+//! A pair of views and a way to lay them on each other.
+
+use super::verification::PairVotes;
+use visage_geometry::Motion;
+
+/// A way to lay two views on each other, refined on the surface and asked.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PairHypothesis {
+    /// The view whose frame is the target.
+    pub i: usize,
+    /// The view that is mapped.
+    pub j: usize,
+    /// Maps the local frame of view j into that of view i.
+    pub i_from_j: Motion,
+    /// What the surfaces say.
+    pub evidence: PairVotes,
+}
+
+/// A hypothesis is worth trying from this share of agreeing surfels on,
+pub const LEAST_OVERLAP: f64 = 0.08;
+/// and this share of agreement among all that was said.
+const LEAST_CONSISTENCY: f64 = 0.6;
+
+impl PairHypothesis {
+    /// How much speaks for it; see [`super::votes`].
+    pub fn score(&self) -> f64 {
+        self.evidence.both().score()
+    }
+
+    /// Whether it is worth trying.
+    pub fn is_promising(&self) -> bool {
+        self.evidence.overlap() >= LEAST_OVERLAP && self.evidence.both().consistency() >= LEAST_CONSISTENCY
+    }
+}

@@ -1,0 +1,89 @@
+//! Whether two views can lie as a motion says: the surface itself is queried, descriptions only propose.
+
+use super::coarse_view::CoarseView;
+use super::depth_image::Seen;
+use super::votes::SurfelVotes;
+use visage_geometry::Motion;
+
+/// Both directions.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct PairVotes {
+    /// View j's surfels in view i.
+    pub j_in_i: SurfelVotes,
+    /// View i's surfels in view j.
+    pub i_in_j: SurfelVotes,
+}
+
+impl PairVotes {
+    /// What both say together.
+    pub fn both(&self) -> SurfelVotes {
+        self.j_in_i + self.i_in_j
+    }
+
+    /// The smaller share that agrees.
+    pub fn overlap(&self) -> f64 {
+        self.j_in_i.overlap().min(self.i_in_j.overlap())
+    }
+}
+
+/// A surfel agrees within this distance along the normal, in edges,
+const ON: f32 = 0.35;
+/// and this cosine of the normals.
+const LIKE: f32 = 0.85;
+/// Two sides of a wall have normals of less than this cosine.
+const OPPOSED: f32 = -0.4;
+/// A surfel is near a surface within this distance, in edges.
+const NEAR: f32 = 1.6;
+/// It stands in front of a surface from this distance on, in edges.
+const IN_FRONT: f32 = 1.5;
+/// A surface faces a scanner that it should be seen by from this cosine of its normal on.
+const FACING: f32 = 0.6;
+/// Asks both views, at most about `samples` surfels each.
+pub fn verify(i: &CoarseView, j: &CoarseView, i_from_j: &Motion, edge: f64, samples: usize) -> PairVotes {
+    PairVotes {
+        j_in_i: votes(j, i, i_from_j, edge as f32, samples),
+        i_in_j: votes(i, j, &i_from_j.inverse(), edge as f32, samples),
+    }
+}
+
+/// Whether a surface in `other`'s frame faces its scanner.
+fn is_facing(other: &CoarseView, place: &nalgebra::Vector3<f32>, normal: &nalgebra::Vector3<f32>) -> bool {
+    let toward = other.depth_image.toward_scanner(place);
+    toward.dot(normal) > FACING * toward.norm()
+}
+
+/// Puts surfels of `view` into `other`; `motion` maps the frame of the first into that of the second.
+fn votes(view: &CoarseView, other: &CoarseView, motion: &Motion, edge: f32, samples: usize) -> SurfelVotes {
+    let motion = motion.cast::<f32>();
+    let (rotation, shift) = (motion.rotation.to_rotation_matrix(), motion.translation.vector);
+    let step = view.inner.len().div_ceil(samples).max(1);
+    let mut votes = SurfelVotes::default();
+    for &index in view.inner.iter().step_by(step) {
+        let index = index as usize;
+        votes.queried += 1.0;
+        let moved = rotation * view.position(index) + shift;
+        let nearest = other.indexed.tree.nearest(&moved.into(), (NEAR * edge).powi(2));
+        let Some(target) = nearest.map(|n| n.index as usize) else {
+            match other.depth_image.look(&moved) {
+                Seen::Surface { height } if height > IN_FRONT * edge => votes.looked_through += 1.0,
+                Seen::Nothing if is_facing(other, &moved, &(rotation * view.normals[index])) => votes.missed += 1.0,
+                _ => {}
+            }
+            continue;
+        };
+        let normal = rotation * view.normals[index];
+        let other_normal = other.normals[target];
+        let cosine = normal.dot(&other_normal);
+        let offset = moved - other.position(target);
+        let mean = normal + other_normal;
+        let along = if cosine > -0.9 { mean.dot(&offset) / mean.norm() } else { normal.dot(&offset) };
+        if cosine > LIKE && along.abs() < ON * edge {
+            votes.agree += 1.0;
+            votes.squares += f64::from(along * along);
+        } else if other.is_inner[target] {
+            let is_far_side = cosine < OPPOSED && other_normal.dot(&offset) < 0.0;
+            *(if is_far_side { &mut votes.hidden } else { &mut votes.contradict }) += 1.0;
+        }
+    }
+    votes
+}

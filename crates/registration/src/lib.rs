@@ -1,0 +1,35 @@
+//! From scans and initial poses to accurate poses and a verdict. Pure.
+//!
+//! [`method`] chooses between [`joint`], the paper's family in [`averaging`], and the ICP of two scans in [`pairwise`]; what
+//! any of them leaves is an [`outcome`]. [`global`] finds poses from the scans alone.
+//!
+//! - [`view`], [`sensor`], [`resolution`]: a scan made ready; how it was taken; what a set can resolve
+//! - [`cleaning`]: what is left out of the scans of a set
+//! - [`candidates`], [`overlap`], [`view_graph`]: which pairs may meet, by how much they overlap, which are registered
+//! - [`pairwise`], [`averaging`], [`joint`]: from poses nearby
+//! - [`global`]: from the scans alone; [`hints`], [`hinted`]: what a person says of them
+//! - [`covariance`], [`quality`], [`objective`]: how well each pose is known; the verdict; figures of merit
+//! - [`report`]: what is said of all of it
+
+// equations are named as in the paper, [P n], which rustdoc takes for links
+#![allow(rustdoc::broken_intra_doc_links, rustdoc::redundant_explicit_links)]
+
+pub mod averaging;
+pub mod candidates;
+pub mod cleaning;
+pub mod covariance;
+pub mod global;
+pub mod hinted;
+pub mod hints;
+pub mod joint;
+pub mod method;
+pub mod objective;
+pub mod outcome;
+pub mod overlap;
+pub mod pairwise;
+pub mod quality;
+pub mod report;
+pub mod resolution;
+pub mod sensor;
+pub mod view;
+pub mod view_graph;

@@ -1,0 +1,102 @@
+//! The registration methods a caller may choose.
+
+use crate::averaging::{self, Recipe};
+use crate::joint;
+use crate::outcome::{MethodOptions, Outcome};
+use crate::pairwise::{self, Pairwise};
+use crate::view::View;
+use visage_geometry::Motion;
+use visage_geometry::progress::{Canceled, Progress};
+
+/// How a scan set is registered.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Method {
+    /// All poses refined together on all correspondences, coarse to fine: no averaging error is left.
+    #[default]
+    Joint,
+    /// Algorithm 1 of the paper: trimmed ICP with the adaptive threshold, motion averaging, repeat.
+    MaAticp,
+    /// The paper's first baseline: plain ICP, motion averaging, repeat.
+    MaIcp,
+    /// The paper's second baseline: trimmed ICP, low-rank and sparse decomposition, repeat.
+    LrsL1alm,
+    /// Trimmed ICP of two scans.
+    Tricp,
+    /// Plain ICP of two scans.
+    Icp,
+}
+
+impl Method {
+    /// Every method, the default first.
+    pub const ALL: [Method; 6] =
+        [Method::Joint, Method::MaAticp, Method::MaIcp, Method::LrsL1alm, Method::Tricp, Method::Icp];
+
+    /// The name used in options, reports and messages.
+    pub fn name(self) -> &'static str {
+        match self {
+            Method::Joint => "joint",
+            Method::MaAticp => "ma-aticp",
+            Method::MaIcp => "ma-icp",
+            Method::LrsL1alm => "lrs-l1alm",
+            Method::Tricp => "tricp",
+            Method::Icp => "icp",
+        }
+    }
+
+    /// The number of scans it takes, if it does not take any number.
+    pub fn exact_scans(self) -> Option<usize> {
+        match self {
+            Method::Joint | Method::MaAticp | Method::MaIcp | Method::LrsL1alm => None,
+            Method::Tricp | Method::Icp => Some(pairwise::SCANS),
+        }
+    }
+
+    /// What its levels run with, for reports.
+    pub fn levels(self) -> serde_json::Value {
+        match self {
+            Method::Joint => serde_json::json!(joint::PASSES),
+            Method::MaAticp => serde_json::json!(Recipe::MA_ATICP.levels),
+            Method::MaIcp => serde_json::json!(Recipe::MA_ICP.levels),
+            Method::LrsL1alm => serde_json::json!(Recipe::LRS_L1ALM.levels),
+            Method::Tricp => serde_json::json!([Pairwise::TRICP]),
+            Method::Icp => serde_json::json!([Pairwise::ICP]),
+        }
+    }
+
+    /// Registers `views` from `initial` poses (local frame to world). View 0 keeps its pose.
+    pub fn register(
+        self,
+        views: &[View],
+        initial: &[Motion],
+        options: &MethodOptions,
+        progress: &Progress,
+    ) -> Result<Outcome, Canceled> {
+        match self {
+            Method::Joint => joint::joint(views, initial, options, progress),
+            Method::MaAticp => averaging::register(&Recipe::MA_ATICP, views, initial, options, progress),
+            Method::MaIcp => averaging::register(&Recipe::MA_ICP, views, initial, options, progress),
+            Method::LrsL1alm => averaging::register(&Recipe::LRS_L1ALM, views, initial, options, progress),
+            Method::Tricp => Pairwise::TRICP.register(views, initial, progress),
+            Method::Icp => Pairwise::ICP.register(views, initial, progress),
+        }
+    }
+}
+
+impl std::fmt::Display for Method {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl std::str::FromStr for Method {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        let names = Method::ALL.map(Method::name);
+        Method::ALL
+            .into_iter()
+            .find(|method| method.name() == text)
+            .ok_or_else(|| format!("{text:?} is no method; use one of: {}", names.join(", ")))
+    }
+}

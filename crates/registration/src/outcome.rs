@@ -1,0 +1,116 @@
+//! What a registration leaves behind, whatever method made it: poses, the pairs that were registered, and what each round did.
+
+use crate::joint::surfels::FineSurfels;
+use crate::overlap::OverlapMatrix;
+use crate::pairwise::trimmed_icp::{IcpEnd, IcpResult};
+use visage_geometry::{Motion, se3};
+
+/// What the caller may set.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MethodOptions {
+    /// xi_0: pairs with a smaller mutual overlap are not registered, unless the views would fall into pieces.
+    pub min_overlap: f64,
+    /// R_e in the scans' unit; each view's own estimate when absent.
+    pub range_accuracy: Option<f64>,
+    /// Rounds at most, on each level.
+    pub max_rounds: usize,
+}
+
+/// One registered pair of the last round.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PairOutcome {
+    /// The target view.
+    pub i: usize,
+    /// The view that ICP moved.
+    pub j: usize,
+    /// ICP's result, in local frames.
+    pub icp: IcpResult,
+    /// The threshold it ran with, a squared length; `None` if no threshold was to end it.
+    pub threshold: Option<f64>,
+    /// How far the pair disagrees with the averaged poses, a length.
+    pub disagreement: f64,
+    /// Robust weight in averaging, in (0, 1].
+    pub trust: f64,
+}
+
+impl PairOutcome {
+    /// A pair of which only the relative motion is known (local frame of j to local frame of i).
+    pub(crate) fn unmeasured(i: usize, j: usize, i_from_j: Motion) -> Self {
+        let icp = IcpResult {
+            motion: i_from_j,
+            correspondences: 0,
+            share: 0.0,
+            mean_distance2: f64::INFINITY,
+            iterations: 0,
+            end: IcpEnd::NoCorrespondences,
+        };
+        PairOutcome { i, j, icp, threshold: None, disagreement: 0.0, trust: 1.0 }
+    }
+}
+
+/// What one round did.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct Round {
+    /// Index into the method's levels.
+    pub level: usize,
+    /// Overlap tolerance, a length.
+    pub tolerance: f64,
+    /// Pairs registered.
+    pub pairs: usize,
+    /// The overlap a pair had to exceed in the end.
+    pub min_overlap: f64,
+    /// ICP fits over all pairs.
+    pub icp_iterations: usize,
+    /// Linear solves of averaging, steps of the decomposition, or Gauss-Newton steps of `joint`; 0 if the motions could
+    /// not be made to agree, and the poses stayed as they were.
+    pub averaging_rounds: usize,
+    /// e^k: the largest change of a view's rotation, radians.
+    pub rotation_change: f64,
+}
+
+/// Registered views.
+#[derive(Debug, Clone)]
+pub struct Outcome {
+    /// Local frame to world.
+    pub local_poses: Vec<Motion>,
+    /// For each view whether it hangs together with view 0.
+    pub placed: Vec<bool>,
+    /// Overlaps at the last round's start.
+    pub overlaps: OverlapMatrix,
+    /// The pairs of the last round.
+    pub pairs: Vec<PairOutcome>,
+    /// All rounds.
+    pub rounds: Vec<Round>,
+    /// The finest surfels, if the method made any: the evidence for the poses is read off them.
+    pub surfels: Option<FineSurfels>,
+}
+
+impl Outcome {
+    /// `n` views of which none hangs together with another; the first is where it is.
+    pub(crate) fn alone(n: usize) -> Self {
+        Outcome { placed: (0..n).map(|view| view == 0).collect(), ..Outcome::at(&vec![Motion::identity(); n]) }
+    }
+
+    /// Nothing done yet.
+    pub(crate) fn at(initial: &[Motion]) -> Self {
+        Outcome {
+            local_poses: initial.to_vec(),
+            placed: vec![true; initial.len()],
+            overlaps: OverlapMatrix::identity(initial.len()),
+            pairs: Vec::new(),
+            rounds: Vec::new(),
+            surfels: None,
+        }
+    }
+}
+
+/// The view that keeps its pose in each connected piece: the first.
+pub(crate) fn first_of_each_piece(pieces: &[usize]) -> Vec<usize> {
+    (0..pieces.len()).filter(|&view| !pieces[..view].contains(&pieces[view])).collect()
+}
+
+/// e^k of Algorithm 1: the largest angle between a view's rotation before and after, radians.
+pub(crate) fn largest_turn(before: &[Motion], after: &[Motion]) -> f64 {
+    let angles = before.iter().zip(after).map(|(a, b)| se3::rotation_angle(&a.rotation.rotation_to(&b.rotation)));
+    angles.fold(0.0, f64::max)
+}

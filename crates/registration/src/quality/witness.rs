@@ -1,0 +1,83 @@
+//! What speaks for or against a view's pose once all poses are final: how well it is known, where other scanners looked
+//! through its surface, whether colours agree, and whether a background holds it before which something moved.
+
+use crate::covariance::PoseCovariance;
+use crate::outcome::Outcome;
+use crate::quality::free_space::Intrusion;
+use crate::view::View;
+use visage_geometry::Vector3;
+
+/// What is known of one view's final pose beside how it stands among the others. The default says nothing.
+#[derive(Debug, Clone, Copy, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Witness {
+    /// Root mean square displacement of its surface by one standard deviation of its pose, in the size of the set; `None` for
+    /// the view that keeps its pose, and where it is not known.
+    pub displacement: Option<f64>,
+    /// Whether it has surface where another scanner looked through.
+    pub is_looked_through: bool,
+    /// How well its colours agree with the neighbour's with which they agree best, where they say anything.
+    pub colours: Option<f64>,
+    /// Whether it is held by what stood still, while something moved before it.
+    pub stands_still: bool,
+}
+
+/// What is known of all views of a set, from which their witnesses are drawn.
+pub struct Known<'a> {
+    /// For each view the covariance of its pose.
+    pub covariances: &'a [Option<PoseCovariance>],
+    /// Where scanners looked through surface.
+    pub intrusions: &'a [Intrusion],
+    /// For each view the agreement of its colours.
+    pub colours: &'a [Option<f64>],
+    /// Whether all views were taken from one place, and what moved before it could not be placed.
+    pub stands_still: bool,
+}
+
+impl Known<'_> {
+    /// The witness of each view.
+    pub fn witnesses(&self, views: &[View], result: &Outcome) -> Vec<Witness> {
+        let size = size(views, result);
+        let witness = |view: usize| Witness {
+            displacement: self.covariances[view].as_ref().map(|pose| pose.displacement() / size),
+            is_looked_through: self.intrusions.iter().any(|found| found.view == view && found.counts()),
+            colours: self.colours[view],
+            stands_still: self.stands_still,
+        };
+        (0..views.len()).map(witness).collect()
+    }
+}
+
+/// The diagonal of an evenly filled box whose points are spread as those of the placed views: a length.
+fn size(views: &[View], result: &Outcome) -> f64 {
+    let placed = || (0..views.len()).filter(|view| result.placed[*view]);
+    let weight = |view: usize| views[view].points().len() as f64;
+    let place = |view: usize| result.local_poses[view].translation.vector;
+    let all = placed().map(weight).sum::<f64>().max(1.0);
+    let middle = placed().map(|view| place(view) * weight(view)).sum::<Vector3>() / all;
+    let square = |view: usize| views[view].radius.powi(2) + (place(view) - middle).norm_squared();
+    let variance = placed().map(|view| square(view) * weight(view)).sum::<f64>() / all;
+    (12.0 * variance).sqrt().max(f64::MIN_POSITIVE)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visage_geometry::{Cloud, Motion, Point3};
+
+    #[test]
+    fn the_size_is_that_of_a_box_whatever_the_frame() {
+        let places = (0..1000).map(|k| [k % 10, k / 10 % 10, k / 100].map(|x| f64::from(x) + 0.5));
+        let cloud = Cloud::from_points(places.map(|p| Point3::new(3.0 * p[0], p[1], 2.0 * p[2])).collect());
+        let view = View::new(&cloud).expect("a box of points can be used");
+        let box_of = |motion: &Motion| {
+            let mut result = Outcome::alone(2);
+            result.placed = vec![true; 2];
+            result.local_poses = vec![view.local_pose(motion); 2];
+            size(&[view.clone(), view.clone()], &result)
+        };
+        let diagonal = (900.0f64 + 100.0 + 400.0).sqrt();
+        for motion in [Motion::identity(), Motion::new(Vector3::new(90.0, 0.0, 7.0), Vector3::new(1.0, 0.4, 0.2))] {
+            assert!((box_of(&motion) / diagonal - 1.0).abs() < 0.01, "{}", box_of(&motion));
+        }
+    }
+}

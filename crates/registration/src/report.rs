@@ -1,0 +1,176 @@
+//! What a registration says of itself: the `result` part of a model's report.
+//!
+//! Lengths carry the scans' unit; those that end in `_spacings` are divided by the common spacing.
+
+use serde::Serialize;
+
+use crate::covariance::PoseCovariance;
+use crate::covariance::weak_axes::{WeakAxis, weak_axes};
+use crate::method::Method;
+use crate::outcome::{Outcome, PairOutcome, Round};
+use crate::pairwise::trimmed_icp::IcpEnd;
+use crate::quality::Verdict;
+use crate::view::{View, common_spacing};
+
+/// The registration's part of a report.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct RegistrationReport {
+    /// The method that was run.
+    pub method: &'static str,
+    /// The unit of all lengths that don't say otherwise.
+    pub unit: &'static str,
+    /// The median spacing of the scans, to which tolerances are tied.
+    pub spacing: f64,
+    /// The verdict and its reasons.
+    pub verdict: Verdict,
+    /// The views in order.
+    pub views: Vec<ViewReport>,
+    /// The pairs of the last round.
+    pub pairs: Vec<PairReport>,
+    /// `overlaps[i][j]`: the share of view i's points that have a counterpart in view j.
+    pub overlaps: Vec<Vec<f64>>,
+    /// What each level of the method ran with, coarse to fine.
+    pub levels: serde_json::Value,
+    /// All rounds of overlap, ICP and averaging.
+    pub rounds: Vec<Round>,
+}
+
+/// One view.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ViewReport {
+    /// The scan's name.
+    pub name: String,
+    /// Points in it.
+    pub points: usize,
+    /// Its spacing L_r.
+    pub spacing: f64,
+    /// Its estimated range accuracy R_e.
+    pub range_accuracy: f64,
+    /// Whether it hangs together with the first view.
+    pub placed: bool,
+    /// Root mean square distance of the kept correspondences of all its pairs.
+    pub residual: Option<f64>,
+    /// The same in spacings.
+    pub residual_spacings: Option<f64>,
+    /// How well the pose is known; absent for view 0, to which it is relative, and for unplaced views.
+    pub uncertainty: Option<UncertaintyReport>,
+}
+
+/// How well a pose is known (`registration/covariance`).
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct UncertaintyReport {
+    /// The view's centroid in the world, about which twists are taken.
+    pub center: [f64; 3],
+    /// 6x6, row by row, of the left twist in the axes of the world: translation (the scans' unit), then rotation
+    /// vector (radians).
+    pub covariance: [[f64; 6]; 6],
+    /// Root mean square displacement of the view's surface by one standard deviation, in spacings.
+    pub displacement_spacings: f64,
+    /// The motions that hardly anything holds.
+    pub weak_axes: Vec<WeakAxis>,
+}
+
+impl UncertaintyReport {
+    fn new(pose: &PoseCovariance, spacing: f64) -> Self {
+        UncertaintyReport {
+            center: pose.center.coords.into(),
+            covariance: std::array::from_fn(|row| std::array::from_fn(|column| pose.covariance[(row, column)])),
+            displacement_spacings: pose.displacement() / spacing,
+            weak_axes: weak_axes(pose, spacing),
+        }
+    }
+}
+
+/// One registered pair.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct PairReport {
+    /// The target view's index.
+    pub i: usize,
+    /// The moved view's index.
+    pub j: usize,
+    /// Share of i's points with a counterpart in j.
+    pub overlap_i_j: f64,
+    /// Share of j's points with a counterpart in i.
+    pub overlap_j_i: f64,
+    /// Correspondences kept.
+    pub correspondences: usize,
+    /// Root mean square distance of those.
+    pub trimmed_rms: f64,
+    /// ICP fits in the last round.
+    pub iterations: usize,
+    /// How ICP ended.
+    pub end: IcpEnd,
+    /// The threshold that was to end its ICP, a squared length; null if none was.
+    pub e_thr: Option<f64>,
+    /// How far the pair disagrees with the averaged poses.
+    pub disagreement: f64,
+    /// Robust weight in averaging, in (0, 1].
+    pub trust: f64,
+}
+
+impl RegistrationReport {
+    /// Gathers the report of a finished registration.
+    pub fn new(
+        method: Method,
+        unit: &'static str,
+        names: &[String],
+        views: &[View],
+        result: &Outcome,
+        poses: &[Option<PoseCovariance>],
+        verdict: Verdict,
+    ) -> Self {
+        let spacing = common_spacing(views);
+        let view_report = |view: usize| ViewReport {
+            uncertainty: poses[view].as_ref().map(|pose| UncertaintyReport::new(pose, spacing)),
+            ..view_report(view, names, views, result, spacing)
+        };
+        RegistrationReport {
+            method: method.name(),
+            unit,
+            spacing,
+            verdict,
+            views: (0..views.len()).map(view_report).collect(),
+            pairs: pair_reports(result),
+            overlaps: result.overlaps.rows().to_vec(),
+            levels: method.levels(),
+            rounds: result.rounds.clone(),
+        }
+    }
+}
+
+fn view_report(index: usize, names: &[String], views: &[View], result: &Outcome, spacing: f64) -> ViewReport {
+    let (mut sum, mut count) = (0.0, 0.0);
+    for pair in result.pairs.iter().filter(|pair| (pair.i == index || pair.j == index) && pair.icp.correspondences > 0)
+    {
+        sum += pair.icp.mean_distance2 * pair.icp.correspondences as f64;
+        count += pair.icp.correspondences as f64;
+    }
+    let residual = (count > 0.0).then(|| (sum / count).sqrt());
+    ViewReport {
+        name: names[index].clone(),
+        points: views[index].points().len(),
+        spacing: views[index].spacing,
+        range_accuracy: views[index].range_accuracy,
+        placed: result.placed[index],
+        residual,
+        residual_spacings: residual.map(|r| r / spacing),
+        uncertainty: None,
+    }
+}
+
+fn pair_reports(result: &Outcome) -> Vec<PairReport> {
+    let report = |pair: &PairOutcome| PairReport {
+        i: pair.i,
+        j: pair.j,
+        overlap_i_j: result.overlaps.directed(pair.i, pair.j),
+        overlap_j_i: result.overlaps.directed(pair.j, pair.i),
+        correspondences: pair.icp.correspondences,
+        trimmed_rms: pair.icp.mean_distance2.sqrt(),
+        iterations: pair.icp.iterations,
+        end: pair.icp.end,
+        e_thr: pair.threshold,
+        disagreement: pair.disagreement,
+        trust: pair.trust,
+    };
+    result.pairs.iter().map(report).collect()
+}

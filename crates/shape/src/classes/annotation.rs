@@ -1,0 +1,375 @@
+//! From a surface with named landmarks to a class: which landmarks are caps or pits, at which scale, which three of them
+//! make triangles, and the dense region around these.
+
+use serde::{Deserialize, Serialize};
+
+use super::Class;
+use super::corners::{Corner, CornerKind, SelectiveTriangle};
+use crate::faces::caps_and_pits::{Place, features, places};
+use crate::faces::sampled_surface::SampledSurface;
+use crate::faces::standard::INNER_EYE_DISTANCE_MM;
+use crate::faces::triangle::Triangle;
+use crate::faces::{self, DescribeError, Standard};
+use crate::saliency::{CellGrid, Samples};
+use visage_geometry::progress::{Canceled, Progress, Stage};
+use visage_geometry::{Point3, Surface, Unit, Vector3};
+
+/// A named place of the surface, in the file's frame and unit.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Landmark {
+    /// Its name.
+    pub name: String,
+    /// Its position.
+    pub place: Point3,
+}
+
+/// A landmark that is to be a corner of the selective triangle.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct CornerChoice {
+    /// The landmark's name.
+    pub name: String,
+    /// Cap or pit; found out from the curvature if not given.
+    pub kind: Option<CornerKind>,
+}
+
+/// What a user says of a surface.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct Annotation {
+    /// At least three landmarks.
+    pub landmarks: Vec<Landmark>,
+    /// Those that form the selective triangle; chosen by the operator if not given.
+    pub triangle: Option<[CornerChoice; 3]>,
+}
+
+/// Why a surface with landmarks makes no class.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum ClassError {
+    /// The caller asked for a stop.
+    #[error(transparent)]
+    Canceled(#[from] Canceled),
+    /// Too little surface.
+    #[error("{0}")]
+    Degenerate(String),
+    /// Fewer than three landmarks.
+    #[error("there are {0} landmarks; a class needs at least three")]
+    TooFewLandmarks(usize),
+    /// A corner that is no landmark, or named twice.
+    #[error("the triangle names {0:?}, which is none of the landmarks or comes twice")]
+    UnknownCorner(String),
+    /// The landmarks lie nearly in one place.
+    #[error("the landmarks lie within {percent:.2} % of the model's diagonal; at least 5 % are needed")]
+    TooClose {
+        /// The size of the triangle they span, as a share of the diagonal.
+        percent: f64,
+    },
+    /// A landmark is not on the surface.
+    #[error("landmark {name:?} lies {percent:.0} % of the triangle's size off the surface; at most 15 % are allowed")]
+    OffSurface {
+        /// The landmark.
+        name: String,
+        /// How far off.
+        percent: f64,
+    },
+    /// Fewer than three landmarks are caps or pits.
+    #[error("there is no {} at {}, at any scale", wanted.map_or("cap or pit", kind_name), names.join(", "))]
+    NoCharacter {
+        /// The landmarks that are none.
+        names: Vec<String>,
+        /// What was looked for.
+        wanted: Option<CornerKind>,
+    },
+    /// Three landmarks in a line.
+    #[error("the corners lie nearly in a line")]
+    InLine,
+    /// There is too little surface around the triangle.
+    #[error(
+        "the surface around the landmarks gives {points} points for the dense check; at least {LEAST_POINTS} are needed"
+    )]
+    TooSmallRegion {
+        /// How many it gives.
+        points: usize,
+    },
+}
+
+fn kind_name(kind: CornerKind) -> &'static str {
+    match kind {
+        CornerKind::Cap => "cap",
+        CornerKind::Pit => "pit",
+    }
+}
+
+impl From<DescribeError> for ClassError {
+    fn from(error: DescribeError) -> Self {
+        match error {
+            DescribeError::Canceled(canceled) => ClassError::Canceled(canceled),
+            DescribeError::Degenerate(reason) => ClassError::Degenerate(reason),
+        }
+    }
+}
+
+/// Landmarks span at least this share of the diagonal.
+const LEAST_SIZE_OF_DIAGONAL: f64 = 0.05;
+/// A landmark is on the surface if it is this near to it, in sizes of the triangle.
+const ON_SURFACE: f64 = 0.15;
+/// Curvature is measured at these lengths, of that of the face on its triangle: the first that shows the corners.
+const FEATURE_SCALES: [f64; 4] = [1.0, 0.7, 0.5, 1.4];
+/// The operator finds a landmark's cap or pit within this, in feature lengths.
+const CORNER_REACH: f64 = 0.4;
+/// Spacing of the samples of a level, in feature lengths, and the most of them: as for faces.
+const SPACING: f64 = 0.1;
+const MOST_SAMPLES: f64 = 80_000.0;
+/// Corners less far from lying in a line are no triangle.
+const LEAST_FATNESS: f64 = 0.25;
+/// The most triangles of a class, and the most landmarks they are chosen from.
+const MOST_TRIANGLES: usize = 3;
+const MOST_CORNERS: usize = 8;
+/// The dense region reaches this far around each corner, in sizes of the first triangle.
+const REGION_REACH: f64 = 0.75;
+/// Spacing of the points it is chosen from, mm on the standard.
+const REGION_SPACING_MM: f64 = 3.0;
+/// Points of the dense region: as many as the face's, and no fewer than that.
+const REGION_POINTS: usize = faces::template::TEMPLATE_POINTS;
+const LEAST_POINTS: usize = 120;
+
+/// See [`Class::annotated`].
+pub(super) fn annotated(
+    surface: &Surface,
+    unit: Unit,
+    annotation: &Annotation,
+    progress: &Progress,
+) -> Result<Class, ClassError> {
+    progress.report(Stage::Describing, 0.0);
+    check_names(annotation)?;
+    let surface = &faces::cleaned(surface, progress)?;
+    let bounds = faces::checked_bounds(surface)?;
+    // the box that a search goes by lies along the principal axes
+    let diagonal = faces::checked_bounds(&faces::in_own_frame(surface).0)?.diagonal();
+    let size = spread(annotation);
+    if size < LEAST_SIZE_OF_DIAGONAL * diagonal {
+        return Err(ClassError::TooClose { percent: 100.0 * size / diagonal });
+    }
+    let prepared = faces::Prepared::new(surface, diagonal, progress)?;
+    let oriented = prepared.oriented(bounds);
+    check_on_surface(&oriented, annotation, size)?;
+    let mut refused = None;
+    for &sign in oriented.side.signs() {
+        progress.check()?;
+        match seen(&oriented, annotation, size, sign, progress) {
+            Ok(sight) => return finished(&oriented, annotation, unit, sight, diagonal),
+            Err(error @ ClassError::Canceled(_)) => return Err(error),
+            // the side that the surface itself is wound to is the one to tell of
+            Err(error) => refused = refused.or(Some(error)),
+        }
+    }
+    Err(refused.unwrap_or(ClassError::InLine))
+}
+
+fn check_names(annotation: &Annotation) -> Result<(), ClassError> {
+    if annotation.landmarks.len() < 3 {
+        return Err(ClassError::TooFewLandmarks(annotation.landmarks.len()));
+    }
+    let known = |name: &String| annotation.landmarks.iter().any(|landmark| landmark.name == *name);
+    for (k, corner) in annotation.triangle.iter().flatten().enumerate() {
+        let twice = annotation.triangle.iter().flatten().take(k).any(|other| other.name == corner.name);
+        if twice || !known(&corner.name) {
+            return Err(ClassError::UnknownCorner(corner.name.clone()));
+        }
+    }
+    Ok(())
+}
+
+/// The landmarks that may be corners, with the kinds they may have.
+fn choices(annotation: &Annotation) -> Vec<(&Landmark, Option<CornerKind>)> {
+    match &annotation.triangle {
+        None => annotation.landmarks.iter().map(|landmark| (landmark, None)).collect(),
+        Some(corners) => corners
+            .iter()
+            .filter_map(|corner| {
+                let landmark = annotation.landmarks.iter().find(|landmark| landmark.name == corner.name)?;
+                Some((landmark, corner.kind))
+            })
+            .collect(),
+    }
+}
+
+/// The size of a triangle as large as what the possible corners span.
+fn spread(annotation: &Annotation) -> f64 {
+    let places: Vec<Vector3> = choices(annotation).iter().map(|(landmark, _)| landmark.place.coords).collect();
+    let center = places.iter().sum::<Vector3>() / places.len().max(1) as f64;
+    (3.0 * places.iter().map(|p| (p - center).norm_squared()).sum::<f64>() / places.len().max(1) as f64).sqrt()
+}
+
+fn check_on_surface(surface: &SampledSurface, annotation: &Annotation, size: f64) -> Result<(), ClassError> {
+    for landmark in &annotation.landmarks {
+        let reach = ON_SURFACE * size;
+        let samples = surface.sampled_around(&landmark.place, 2.0 * reach, 0.2 * reach);
+        let distance = |p: &Point3| (p - landmark.place).norm();
+        let nearest = samples.points.iter().map(distance).fold(f64::INFINITY, f64::min);
+        if nearest > reach {
+            // beyond the samples that were looked at, the points of the surface tell about how far
+            let percent = 100.0 * surface.points().map(|p| distance(&p)).fold(nearest, f64::min) / size;
+            return Err(ClassError::OffSurface { name: landmark.name.clone(), percent });
+        }
+    }
+    Ok(())
+}
+
+/// How the operator sees the landmarks, in the file's frame and unit.
+struct Sight {
+    corners: Vec<Corner>,
+    /// The length that curvature was measured at.
+    expected: f64,
+    sign: f64,
+}
+
+/// Looks at the landmarks at each scale; the scale that shows the most corners counts, of equals the first.
+fn seen(
+    surface: &SampledSurface,
+    annotation: &Annotation,
+    size: f64,
+    sign: f64,
+    progress: &Progress,
+) -> Result<Sight, ClassError> {
+    let choices = choices(annotation);
+    let mut best: Option<Sight> = None;
+    for factor in FEATURE_SCALES {
+        progress.check()?;
+        let expected = factor * INNER_EYE_DISTANCE_MM * size / Standard::face_size();
+        let spacing = SPACING * expected;
+        if surface.area() > MOST_SAMPLES * spacing * spacing {
+            continue;
+        }
+        let corners = corners_at(&surface.sampled(spacing), &choices, expected, sign);
+        // at a scale too coarse for them two landmarks may share one place
+        let worth = |corners: &[Corner]| (!triangles(corners).is_empty(), corners.len());
+        if best.as_ref().is_none_or(|best| worth(&corners) > worth(&best.corners)) {
+            best = Some(Sight { corners, expected, sign });
+        }
+    }
+    let sight = best.unwrap_or(Sight { corners: Vec::new(), expected: size, sign });
+    let missing = choices.iter().filter(|(landmark, _)| !sight.corners.iter().any(|c| c.name == landmark.name));
+    if sight.corners.len() >= 3 {
+        return Ok(sight);
+    }
+    let wanted = missing.clone().find_map(|(_, kind)| *kind);
+    Err(ClassError::NoCharacter { names: missing.map(|(landmark, _)| landmark.name.clone()).collect(), wanted })
+}
+
+/// The landmarks with a cap or pit of a kind they may have nearby: the nearest, of equals a cap.
+fn corners_at(samples: &Samples, choices: &[(&Landmark, Option<CornerKind>)], expected: f64, sign: f64) -> Vec<Corner> {
+    let grid = CellGrid::new(&samples.points, 0.18 * expected);
+    let features = features(samples, &grid, expected);
+    let places = places(samples, &grid, &features, expected, sign);
+    let corner = |(landmark, wanted): &(&Landmark, Option<CornerKind>)| {
+        let kinds = [CornerKind::Cap, CornerKind::Pit].into_iter().filter(|kind| wanted.is_none_or(|w| w == *kind));
+        let all = kinds.flat_map(|kind| kind.places(&places).iter().map(move |place| (kind, place)));
+        let distance = |place: &Place| (place.point - landmark.place).norm();
+        let near = all.filter(|(_, place)| distance(place) < CORNER_REACH * expected);
+        let (kind, place) = near.min_by(|a, b| distance(a.1).total_cmp(&distance(b.1)))?;
+        Some(Corner {
+            name: landmark.name.clone(),
+            kind,
+            annotated: landmark.place,
+            detected: place.point,
+            normal: place.normal,
+            strength: place.strength,
+        })
+    };
+    choices.iter().filter_map(corner).collect()
+}
+
+/// Chooses triangles and region, and brings everything into the standard's frame.
+fn finished(
+    surface: &SampledSurface,
+    annotation: &Annotation,
+    unit: Unit,
+    sight: Sight,
+    diagonal: f64,
+) -> Result<Class, ClassError> {
+    let triangles = triangles(&sight.corners);
+    let size = triangles.first().ok_or(ClassError::InLine)?.detected().size();
+    let scale = size / Standard::face_size();
+    let (points, normals) = region(surface, &triangles, size, sight.sign);
+    if points.len() < LEAST_POINTS {
+        return Err(ClassError::TooSmallRegion { points: points.len() });
+    }
+    let origin = Point3::from(points.iter().map(|p| p.coords).sum::<Vector3>() / points.len() as f64);
+    let inside = |p: &Point3| Point3::from((p - origin) / scale);
+    let moved = |triangle: SelectiveTriangle| SelectiveTriangle {
+        corners: triangle.corners.map(|corner| Corner {
+            annotated: inside(&corner.annotated),
+            detected: inside(&corner.detected),
+            ..corner
+        }),
+    };
+    Ok(Class {
+        version: Class::VERSION,
+        unit,
+        scale,
+        origin,
+        expected_mm: sight.expected / scale,
+        share_of_diagonal: sight.expected / diagonal,
+        triangles: triangles.into_iter().map(moved).collect(),
+        landmarks: annotation.landmarks.iter().map(|l| (l.name.clone(), inside(&l.place))).collect(),
+        points: points.iter().map(inside).collect(),
+        normals,
+    })
+}
+
+/// The triangles of the corners that are fat enough, the largest with the strongest corners first.
+fn triangles(corners: &[Corner]) -> Vec<SelectiveTriangle> {
+    let mut strongest: Vec<&Corner> = corners.iter().collect();
+    strongest.sort_by(|a, b| b.strength.total_cmp(&a.strength));
+    strongest.truncate(MOST_CORNERS);
+    // in the order in which they were named
+    let kept: Vec<&Corner> = corners.iter().filter(|corner| strongest.iter().any(|s| s.name == corner.name)).collect();
+    let mut found: Vec<(f64, SelectiveTriangle)> = faces::judgement::triples(&kept)
+        .map(|corners| SelectiveTriangle { corners: corners.map(Corner::clone) })
+        .filter(|triangle| triangle.fatness() >= LEAST_FATNESS)
+        .map(|triangle| {
+            let area = triangle.fatness() * triangle.detected().size().powi(2);
+            let strength: f64 = triangle.corners.iter().map(|corner| corner.strength.min(3.0)).product();
+            (area * strength, triangle)
+        })
+        .collect();
+    found.sort_by(|a, b| b.0.total_cmp(&a.0));
+    found.into_iter().take(MOST_TRIANGLES).map(|(_, triangle)| triangle).collect()
+}
+
+/// Points of the surface around the corners with outward normals, spread as widely as any prefix of them can be.
+fn region(
+    surface: &SampledSurface,
+    triangles: &[SelectiveTriangle],
+    size: f64,
+    sign: f64,
+) -> (Vec<Point3>, Vec<Vector3>) {
+    let corners: Vec<Point3> = triangles.iter().flat_map(|t| t.detected().corners).collect();
+    let center = triangles.first().map_or(Point3::origin(), |t| Triangle::center(&t.detected()));
+    let farthest = corners.iter().map(|c| (c - center).norm()).fold(0.0, f64::max);
+    let reach = REGION_REACH * size;
+    let samples = surface.sampled_around(&center, farthest + reach, REGION_SPACING_MM * size / Standard::face_size());
+    let is_near = |p: &Point3| corners.iter().any(|c| (p - c).norm() < reach);
+    let kept = (0..samples.points.len()).filter(|&k| is_near(&samples.points[k]) && samples.normals[k].norm() > 0.5);
+    let (points, normals): (Vec<Point3>, Vec<Vector3>) =
+        kept.map(|k| (samples.points[k], samples.normals[k] * sign)).unzip();
+    spread_points(&points, REGION_POINTS).into_iter().map(|k| (points[k], normals[k])).unzip()
+}
+
+/// Farthest-point order, ties by index, beginning with the point farthest from the middle.
+fn spread_points(points: &[Point3], count: usize) -> Vec<usize> {
+    let middle = points.iter().map(|p| p.coords).sum::<Vector3>() / points.len().max(1) as f64;
+    let farthest = |distances: &[f64]| {
+        let order = |a: &usize, b: &usize| distances[*a].total_cmp(&distances[*b]).then(b.cmp(a));
+        (0..distances.len()).max_by(order).filter(|&k| distances[k] > 0.0)
+    };
+    let mut next = farthest(&points.iter().map(|p| (p.coords - middle).norm_squared()).collect::<Vec<_>>());
+    let (mut chosen, mut distances) = (Vec::new(), vec![f64::INFINITY; points.len()]);
+    while let Some(index) = next.filter(|_| chosen.len() < count) {
+        chosen.push(index);
+        for (distance, point) in distances.iter_mut().zip(points) {
+            *distance = distance.min((point - points[index]).norm_squared());
+        }
+        next = farthest(&distances);
+    }
+    chosen
+}
