@@ -6,6 +6,17 @@
 //! itself and not the file, and is counted ([`Dropped`]).
 //!
 //! [`FORMATS`] is the one list of formats: a new one is a file beside the others and a line there.
+//!
+//! ```
+//! use visage_formats::{ReadLimits, read_surface};
+//!
+//! let text = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+//! let surface = read_surface("triangle.obj", text, &ReadLimits::default())?;
+//! assert_eq!(surface.cloud.len(), 3);
+//! let error = read_surface("scan.xyz", b"", &ReadLimits::default()).expect_err("not read");
+//! assert!(error.to_string().contains("send PLY"));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 #![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used))]
 

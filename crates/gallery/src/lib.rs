@@ -1,10 +1,19 @@
-//! The in-memory gallery index and its queries. Pure.
+//! Which models are alike: an exact index of faces, triangles and shapes in memory. Pure.
+//!
+//! ```
+//! use visage_gallery::{Gallery, TopK};
+//! use visage_shape::faces::signature::example::example;
+//!
+//! let gallery = Gallery::build((1..=20).map(|id| (id, example(0.3 * id as f64, 4))).collect());
+//! let found = gallery.by_probe(&example(0.3 * 7.0, 4), None, &TopK::best(3));
+//! assert_eq!(found[0].model_id, 7, "a model is most like itself");
+//! ```
 //!
 //! - [`gallery`]: which models there are, their ranking against each standard, the three kinds of query
 //! - `top_k`, [`catalogue`]: which part of a ranking is asked for; filters by label, time, unit, source
 //! - [`evidence`]: the figures behind a verdict, landmarks, the reason for a no
 //! - `segment`, `live_segment`: some of the models, packed and indexed; [`merge`]: how segments grow; `ranking`: their rankings as one
-//! - `entry`: one model made ready; `outline`: its triangles' corners
+//! - `indexed_model`: one model made ready; `outline`: its triangles' corners
 //! - [`triangles`]: a model's triangles as points of Kendall's sphere
 //! - [`triangle_index`]: those points of many models in one static tree; `triangle_query`: a bare triangle in every way
 //!   it may be met

@@ -1,4 +1,23 @@
-//! Points, meshes, rigid motions and neighbours: what every other algorithm stands on. Pure.
+//! What a surface, a motion and a neighbour is: what every other crate of visage stands on. Pure: no files, network, clock or
+//! async; parallel inside the caller's rayon pool.
+//!
+//! ```
+//! use visage_geometry::neighbours::IndexedPoints;
+//! use visage_geometry::{Motion, Point3, Vector3};
+//!
+//! let i_from_j = Motion::new(Vector3::new(1.0, 0.0, 0.0), Vector3::z() * std::f64::consts::FRAC_PI_2);
+//! assert!((i_from_j * Point3::new(2.0, 0.0, 0.0) - Point3::new(1.0, 2.0, 0.0)).norm() < 1e-12);
+//!
+//! let indexed = IndexedPoints::new(vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]);
+//! let found = indexed.tree.nearest(&[0.9, 0.1, 0.0], 1.0);
+//! assert_eq!(found.map(|neighbour| neighbour.index), Some(1));
+//! ```
+//!
+//! - [`cloud`], [`mesh`], [`surface`], [`se3`]: points with attributes, triangles, what one file describes, rigid motions
+//! - [`neighbours`]: the kd-tree and its queries
+//! - [`normals`], [`thinning`], [`organised`], [`own_frame`], [`viewpoint`], [`coincidence`]: what points alone tell
+//! - [`cleaning`]: what of a surface is support or far off
+//! - [`union_find`], [`progress`]: which things hang together; what algorithms know of jobs
 
 pub mod cleaning;
 pub mod cloud;

@@ -1,4 +1,5 @@
-//! From scans and initial poses to accurate poses and a verdict. Pure.
+//! How scans get their place: from scans and initial poses, or from the scans alone, to accurate poses, their covariance and a
+//! verdict. Pure. [`register::register`] does all of it in one call, with an example.
 //!
 //! [`method`] chooses between [`joint`], the paper's family in [`averaging`], and the ICP of two scans in [`pairwise`]; what
 //! any of them leaves is an [`outcome`]. [`global`] finds poses from the scans alone.
@@ -10,9 +11,12 @@
 //! - [`global`]: from the scans alone; [`hints`], [`hinted`]: what a person says of them
 //! - [`covariance`], [`quality`], [`objective`]: how well each pose is known; the verdict; figures of merit
 //! - [`report`]: what is said of all of it
+//! - [`register`]: all of that in one call
 
 // equations are named as in the paper, [P n], which rustdoc takes for links
 #![allow(rustdoc::broken_intra_doc_links, rustdoc::redundant_explicit_links)]
+
+pub use visage_geometry as geometry;
 
 pub mod averaging;
 pub mod candidates;
@@ -28,6 +32,7 @@ pub mod outcome;
 pub mod overlap;
 pub mod pairwise;
 pub mod quality;
+pub mod register;
 pub mod report;
 pub mod resolution;
 pub mod sensor;

@@ -16,6 +16,12 @@ pub struct MethodOptions {
     pub max_rounds: usize,
 }
 
+impl Default for MethodOptions {
+    fn default() -> Self {
+        MethodOptions { min_overlap: 0.5, range_accuracy: None, max_rounds: 20 }
+    }
+}
+
 /// One registered pair of the last round.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PairOutcome {

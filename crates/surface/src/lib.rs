@@ -1,3 +1,21 @@
-//! One cloud from the posed views. Pure.
+//! How placed scans become one cloud. Pure.
+//!
+//! ```
+//! use visage_geometry::progress::Progress;
+//! use visage_geometry::{Cloud, Motion, Point3};
+//! use visage_registration::view::View;
+//! use visage_surface::merge::{PosedView, merge};
+//!
+//! let place = |k: usize| Point3::new((k % 20) as f64, (k / 20) as f64, 0.0);
+//! let scan = Cloud::from_points((0..400).map(place).collect());
+//! let view = View::new(&scan)?;
+//! let local_pose = view.local_pose(&Motion::identity());
+//! let posed = PosedView { view: &view, scan: &scan, local_pose, placed: true, sensor: None };
+//! let (model, _) = merge(&[posed], &Progress::silent())?;
+//! assert_eq!(model.cloud.len(), 400);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! - [`merge`](mod@merge): every point of every placed view in the world, with an outward normal
 
 pub mod merge;

@@ -12,6 +12,13 @@
 //! - [`truth`]: disturbing true poses, and how far estimated ones are from the truth
 //!
 //! Lengths are millimetres. Pure and deterministic: the same seed gives the same bits.
+//!
+//! ```
+//! use visage_synthetic::{objects::jug, scanner::Scanner};
+//!
+//! let set = Scanner { views: 3, ..Scanner::default() }.scan_set(&jug().mesh, 1);
+//! assert_eq!((set.scans.len(), set.poses.len()), (3, 3));
+//! ```
 
 pub mod body;
 pub mod depth_views;
