@@ -2,7 +2,6 @@
 
 #![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used))]
 
-pub mod bench;
 pub mod demo;
 mod doctor;
 mod healthcheck;
@@ -30,8 +29,6 @@ enum Command {
     Register(register::RegisterArgs),
     /// Show everything on code-made scans: server, uploads, jobs, queries.
     Demo(demo::DemoArgs),
-    /// Repeat published experiments and write the results as Markdown.
-    Bench(bench::BenchArgs),
     /// Look whether a data folder is sound, and say what to do where it isn't.
     Doctor(doctor::DoctorArgs),
     /// Print the contract of the service (OpenAPI, YAML).
@@ -43,7 +40,7 @@ enum Command {
 /// Runs the command that the arguments name.
 pub fn main() -> ExitCode {
     let command = Cli::parse().command;
-    // `visage bench ... | head` ends quietly when its reader does; a server must outlive its clients
+    // `visage openapi | head` ends quietly when its reader does; a server must outlive its clients
     if !matches!(command, Command::Serve(_) | Command::Demo(_)) {
         sigpipe::reset();
     }
@@ -51,7 +48,6 @@ pub fn main() -> ExitCode {
         Command::Serve(args) => serve::run(args),
         Command::Register(args) => register::run(args),
         Command::Demo(args) => demo::run(args),
-        Command::Bench(args) => bench::run(args),
         Command::Doctor(args) => doctor::run(args),
         Command::Openapi => openapi::run(),
         Command::Healthcheck(args) => healthcheck::run(args),

@@ -240,7 +240,7 @@ fn sparse_cloud(surface: &Surface, mm: f64, seed: u64) -> Surface {
 #[test]
 #[ignore = "needs VISAGE_DATA"]
 fn sparse_noisy_clouds_keep_their_verdict() {
-    // every fourth model: the whole table is `visage bench faces --robustness`
+    // every fourth model: the whole table is `visage-bench faces --robustness`
     for (id, (row, surface, signature)) in gallery().iter().enumerate().step_by(4) {
         let fit = signature.fit().filter(|_| row.face);
         let diagonal = surface.cloud.bounds().expect("a sound model").diagonal();
