@@ -33,16 +33,19 @@ impl Bounds {
     }
 
     /// The smallest box around this one and a point.
+    #[inline]
     pub fn with(&self, point: &Point3) -> Bounds {
         Bounds { min: self.min.inf(point), max: self.max.sup(point) }
     }
 
     /// The length of the box's diagonal.
+    #[inline]
     pub fn diagonal(&self) -> f64 {
         (self.max - self.min).norm()
     }
 
     /// The middle of the box.
+    #[inline]
     pub fn center(&self) -> Point3 {
         nalgebra::center(&self.min, &self.max)
     }
@@ -50,32 +53,38 @@ impl Bounds {
 
 impl Cloud {
     /// A cloud of bare positions.
+    #[inline]
     pub fn from_points(points: Vec<Point3>) -> Self {
         Cloud { points, ..Cloud::default() }
     }
 
     /// The number of points.
+    #[inline]
     pub fn len(&self) -> usize {
         self.points.len()
     }
 
     /// Whether there are no points.
+    #[inline]
     pub fn is_empty(&self) -> bool {
         self.points.is_empty()
     }
 
     /// The box around all points, or `None` for an empty cloud.
+    #[inline]
     pub fn bounds(&self) -> Option<Bounds> {
         Bounds::of(&self.points)
     }
 
     /// The mean position (the origin for an empty cloud).
+    #[inline]
     pub fn centroid(&self) -> Point3 {
         let sum: Vector3 = self.points.iter().map(|p| p.coords).sum();
         Point3::from(sum / self.points.len().max(1) as f64)
     }
 
     /// The points for which `kept` holds, in order, with their attributes.
+    #[inline]
     pub fn kept(&self, kept: &[bool]) -> Cloud {
         fn of<T: Clone>(values: &[T], kept: &[bool]) -> Vec<T> {
             values.iter().zip(kept).filter(|(_, kept)| **kept).map(|(value, _)| value.clone()).collect()
@@ -89,6 +98,7 @@ impl Cloud {
     }
 
     /// The same cloud moved by `motion`: positions and normals turn, other attributes stay.
+    #[inline]
     pub fn moved(&self, motion: &Motion) -> Cloud {
         let rotation = motion.rotation.cast::<f32>();
         Cloud {

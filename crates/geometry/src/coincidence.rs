@@ -64,17 +64,20 @@ impl Coincidence {
     }
 
     /// The surface of the points that are kept.
+    #[inline]
     pub fn applied(&self, surface: Surface) -> Surface {
         if self.kept.is_empty() { surface } else { surface.kept(&self.kept) }
     }
 
     /// How many are not kept.
+    #[inline]
     pub fn left_out(&self) -> usize {
         self.no_return + self.repeated
     }
 }
 
 /// For each point the first one at exactly its place; `None` if all places differ.
+#[inline]
 pub fn first_copies(points: &[Point3]) -> Option<Vec<u32>> {
     let groups = Repeated::new(points);
     let mut firsts: Vec<u32> = (0..points.len() as u32).collect();
@@ -182,6 +185,7 @@ pub fn copy_distance(indexed: &IndexedPoints) -> Option<f32> {
 }
 
 /// Keeps the first of all points within `distance` of each other; says for each point whether it is kept.
+#[inline]
 pub fn without_copies(indexed: &IndexedPoints, distance: f32) -> Vec<bool> {
     let mut kept = vec![true; indexed.points.len()];
     for index in 0..indexed.points.len() {

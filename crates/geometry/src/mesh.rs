@@ -13,22 +13,26 @@ pub struct Mesh {
 
 impl Mesh {
     /// The box around all vertices, or `None` if there are none.
+    #[inline]
     pub fn bounds(&self) -> Option<Bounds> {
         Bounds::of(&self.vertices)
     }
 
     /// The corners of face `index`.
+    #[inline]
     pub fn corners(&self, index: usize) -> [Point3; 3] {
         self.faces[index].map(|v| self.vertices[v as usize])
     }
 
     /// The normal of face `index` with the length of twice the face's area; zero for a degenerate face.
+    #[inline]
     pub fn area_normal(&self, index: usize) -> Vector3 {
         let [a, b, c] = self.corners(index);
         (b - a).cross(&(c - a))
     }
 
     /// Six times the enclosed volume for a closed mesh: positive when faces wind outward.
+    #[inline]
     pub fn signed_volume_6(&self) -> f64 {
         let origin = self.bounds().map_or(Point3::origin(), |b| b.center());
         (0..self.faces.len())
@@ -40,6 +44,7 @@ impl Mesh {
     }
 
     /// Area-weighted unit normals at the vertices; zero where no face with an area meets.
+    #[inline]
     pub fn vertex_normals(&self) -> Vec<Vector3> {
         let mut normals = vec![Vector3::zeros(); self.vertices.len()];
         for (index, face) in self.faces.iter().enumerate() {

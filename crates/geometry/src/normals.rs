@@ -18,6 +18,7 @@ pub const NEIGHBOURS: usize = 12;
 
 /// A plane at each of `queries`, fitted to its `k` nearest points of `indexed` (itself included).
 /// With fewer than three neighbours, or all in one place, the normal is zero.
+#[inline]
 pub fn local_planes(indexed: &IndexedPoints, queries: &[LocalPoint], k: usize) -> Vec<LocalPlane> {
     queries
         .par_iter()
@@ -63,6 +64,7 @@ pub struct Patch {
 }
 
 /// The patch of the points of `indexed` within `reach` of `center`, all in one unit.
+#[inline]
 pub fn patch_within(indexed: &IndexedPoints, center: &LocalPoint, reach: f32) -> Patch {
     let center = nalgebra::Vector3::from(*center);
     let (mut count, mut sum, mut squares) = (0usize, nalgebra::Vector3::zeros(), nalgebra::Matrix3::zeros());

@@ -16,6 +16,7 @@ pub type Twist = nalgebra::Vector6<f64>;
 const SMALL_ANGLE: f64 = 1e-4;
 
 /// The matrix `[w]x` with `[w]x v = w x v`.
+#[inline]
 pub fn skew(w: &Vector3) -> nalgebra::Matrix3<f64> {
     w.cross_matrix()
 }
@@ -59,6 +60,7 @@ pub fn log(motion: &Motion) -> Twist {
 }
 
 /// The rotation vector of a unit quaternion, its angle in [0, pi].
+#[inline]
 pub fn rotation_vector(rotation: &nalgebra::UnitQuaternion<f64>) -> Vector3 {
     let q = rotation.quaternion();
     // q and -q are the same rotation: the one with w >= 0 turns by at most pi
@@ -72,6 +74,7 @@ pub fn rotation_vector(rotation: &nalgebra::UnitQuaternion<f64>) -> Vector3 {
 }
 
 /// The angle of a rotation, radians in [0, pi].
+#[inline]
 pub fn rotation_angle(rotation: &nalgebra::UnitQuaternion<f64>) -> f64 {
     rotation_vector(rotation).norm()
 }
@@ -164,17 +167,20 @@ pub fn nearest_motion(rows: &[[f64; 4]; 4], tolerance: f64) -> Result<NearestMot
 }
 
 /// Reads a 4x4 row-major matrix `[s R, t]` as a rigid motion that follows a scaling by `s` > 0.
+#[inline]
 pub fn from_scaled_rows(rows: &[[f64; 4]; 4]) -> Result<(Motion, f64), NotRigid> {
     nearest_motion(rows, ROTATION_TOLERANCE).map(|nearest| (nearest.motion, nearest.scale))
 }
 
 /// A rigid motion as a 4x4 row-major matrix.
+#[inline]
 pub fn to_rows(motion: &Motion) -> [[f64; 4]; 4] {
     let m = motion.to_homogeneous();
     std::array::from_fn(|r| std::array::from_fn(|c| m[(r, c)]))
 }
 
 /// A rigid motion that follows a scaling, as a 4x4 row-major matrix `[s R, t]`.
+#[inline]
 pub fn to_scaled_rows(motion: &Motion, scale: f64) -> [[f64; 4]; 4] {
     let mut rows = to_rows(motion);
     rows[..3].iter_mut().for_each(|row| row[..3].iter_mut().for_each(|x| *x *= scale));
@@ -182,6 +188,7 @@ pub fn to_scaled_rows(motion: &Motion, scale: f64) -> [[f64; 4]; 4] {
 }
 
 /// The rotation nearest to a 3x3 matrix in the Frobenius norm, determinant +1 (by SVD).
+#[inline]
 pub fn nearest_rotation(matrix: &nalgebra::Matrix3<f64>) -> nalgebra::UnitQuaternion<f64> {
     let svd = matrix.svd(true, true);
     let (Some(u), Some(v_t)) = (svd.u, svd.v_t) else {

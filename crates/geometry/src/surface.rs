@@ -33,11 +33,13 @@ impl RangeGrid {
 
 impl Surface {
     /// The triangles as a mesh of its own, or `None` for a bare cloud.
+    #[inline]
     pub fn mesh(&self) -> Option<Mesh> {
         (!self.faces.is_empty()).then(|| Mesh { vertices: self.cloud.points.clone(), faces: self.faces.clone() })
     }
 
     /// The same surface moved by `motion`.
+    #[inline]
     pub fn moved(&self, motion: &Motion) -> Surface {
         Surface {
             cloud: self.cloud.moved(motion),
@@ -90,6 +92,7 @@ pub enum Unit {
 
 impl Unit {
     /// Millimetres in one such unit, or `None` if the unit is unknown.
+    #[inline]
     pub fn in_mm(self) -> Option<f64> {
         match self {
             Unit::Mm => Some(1.0),
@@ -101,6 +104,7 @@ impl Unit {
     }
 
     /// The name used in options, reports and messages.
+    #[inline]
     pub fn name(self) -> &'static str {
         match self {
             Unit::Mm => "mm",

@@ -16,6 +16,7 @@ const AXIS_CELLS: f32 = (1u32 << 21) as f32;
 
 /// Groups `points` by voxels of edge `edge` (same unit) and returns their means in a spatial order that depends only on
 /// the points. An `edge` so small that keys would run over is enlarged.
+#[inline]
 pub fn thin(points: &[LocalPoint], edge: f32) -> Thinned {
     let runs = sorted_runs(points, edge);
     let mut thinned = Thinned::default();
@@ -28,6 +29,7 @@ pub fn thin(points: &[LocalPoint], edge: f32) -> Thinned {
 }
 
 /// Of each voxel the index of the point nearest to the mean; voxels and their order as by [`thin`].
+#[inline]
 pub fn representatives(points: &[LocalPoint], edge: f32) -> Vec<u32> {
     let runs = sorted_runs(points, edge);
     let representative = |voxel: &[Run]| {

@@ -8,11 +8,13 @@ pub struct UnionFind {
 
 impl UnionFind {
     /// Each of `n` members alone.
+    #[inline]
     pub fn new(n: usize) -> Self {
         UnionFind { parents: (0..n).collect() }
     }
 
     /// The representative of a member's set: its lowest member.
+    #[inline]
     pub fn find(&mut self, mut member: usize) -> usize {
         while self.parents[member] != member {
             self.parents[member] = self.parents[self.parents[member]];
@@ -22,6 +24,7 @@ impl UnionFind {
     }
 
     /// Unites the sets of two members; true if they were apart.
+    #[inline]
     pub fn join(&mut self, a: usize, b: usize) -> bool {
         let (a, b) = (self.find(a), self.find(b));
         self.parents[a.max(b)] = a.min(b);
@@ -29,6 +32,7 @@ impl UnionFind {
     }
 
     /// For each member the number of its set, counted in the order of first appearance.
+    #[inline]
     pub fn numbered(&mut self) -> Vec<usize> {
         let mut numbers: Vec<usize> = Vec::with_capacity(self.parents.len());
         let mut count = 0;

@@ -50,6 +50,7 @@ pub struct KdTree {
 
 impl KdTree {
     /// Builds the tree in O(n log n). The points must be finite and fewer than 2^32.
+    #[inline]
     pub fn new(points: &[LocalPoint]) -> Self {
         let mut entries: Vec<Entry> =
             (0u32..).zip(points).map(|(index, &position)| Entry { position, index }).collect();
@@ -65,6 +66,7 @@ impl KdTree {
 
     /// Leaves out the points whose `places` are [`KdTree::GONE`]; the others go by the indices there, below `len`. The
     /// tree stays as deep as it is, so this is for a few points.
+    #[inline]
     pub fn renumber(&mut self, places: &[u32], len: usize) {
         self.leaves.iter_mut().for_each(|leaf| leaf.renumber(places));
         self.len = len;
@@ -74,11 +76,13 @@ impl KdTree {
     pub const GONE: u32 = u32::MAX;
 
     /// The number of points.
+    #[inline]
     pub fn len(&self) -> usize {
         self.len
     }
 
     /// Whether there are no points.
+    #[inline]
     pub fn is_empty(&self) -> bool {
         self.len == 0
     }
@@ -148,6 +152,7 @@ impl KdTree {
     }
 
     /// The `k` nearest points at squared distances below `max_distance2`, nearest first, into `found`.
+    #[inline]
     pub fn k_nearest(&self, query: &LocalPoint, k: usize, max_distance2: f32, found: &mut Vec<Neighbour>) {
         found.clear();
         if k > 0 {
@@ -158,6 +163,7 @@ impl KdTree {
     /// The `k` nearest points, in no order, into `found`: cheaper than [`KdTree::k_nearest`] with a good guess
     /// `guess2` of the squared distance within which they lie. `found` may serve as scratch; the answer is the same for
     /// every guess but for its order.
+    #[inline]
     pub fn k_nearest_unordered(&self, query: &LocalPoint, k: usize, guess2: f32, found: &mut Vec<Neighbour>) {
         found.clear();
         self.search(query, &mut Within { radius2: guess2, visit: |neighbour| found.push(neighbour) });

@@ -33,12 +33,14 @@ pub struct IndexedPoints {
 
 impl IndexedPoints {
     /// Indexes finite points.
+    #[inline]
     pub fn new(points: Vec<LocalPoint>) -> Self {
         let tree = KdTree::new(&points);
         IndexedPoints { points, tree }
     }
 
     /// Leaves out the points for which `kept` does not hold. The tree stays as it is but for them, so this is for a few.
+    #[inline]
     pub fn keep(&mut self, kept: &[bool]) {
         let mut next = 0;
         let mut place = |kept: &bool| {

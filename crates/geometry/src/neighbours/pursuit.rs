@@ -16,6 +16,7 @@ pub struct Pursuit {
 
 impl Pursuit {
     /// Nothing known yet.
+    #[inline]
     pub const fn new() -> Self {
         Pursuit { asked_at: [0.0; 3], nearest: u32::MAX, rival_distance: 0.0 }
     }
