@@ -94,14 +94,29 @@ pub struct PointShare {
 impl PointShare {
     /// At `place`, which `near` surrounds, for rays from `eye`; `None` at the eye itself, or without a neighbour.
     pub fn of(points: &[LocalPoint], place: &LocalPoint, near: &[Neighbour], eye: &Vector3) -> Option<Self> {
-        let ray = |p: &LocalPoint| (nalgebra::Vector3::from(*p).cast::<f64>() - eye).try_normalize(f64::MIN_POSITIVE);
-        let own = ray(place)?;
-        let others = || near.iter().filter(|n| n.distance2 > 0.0);
-        let angles2 = others().filter_map(|n| Some((ray(&points[n.index as usize])? - own).norm_squared()));
-        let rays = [solid_angle(points, place, near, eye)?, angles2.min_by(f64::total_cmp)?];
-        let distances2 = others().map(|n| f64::from(n.distance2));
-        Some(PointShare { ray: own, rays, surface: [area(points, near), distances2.min_by(f64::total_cmp)?] })
+        let (ray, rays) = share_of_rays(points, place, near, eye)?;
+        Some(PointShare { ray, rays, surface: share_of_surface(points, near)? })
     }
+}
+
+/// The direction of the ray to a place, and what the point there stands for of the rays from `eye`.
+fn share_of_rays(
+    points: &[LocalPoint],
+    place: &LocalPoint,
+    near: &[Neighbour],
+    eye: &Vector3,
+) -> Option<(Vector3, [f64; 2])> {
+    let ray = |p: &LocalPoint| (nalgebra::Vector3::from(*p).cast::<f64>() - eye).try_normalize(f64::MIN_POSITIVE);
+    let own = ray(place)?;
+    let others = near.iter().filter(|n| n.distance2 > 0.0);
+    let angles2 = others.filter_map(|n| Some((ray(&points[n.index as usize])? - own).norm_squared()));
+    Some((own, [solid_angle(points, place, near, eye)?, angles2.min_by(f64::total_cmp)?]))
+}
+
+/// What a point stands for of the surface, by its nearest points.
+fn share_of_surface(points: &[LocalPoint], near: &[Neighbour]) -> Option<[f64; 2]> {
+    let distances2 = near.iter().map(|n| n.distance2).filter(|distance2| *distance2 > 0.0).map(f64::from);
+    Some([area(points, near), distances2.min_by(f64::total_cmp)?])
 }
 
 /// How unevenly rays are spread, and points over the surface, by each of the measures; `None` of too few places.
@@ -166,18 +181,27 @@ pub fn find(indexed: &IndexedPoints, radius: f64) -> Option<Vector3> {
     let points = &indexed.points;
     let step = points.len().div_ceil(PLACES).max(1);
     let mut found = Vec::new();
-    let places: Vec<(LocalPoint, Vec<Neighbour>)> = points
+    // what a point stands for of the surface is the same from everywhere
+    let places: Vec<(LocalPoint, Vec<Neighbour>, [f64; 2])> = points
         .iter()
         .step_by(step)
-        .map(|place| {
+        .filter_map(|place| {
             indexed.tree.k_nearest_unordered(place, NEAREST, 0.0, &mut found);
-            (*place, found.clone())
+            Some((*place, found.clone(), share_of_surface(points, &found)?))
         })
         .collect();
     let seen = |eye: &Vector3| -> Vec<PointShare> {
-        places.iter().filter_map(|(place, near)| PointShare::of(points, place, near, eye)).collect()
+        let share = |(place, near, surface): &(LocalPoint, Vec<Neighbour>, [f64; 2])| {
+            let (ray, rays) = share_of_rays(points, place, near, eye)?;
+            Some(PointShare { ray, rays, surface: *surface })
+        };
+        places.iter().filter_map(share).collect()
     };
-    let cost = |eye: &Vector3| spreads(&seen(eye)).map_or(f64::INFINITY, |[(region, _), (step, _)]| region.min(step));
+    let cost = |eye: &Vector3| {
+        let seen = seen(eye);
+        let by = |measure: usize| unevenness(seen.iter().map(|share| share.rays[measure]).collect());
+        by(0).zip(by(1)).map_or(f64::INFINITY, |(region, step)| region.min(step))
+    };
     let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
     let direction = |k: usize| {
         let z = 1.0 - (2.0 * k as f64 + 1.0) / AROUND as f64;
