@@ -19,14 +19,14 @@
 //! - [`domain`]: what the service keeps and its users choose, as plain values
 //!
 //! Around them:
-//! - [`store`]: the only module that knows SQL
-//! - [`blobs`]: the only module that knows where files are kept
+//! - [`storage`]: the database and the files, each behind a trait
+//! - [`app`]: what the service can do: the searchable gallery
 //! - [`jobs`]: the durable queue and its runner
 //! - [`http`]: router, resources, problem+json
 //! - [`cli`]: the commands of the binary
 //! - [`config`], [`telemetry`], [`machine`]: settings, logs, memory
 
-pub mod blobs;
+pub mod app;
 pub mod cli;
 pub mod config;
 pub mod domain;
@@ -34,7 +34,7 @@ pub mod http;
 pub mod jobs;
 pub mod machine;
 pub mod pipeline;
-pub mod store;
+pub mod storage;
 pub mod telemetry;
 
 pub use visage_formats as formats;

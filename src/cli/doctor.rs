@@ -6,8 +6,8 @@ use std::time::Duration;
 use anyhow::{Context, bail, ensure};
 use clap::Args;
 
-use crate::jobs::checkup::{self, Findings};
-use crate::jobs::opening::DataFolder;
+use crate::storage::checkup::{self, Findings};
+use crate::storage::data_folder::DataFolder;
 
 /// How many of a kind are named.
 const NAMED: usize = 10;
@@ -29,19 +29,19 @@ pub fn run(args: DoctorArgs) -> anyhow::Result<()> {
     let runtime = tokio::runtime::Runtime::new().context("starting the runtime")?;
     runtime.block_on(async {
         let data = DataFolder::open(&args.data, Duration::ZERO).await.map_err(|error| match error {
-            error if checkup::is_of_database(&error) => anyhow::Error::new(error).context(
+            error if error.is_of_database() => anyhow::Error::new(error).context(
                 "put visage.sqlite back from a backup (and remove visage.sqlite-wal and -shm), or save what can be read \
                  with `sqlite3 visage.sqlite .recover`",
             ),
             error => error.into(),
         })?;
-        let mut findings = checkup::examine(&data).await?;
+        let mut findings = checkup::examine(&data.storage).await?;
         print(&findings);
         if args.set_aside && !findings.unknown.is_empty() {
-            let trash = checkup::set_aside(&data, &mut findings).await?;
-            println!("set aside in {}", trash.display());
+            let trash = checkup::set_aside(&data.storage, &mut findings).await?;
+            println!("set aside in {trash}");
         }
-        data.store.close().await;
+        data.storage.database.close().await;
         if findings.is_sound() { Ok(()) } else { bail!("the data folder is not sound; see above") }
     })
 }

@@ -2,8 +2,41 @@
 //!
 //! - [`asset`]: the files of models and standards, by name, media type and role
 //! - [`options`]: what the caller of a job may choose, a line each
+//! - `ids`: what everything is called by; `owner`: who holds leases and files in the making
+//! - `scan_set`, `job`, `model`, `signature`, `standard`, `evaluation`, `replay`: records, as they are stored and given back
+//! - `job_kind`, `job_status`, `queue`: what jobs are for, where they stand, and how workers take and end them
+//! - `stored_file`: what is kept as files; `page`: lists, page by page
 
 #![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used))]
 
 pub mod asset;
+mod evaluation;
+mod ids;
+mod job;
+mod job_kind;
+mod job_status;
+mod model;
 pub mod options;
+mod owner;
+mod page;
+mod queue;
+mod replay;
+mod scan_set;
+mod signature;
+mod standard;
+mod stored_file;
+
+pub use evaluation::{Backlog, Outdated, StoredVerdict};
+pub use ids::{FileId, FolderId, JobId, ModelId, ProcessId, ScanSetId, SeatId, StandardId};
+pub use job::{CancelAnswer, JobBase, JobError, JobFilter, JobRecord, NewJob};
+pub use job_kind::JobKind;
+pub use job_status::JobStatus;
+pub use model::{AssetRecord, MatchedModel, ModelFacets, ModelFilter, ModelRecord, NewModel};
+pub use owner::{Owner, WorkerId};
+pub use page::{Page, PageRequest};
+pub use queue::{Claimant, Finish, JobClaim, Room};
+pub use replay::{Replay, ReplayKey};
+pub use scan_set::{NewScanSet, PoseFile, PutScan, ScanRecord, ScanSetRecord, sort_naturally};
+pub use signature::{StoredContent, StoredSignature};
+pub use standard::{Examples, NewStandard, StandardRecord};
+pub use stored_file::{KnownFiles, LooseFile, StoredFile};

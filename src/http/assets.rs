@@ -136,7 +136,7 @@ async fn send(
         let detail = format!("model {id} has no file {:?}", asset.chars().take(64).collect::<String>());
         Problem::new(Code::NotFound, detail, format!("GET /v1/models/{id} lists its files"))
     };
-    let known = state.shop.store.assets(id).await?;
+    let known = state.context.database.assets(id).await?;
     let record = known.into_iter().find(|record| record.name == asset).ok_or_else(missing)?;
     let etag = ETag::of_checksum(&record.checksum);
     conditions.check_match(Some(&etag))?;
@@ -150,7 +150,7 @@ async fn send(
     answer.insert(header::CONTENT_TYPE, HeaderValue::from_static(media_type(&record.name)));
     // an upload of somebody else's must never be run as a page
     answer.insert(header::X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff"));
-    let mut file = state.shop.blobs.open_asset(id, &record).await?.ok_or_else(missing)?;
+    let mut file = state.context.objects.open_asset(id, &record).await?.ok_or_else(missing)?;
     let wanted = headers
         .get(header::RANGE)
         .filter(|_| headers.get(header::IF_RANGE).is_none_or(|known| etag.is_given_by(known)))

@@ -152,7 +152,7 @@ pub async fn paced(State(state): State<AppState>, request: Request, next: Next) 
     let (parts, body) = request.into_parts();
     // whoever asks first has sent nothing yet, and must not be told to go on
     let asks_first = parts.headers.contains_key(header::EXPECT);
-    let body = Paced::new(body, state.shop.config.edge);
+    let body = Paced::new(body, state.context.config.edge);
     let response = next.run(Request::from_parts(parts, Body::new(body.clone()))).await;
     let unread = {
         let inner = body.lock();

@@ -99,8 +99,8 @@ pub async fn computed<T: Send + 'static>(
     let cancel = Arc::new(AtomicBool::new(false));
     let given_up = CancelOnDrop(cancel.clone());
     let working = async {
-        let engine = state.shop.engine.clone();
-        let threads = state.shop.config.threads.max(1);
+        let engine = state.context.engine.clone();
+        let threads = state.context.config.threads.max(1);
         let progress = Progress::new(Arc::new(Nobody), cancel);
         blocking(move || {
             let _turn = turn;

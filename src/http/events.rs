@@ -14,7 +14,7 @@ use super::jobs::{TAG, look_up, parse_id};
 use super::problem::Problem;
 use super::responses;
 use super::state::AppState;
-use crate::store::JobId;
+use crate::domain::JobId;
 
 /// The least time between two events.
 const PACE: Duration = Duration::from_millis(200);
@@ -36,9 +36,9 @@ pub async fn events(
     Path(id): Path<String>,
 ) -> Result<Sse<impl Stream<Item = Result<Event, Infallible>>>, Problem> {
     let id = parse_id(&id)?;
-    let changes = state.shop.board.changes();
+    let changes = state.context.monitor.changes();
     // a job that is not there is a 404, not an empty stream
-    state.shop.store.job(id).await?;
+    state.context.database.job(id).await?;
     let follower = Follower { state, id, changes, last: None, ended: false };
     let stream = futures_util::stream::unfold(follower, |mut follower| async {
         let event = follower.next().await?;
@@ -81,7 +81,7 @@ impl Follower {
         let changes = &mut self.changes;
         let news = async {
             tokio::time::sleep(PACE).await;
-            // an error would mean that the board is gone, and the state holds it
+            // an error would mean that the monitor is gone, and the state holds it
             let _ = tokio::time::timeout(LOOK, changes.changed()).await;
         };
         tokio::select! {

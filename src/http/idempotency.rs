@@ -5,7 +5,7 @@ use axum::response::{IntoResponse, Response};
 
 use super::problem::Problem;
 use super::state::{AppState, Occupied};
-use crate::store::{Replay, ReplayKey};
+use crate::domain::{Replay, ReplayKey};
 
 /// The answer to a POST that created something.
 #[derive(Debug, Clone)]
@@ -81,7 +81,7 @@ impl Attempt {
     ) -> Result<Option<Created>, Problem> {
         let Some(occupied) = &self.occupied else { return Ok(None) };
         let key = occupied.replay_key(body_hash());
-        let replay = state.shop.store.replay(&key).await?;
+        let replay = state.context.database.replay(&key).await?;
         self.key = Some(key);
         let Some(replay) = replay else { return Ok(None) };
         let status = StatusCode::from_u16(replay.status).map_err(Problem::internal)?;

@@ -24,12 +24,13 @@ use super::upload::{self, UploadedFile};
 use super::{cursor, events, extract, hint_views, job_views, models, names, responses};
 use crate::domain::asset::Asset;
 use crate::domain::options::{Declared, Options};
+use crate::domain::{
+    FileId, JobBase, JobFilter, JobId, JobKind, JobRecord, JobStatus, ModelId, NewJob, NewScanSet, PoseFile,
+    ScanRecord, ScanSetId,
+};
 use crate::jobs::admission;
 use crate::jobs::memory::Budget;
-use crate::store::{
-    FileId, JobBase, JobFilter, JobId, JobKind, JobRecord, JobStatus, ModelId, NewJob, NewScanSet, PoseFile,
-    ScanRecord, ScanSetId, StoreError,
-};
+use crate::storage::DatabaseError;
 
 pub(super) const TAG: &str = "jobs";
 const PARTS: &[&str] = &["poses", "options", "hints", "label", "name", "unit"];
@@ -48,13 +49,14 @@ pub fn router() -> OpenApiRouter<AppState> {
 }
 
 pub(super) fn parse_id(text: &str) -> Result<JobId, Problem> {
-    JobId::parse(text).ok_or_else(|| StoreError::NotFound { kind: "job", id: text.chars().take(64).collect() }.into())
+    JobId::parse(text)
+        .ok_or_else(|| DatabaseError::NotFound { kind: "job", id: text.chars().take(64).collect() }.into())
 }
 
 /// A job as it stands now.
 pub(super) async fn look_up(state: &AppState, id: JobId) -> Result<JobRecord, Problem> {
-    let mut job = state.shop.store.job(id).await?;
-    state.shop.board.refresh(&mut job);
+    let mut job = state.context.database.job(id).await?;
+    state.context.monitor.refresh(&mut job);
     Ok(job)
 }
 
@@ -161,12 +163,12 @@ async fn accept(state: AppState, attempt: Attempt, order: Order) -> Result<Creat
         let queue_limit = state.limits().queued_jobs;
         if let Some((set, files)) = upload {
             keep_files(&state, set.id, files).await?;
-            let stored = state.shop.store.create_job(&job, Some(&set), queue_limit, replay.as_ref()).await;
+            let stored = state.context.database.create_job(&job, Some(&set), queue_limit, replay.as_ref()).await;
             undo_unless_stored(&state, set.id, stored).await?;
         } else {
-            state.shop.store.create_job(&job, None, queue_limit, replay.as_ref()).await?;
+            state.context.database.create_job(&job, None, queue_limit, replay.as_ref()).await?;
         }
-        state.shop.board.announce_work();
+        state.context.monitor.announce_work();
         Ok(())
     })
     .await?;
@@ -187,8 +189,8 @@ async fn evaluate(state: AppState, attempt: Attempt, body: NewJobBody) -> Result
         };
         let replay =
             |job: &JobRecord| answer(job).ok().and_then(|created| attempt.replay(&created, job.id.to_string()));
-        let job = state.shop.store.demand_evaluation(replay).await?;
-        state.shop.board.announce_work();
+        let job = state.context.database.demand_evaluation(&replay).await?;
+        state.context.monitor.announce_work();
         answer(&job)
     })
     .await
@@ -202,7 +204,7 @@ async fn order_of_json(state: &AppState, body: NewJobBody) -> Result<Order, Prob
         let detail = "a registration needs a scan_set_id";
         Problem::new(Code::InvalidField, detail, "send {\"scan_set_id\": \"...\"}, or {\"kind\": \"evaluate\"}")
     })?;
-    let set = state.shop.store.scan_set(parse_scan_set_id(&scan_set_id)?).await?;
+    let set = state.context.database.scan_set(parse_scan_set_id(&scan_set_id)?).await?;
     let base = match &body.base_model_id {
         Some(id) => Some(base_of(state, models::parse_id(id)?, set.id).await?),
         None => None,
@@ -235,18 +237,18 @@ fn admit(state: &AppState, scans: &[ScanRecord], poses: Option<&PoseFile>, job: 
     let names: Vec<&str> = scans.iter().map(|scan| scan.name.as_str()).collect();
     let base = job.base.as_ref().map(|base| base.poses.as_slice());
     admission::plan(&names, poses, base, &job.options, &job.hints)?;
-    Budget(state.shop.config.job_memory_bytes).admit(scans.iter().map(|scan| scan.points).sum())?;
+    Budget(state.context.config.job_memory_bytes).admit(scans.iter().map(|scan| scan.points).sum())?;
     Ok(())
 }
 
 /// The finished model of a scan set that scans are added to.
 async fn base_of(state: &AppState, id: ModelId, set: ScanSetId) -> Result<JobBase, Problem> {
-    let model = state.shop.store.model(id).await?;
+    let model = state.context.database.model(id).await?;
     if model.scan_set_id != Some(set) {
         let hint = "name a model that was made from this scan set, or register without a base model";
         return Err(Problem::new(Code::WrongBase, format!("the model {id} was not made from this scan set"), hint));
     }
-    let assets = state.shop.store.assets(id).await?;
+    let assets = state.context.database.assets(id).await?;
     let poses = match assets.iter().find(|asset| asset.name == Asset::Poses.name()) {
         Some(asset) => models::read_asset(state, id, asset).await?,
         None => None,
@@ -285,9 +287,9 @@ async fn list(State(state): State<AppState>, Query(query): Query<ListQuery>) -> 
     let filter = JobFilter { status: query.status, scan_set_id };
     let list = cursor::fingerprint(&[b"jobs", format!("{filter:?}").as_bytes()]);
     let page = extract::PageQuery { limit: query.limit, cursor: query.cursor }.request(&list)?;
-    let mut page = state.shop.store.jobs(&filter, &page).await?;
+    let mut page = state.context.database.jobs(&filter, &page).await?;
     for job in &mut page.items {
-        state.shop.board.refresh(job);
+        state.context.monitor.refresh(job);
     }
     let next_cursor = page.next_cursor(|job| cursor::after_item(&list, job.id.number()));
     Ok(Json(JobList { items: page.items.iter().map(JobView::of).collect(), next_cursor }))
@@ -325,7 +327,7 @@ async fn get_one(
     let end = tokio::time::Instant::now() + Duration::from_secs(wait);
     loop {
         // the bell is armed before the look, so that nothing is missed between the two
-        let mut changes = state.shop.board.changes();
+        let mut changes = state.context.monitor.changes();
         let job = look_up(&state, id).await?;
         if job.status.is_finished() || wait == 0 || state.stop.is_cancelled() {
             return conditions.answer(&JobView::of(&job));
@@ -362,8 +364,8 @@ async fn cancel(
     let id = parse_id(&id)?;
     let _turn = conditions.turn(&state).await;
     check(&state, id, &conditions).await?;
-    state.shop.store.cancel_job(id).await?;
-    state.shop.board.cancel(id);
+    state.context.database.cancel_job(id).await?;
+    state.context.monitor.cancel(id);
     Ok((StatusCode::ACCEPTED, Json(JobView::of(&look_up(&state, id).await?))))
 }
 
@@ -384,13 +386,13 @@ async fn retry(
     let _turn = conditions.turn(&state).await;
     check(&state, id, &conditions).await?;
     // the scan set may have changed since the job ended
-    let job = state.shop.store.job(id).await?;
+    let job = state.context.database.job(id).await?;
     if let Some(set) = job.scan_set_id {
-        let set = state.shop.store.scan_set(set).await?;
+        let set = state.context.database.scan_set(set).await?;
         admit(&state, &set.scans, set.poses.as_ref(), &job.again(set.id))?;
     }
-    state.shop.store.retry_job(id, state.limits().queued_jobs).await?;
-    state.shop.board.announce_work();
+    state.context.database.retry_job(id, state.limits().queued_jobs).await?;
+    state.context.monitor.announce_work();
     Ok((StatusCode::ACCEPTED, Json(JobView::of(&look_up(&state, id).await?))))
 }
 
@@ -410,8 +412,8 @@ async fn delete(
     deleted(async move {
         let _turn = conditions.turn(&state).await;
         check(&state, id, &conditions).await?;
-        let deleted = state.shop.store.delete_job(id).await?;
-        state.shop.board.announce_change();
+        let deleted = state.context.database.delete_job(id).await?;
+        state.context.monitor.announce_change();
         forget(&state, deleted).await
     })
     .await

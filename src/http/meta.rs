@@ -13,8 +13,8 @@ use super::problem::Problem;
 use super::responses;
 use super::standards::MOST_STANDARDS;
 use super::state::AppState;
+use crate::app::live_gallery::NotReady;
 use crate::domain::options::OPTIONS;
-use crate::store::live_gallery::NotReady;
 
 const TAG: &str = "service";
 
@@ -49,9 +49,9 @@ async fn readyz(State(state): State<AppState>) -> Result<Json<Health>, Problem> 
     if state.stop.is_cancelled() {
         return Err(Problem::shutting_down());
     }
-    state.shop.store.ping().await?;
-    state.shop.store.check_writable().await.map_err(Problem::not_writable)?;
-    if !state.shop.gallery.is_ready() {
+    state.context.database.ping().await?;
+    state.context.database.check_writable().await.map_err(Problem::not_writable)?;
+    if !state.context.gallery.is_ready() {
         return Err(NotReady.into());
     }
     Ok(Json(Health { status: "ok" }))
@@ -156,11 +156,11 @@ struct Info {
     responses((status = 200, description = "What the service offers.", body = Info), responses::Other)
 )]
 async fn info(State(state): State<AppState>) -> Result<Json<Info>, Problem> {
-    state.shop.store.settled().await;
-    let config = &state.shop.config;
+    state.context.database.settled().await;
+    let config = &state.context.config;
     let limits = &config.limits;
-    let (queued_jobs, running_jobs) = state.shop.store.queue_length().await?;
-    let backlog = state.shop.store.backlog().await?;
+    let (queued_jobs, running_jobs) = state.context.database.queue_length().await?;
+    let backlog = state.context.database.backlog().await?;
     Ok(Json(Info {
         versions: Versions {
             visage: env!("CARGO_PKG_VERSION"),
@@ -195,7 +195,7 @@ async fn info(State(state): State<AppState>) -> Result<Json<Info>, Problem> {
         load: Load {
             queued_jobs,
             running_jobs,
-            searchable_models: state.shop.gallery.ask(crate::retrieval::Gallery::len).ok(),
+            searchable_models: state.context.gallery.ask(crate::retrieval::Gallery::len).ok(),
             stale_signatures: backlog.stale_signatures,
             missing_verdicts: backlog.missing_verdicts,
             standards: backlog.standards,

@@ -8,8 +8,8 @@ use super::scan_set_views::UnitView;
 use super::schemas::{self, ShortText};
 use super::verdicts::VerdictView;
 use crate::domain::asset::Asset;
+use crate::domain::{AssetRecord, ModelId, ModelRecord};
 use crate::faces::{LeftOut, SignatureSummary};
-use crate::store::{AssetRecord, ModelId, ModelRecord};
 
 /// What a signature holds.
 #[derive(Debug, Clone, Serialize, ToSchema)]

@@ -14,15 +14,16 @@ use super::idempotency::{Attempt, Created};
 use super::model_views::{ModelList, ModelSummary, ModelView, NewModelForm, address};
 use super::problem::{Code, Problem};
 use super::scan_sets::parse_id as parse_scan_set_id;
-use super::state::{AppState, blocking, deleted, forget, uninterrupted};
+use super::state::{AppState, blocking, deleted, forget, remove_files, uninterrupted};
 use super::upload::{self, Form, FormRules, UploadedFile};
 use super::verdicts::{self, VerdictView};
 use super::{assets, cursor, describe, names, reading_view, responses};
 use crate::domain::asset::Asset;
+use crate::domain::{AssetRecord, ModelFilter, ModelId, ModelRecord, NewModel, StoredFile};
 use crate::faces::Signature;
 use crate::formats::Reading;
 use crate::geometry::Surface;
-use crate::store::{AssetRecord, ModelFilter, ModelId, ModelRecord, NewModel, StoreError, StoredFile};
+use crate::storage::DatabaseError;
 
 pub(super) const TAG: &str = "models";
 const RULES: FormRules = FormRules { files: &["model"], most_files: 1, texts: &["label", "name", "unit"] };
@@ -42,7 +43,7 @@ pub fn router() -> OpenApiRouter<AppState> {
 
 pub(super) fn parse_id(text: &str) -> Result<ModelId, Problem> {
     ModelId::parse(text)
-        .ok_or_else(|| StoreError::NotFound { kind: "model", id: text.chars().take(64).collect() }.into())
+        .ok_or_else(|| DatabaseError::NotFound { kind: "model", id: text.chars().take(64).collect() }.into())
 }
 
 /// Put a finished model into the gallery.
@@ -82,22 +83,21 @@ async fn create(
         let _attempt = attempt;
         let Upload { model, file, signature } = upload;
         let id = model.id;
-        state.shop.store.expect_files(&[StoredFile::Model(id)]).await?;
+        state.context.database.expect_files(&[StoredFile::Model(id)]).await?;
         keep_file(&state, &model, file).await?;
-        let unseen = match state.shop.store.create_model(&model, replay.as_ref()).await {
+        let unseen = match state.context.database.create_model(&model, replay.as_ref()).await {
             Ok(unseen) => unseen,
             Err(error) => {
                 if !error.leaves_in_doubt() {
-                    let blobs = state.shop.blobs.clone();
-                    blocking(move || blobs.remove_model(id)).await??;
+                    remove_files(&state, StoredFile::Model(id)).await?;
                 }
                 return Err(error.into());
             }
         };
-        state.shop.gallery.publish(&state.shop.store, id, signature).await?;
+        state.context.gallery.publish(state.context.database.as_ref(), id, signature).await?;
         drop(unseen);
         // where there are standards, it waits to be judged against them
-        state.shop.board.announce_work();
+        state.context.monitor.announce_work();
         Ok(())
     })
     .await?;
@@ -171,15 +171,15 @@ fn asset_name(file: &str, surface: &Surface) -> Result<String, Problem> {
 }
 
 async fn keep_file(state: &AppState, model: &NewModel, file: UploadedFile) -> Result<(), Problem> {
-    let blobs = state.shop.blobs.clone();
+    let objects = state.context.objects.clone();
     let id = model.id;
     let assets: Vec<String> = model.assets.iter().map(|asset| asset.name.clone()).collect();
     blocking(move || -> Result<(), Problem> {
-        let staged = blobs.stage_model()?;
+        let staged = objects.stage_model()?;
         for asset in &assets {
-            staged.take(asset, &file.staged)?;
+            objects.take_asset(&staged, asset, &file.staged)?;
         }
-        Ok(blobs.keep_model(&staged, id)?)
+        Ok(objects.keep_model(&staged, id)?)
     })
     .await?
 }
@@ -211,7 +211,7 @@ async fn list(State(state): State<AppState>, Query(query): Query<ListQuery>) -> 
     let filter = ModelFilter { label: query.label, scan_set_id };
     let list = cursor::fingerprint(&[b"models", format!("{filter:?}").as_bytes()]);
     let page = PageQuery { limit: query.limit, cursor: query.cursor }.request(&list)?;
-    let page = state.shop.store.models(&filter, &page).await?;
+    let page = state.context.database.models(&filter, &page).await?;
     let next_cursor = page.next_cursor(|model| cursor::after_item(&list, model.id.number()));
     Ok(Json(ModelList { items: page.items.iter().map(ModelSummary::of).collect(), next_cursor }))
 }
@@ -233,8 +233,8 @@ async fn get_one(
 }
 
 async fn view(state: &AppState, id: ModelId) -> Result<ModelView, Problem> {
-    let model = state.shop.store.model(id).await?;
-    let assets = state.shop.store.assets(id).await?;
+    let model = state.context.database.model(id).await?;
+    let assets = state.context.database.assets(id).await?;
     let report = read_report(state, id, &assets).await?;
     let verdicts = verdicts::on_model(state, &model).await?;
     Ok(ModelView { verdicts, ..ModelView::of(&model, &assets, report) })
@@ -255,8 +255,8 @@ async fn read_report(
 
 /// A small file of a model; `None` if it was deleted in the meantime.
 pub(super) async fn read_asset(state: &AppState, id: ModelId, asset: &AssetRecord) -> Result<Option<Vec<u8>>, Problem> {
-    let (blobs, asset) = (state.shop.blobs.clone(), asset.clone());
-    Ok(blocking(move || blobs.read_asset(id, &asset)).await??)
+    let (objects, asset) = (state.context.objects.clone(), asset.clone());
+    Ok(blocking(move || objects.read_asset(id, &asset)).await??)
 }
 
 /// Delete a model with its files and its signature. The job and the scans it came from stay.
@@ -277,7 +277,7 @@ async fn delete(
         if conditions.any() {
             conditions.check_view(&view(&state, id).await?)?;
         }
-        let deleted = state.shop.store.delete_model(id).await?;
+        let deleted = state.context.database.delete_model(id).await?;
         forget(&state, deleted).await
     })
     .await

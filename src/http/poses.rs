@@ -14,7 +14,7 @@ use super::scan_sets::{TAG, fit_poses, parse_id};
 use super::schemas::{FileContent, Poses};
 use super::state::AppState;
 use crate::domain::asset::Asset;
-use crate::store::{PoseFile, ScanSetRecord};
+use crate::domain::{PoseFile, ScanSetRecord};
 
 /// Set the initial poses of a scan set.
 ///
@@ -77,7 +77,7 @@ async fn store_poses(
 ) -> Result<Response, Problem> {
     let id = parse_id(id)?;
     // before all of it is sent in vain
-    conditions.check(poses_tag(&state.shop.store.scan_set(id).await?).as_ref())?;
+    conditions.check(poses_tag(&state.context.database.scan_set(id).await?).as_ref())?;
     let is_json = is_json(&media_type(request.headers()));
     let content = read_body(&state, request, state.limits().pose_file_bytes).await?.to_vec();
     if content.is_empty() {
@@ -86,11 +86,11 @@ async fn store_poses(
     }
     let poses = PoseFile { name: if is_json { Asset::Poses.name().into() } else { "poses".to_owned() }, content };
     let _turn = conditions.turn(&state).await;
-    let set = state.shop.store.scan_set(id).await?;
+    let set = state.context.database.scan_set(id).await?;
     conditions.check(poses_tag(&set).as_ref())?;
     let names: Vec<&str> = set.scans.iter().map(|scan| scan.name.as_str()).collect();
     let fit = fit_poses(&names, &poses)?;
-    state.shop.store.put_poses(id, &poses).await?;
+    state.context.database.put_poses(id, &poses).await?;
     let etag = ETag::of_bytes(&poses.content).header()?;
     Ok(([etag], Json(PosesView::of(&poses.name, &fit))).into_response())
 }

@@ -7,13 +7,13 @@ use axum::http::StatusCode;
 use axum::http::header::{self, HeaderName, HeaderValue};
 use axum::response::{IntoResponse, Response};
 
+use crate::app::live_gallery::NotReady;
 use crate::classes::ClassError;
 use crate::domain::options::OptionError;
 use crate::faces::DescribeError;
 use crate::formats::{FormatError, surface_names};
 use crate::jobs::admission::AdmissionError;
 use crate::pipeline::PipelineError;
-use crate::store::live_gallery::NotReady;
 
 macro_rules! codes {
     ($($variant:ident = $name:literal, $status:ident, $title:literal;)*) => {
@@ -350,7 +350,7 @@ impl Problem {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::store::StoreError;
+    use crate::storage::DatabaseError;
 
     #[test]
     fn codes_are_unique_and_are_errors() {
@@ -363,7 +363,7 @@ mod tests {
 
     #[tokio::test]
     async fn an_error_is_problem_json() {
-        let problem = Problem::from(StoreError::QueueFull { limit: 3 }).scan("a.ply");
+        let problem = Problem::from(DatabaseError::QueueFull { limit: 3 }).scan("a.ply");
         let response = problem.into_response();
         assert_eq!(response.status(), StatusCode::TOO_MANY_REQUESTS);
         assert_eq!(response.headers()[header::CONTENT_TYPE], "application/problem+json");
@@ -377,7 +377,7 @@ mod tests {
 
     #[tokio::test]
     async fn a_failure_of_ours_tells_no_secrets() {
-        let problem = Problem::from(StoreError::Damaged { what: "a unit", reason: "secret".to_owned() });
+        let problem = Problem::from(DatabaseError::Damaged { what: "a unit", reason: "secret".to_owned() });
         let body = axum::body::to_bytes(problem.into_response().into_body(), 10_000).await.expect("a body");
         assert!(!String::from_utf8_lossy(&body).contains("secret"));
     }

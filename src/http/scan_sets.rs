@@ -14,11 +14,12 @@ use super::extract::{
 use super::idempotency::{Attempt, Created};
 use super::problem::Problem;
 use super::scan_set_views::{NewScanSetBody, ScanSetForm, ScanSetList, ScanSetView};
-use super::state::{AppState, blocking, deleted, forget, uninterrupted};
+use super::state::{AppState, blocking, deleted, forget, remove_files, uninterrupted};
 use super::upload::{self, CheckedScan, Form, FormRules, UploadedFile};
 use super::{cursor, names, poses, reading_view, responses, scans};
+use crate::domain::{FileId, NewScanSet, PoseFile, ScanRecord, ScanSetId, StoredFile, sort_naturally};
 use crate::jobs::admission::{self, PoseFit};
-use crate::store::{FileId, NewScanSet, PoseFile, ScanRecord, ScanSetId, StoreError, StoredFile, sort_naturally};
+use crate::storage::DatabaseError;
 
 pub(super) const TAG: &str = "scan sets";
 const PARTS: &[&str] = &["poses", "name", "unit"];
@@ -36,7 +37,7 @@ pub fn router() -> OpenApiRouter<AppState> {
 
 pub(super) fn parse_id(text: &str) -> Result<ScanSetId, Problem> {
     ScanSetId::parse(text)
-        .ok_or_else(|| StoreError::NotFound { kind: "scan set", id: text.chars().take(64).collect() }.into())
+        .ok_or_else(|| DatabaseError::NotFound { kind: "scan set", id: text.chars().take(64).collect() }.into())
 }
 
 pub(super) fn form_rules(state: &AppState, texts: &'static [&'static str]) -> FormRules {
@@ -129,7 +130,7 @@ async fn store_new(
     uninterrupted(async move {
         let _attempt = attempt;
         keep_files(&state, set.id, files).await?;
-        let stored = state.shop.store.create_scan_set(&set, replay.as_ref()).await;
+        let stored = state.context.database.create_scan_set(&set, replay.as_ref()).await;
         undo_unless_stored(&state, set.id, stored).await
     })
     .await?;
@@ -189,12 +190,12 @@ pub(super) async fn keep_files(
 ) -> Result<(), Problem> {
     let expected: Vec<StoredFile> = files.iter().map(|(file, _)| StoredFile::Scan(set, *file)).collect();
     if !expected.is_empty() {
-        state.shop.store.expect_files(&expected).await?;
+        state.context.database.expect_files(&expected).await?;
     }
-    let blobs = state.shop.blobs.clone();
+    let objects = state.context.objects.clone();
     blocking(move || -> Result<(), Problem> {
         for (id, file) in &files {
-            blobs.keep_scan(&file.staged, set, *id)?;
+            objects.keep_scan(&file.staged, set, *id)?;
         }
         Ok(())
     })
@@ -205,15 +206,14 @@ pub(super) async fn keep_files(
 pub(super) async fn undo_unless_stored(
     state: &AppState,
     set: ScanSetId,
-    stored: Result<(), StoreError>,
+    stored: Result<(), DatabaseError>,
 ) -> Result<(), Problem> {
     match stored {
         Ok(()) => Ok(()),
         // whether a failed commit took place is not known: what has no row is removed later
         Err(error) if error.leaves_in_doubt() => Err(error.into()),
         Err(refused) => {
-            let blobs = state.shop.blobs.clone();
-            blocking(move || blobs.remove_scan_set(set)).await??;
+            remove_files(state, StoredFile::ScanSet(set)).await?;
             Err(refused.into())
         }
     }
@@ -227,7 +227,7 @@ pub(super) async fn undo_unless_stored(
 )]
 async fn list(State(state): State<AppState>, Query(page): Query<PageQuery>) -> Result<Json<ScanSetList>, Problem> {
     let list = cursor::fingerprint(&[b"scan sets"]);
-    let page = state.shop.store.scan_sets(&page.request(&list)?).await?;
+    let page = state.context.database.scan_sets(&page.request(&list)?).await?;
     let next_cursor = page.next_cursor(|set| cursor::after_item(&list, set.id.number()));
     Ok(Json(ScanSetList { items: page.items.iter().map(ScanSetView::of).collect(), next_cursor }))
 }
@@ -245,7 +245,7 @@ async fn get_one(
     Path(id): Path<String>,
     conditions: Conditions,
 ) -> Result<Response, Problem> {
-    conditions.answer(&ScanSetView::of(&state.shop.store.scan_set(parse_id(&id)?).await?))
+    conditions.answer(&ScanSetView::of(&state.context.database.scan_set(parse_id(&id)?).await?))
 }
 
 /// Delete a scan set with everything derived from it: jobs, models, files, signatures.
@@ -264,14 +264,13 @@ async fn delete(
     deleted(async move {
         let _turn = conditions.turn(&state).await;
         if conditions.any() {
-            conditions.check_view(&ScanSetView::of(&state.shop.store.scan_set(id).await?))?;
+            conditions.check_view(&ScanSetView::of(&state.context.database.scan_set(id).await?))?;
         }
-        let deleted = state.shop.store.delete_scan_set(id).await?;
-        state.shop.board.announce_change();
+        let deleted = state.context.database.delete_scan_set(id).await?;
+        state.context.monitor.announce_change();
         // whichever fails, the other is done
         let of_models = forget(&state, deleted).await;
-        let blobs = state.shop.blobs.clone();
-        blocking(move || blobs.remove_scan_set(id)).await??;
+        remove_files(&state, StoredFile::ScanSet(id)).await?;
         of_models
     })
     .await

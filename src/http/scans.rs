@@ -11,10 +11,10 @@ use super::problem::Problem;
 use super::scan_set_views::ScanView;
 use super::scan_sets::{TAG, keep_files, parse_id, record_of};
 use super::schemas::{FileContent, ScanName};
-use super::state::{AppState, blocking, deleted, uninterrupted};
+use super::state::{AppState, deleted, remove_files, uninterrupted};
 use super::upload::{self, UploadedFile};
 use super::{digest, names, responses};
-use crate::store::{PutScan, ScanSetId};
+use crate::domain::{PutScan, ScanSetId, StoredFile};
 
 /// What a body is held against, as the contract describes it.
 #[derive(utoipa::IntoParams)]
@@ -69,15 +69,14 @@ pub(super) async fn put_scan(
         conditions.check(scan_tag(&state, id, &checked.file.name).await?.as_ref())?;
         let scan = record_of(&checked);
         keep_files(&state, id, vec![(scan.file_id, checked.file)]).await?;
-        let put = state.shop.store.put_scan(id, &scan, state.limits().scans_per_set).await;
+        let put = state.context.database.put_scan(id, &scan, state.limits().scans_per_set).await;
         let (unused, status) = match &put {
             Ok(PutScan::Created) => (None, StatusCode::CREATED),
             Ok(PutScan::Replaced(old)) => (Some(*old), StatusCode::OK),
             Err(error) => ((!error.leaves_in_doubt()).then_some(scan.file_id), StatusCode::INTERNAL_SERVER_ERROR),
         };
         if let Some(file) = unused {
-            let blobs = state.shop.blobs.clone();
-            blocking(move || blobs.remove_scan(id, file)).await??;
+            remove_files(&state, StoredFile::Scan(id, file)).await?;
         }
         put?;
         let etag = ETag::of_checksum(&scan.checksum).header()?;
@@ -88,7 +87,7 @@ pub(super) async fn put_scan(
 
 /// The tag of the scan of this name, if the set has one.
 async fn scan_tag(state: &AppState, set: ScanSetId, name: &str) -> Result<Option<ETag>, Problem> {
-    let set = state.shop.store.scan_set(set).await?;
+    let set = state.context.database.scan_set(set).await?;
     Ok(set.scans.iter().find(|scan| scan.name == name).map(|scan| ETag::of_checksum(&scan.checksum)))
 }
 
@@ -112,9 +111,8 @@ pub(super) async fn delete_scan(
         if let Some(etag) = scan_tag(&state, id, &name).await? {
             conditions.check(Some(&etag))?;
         }
-        let file = state.shop.store.delete_scan(id, &name).await?;
-        let blobs = state.shop.blobs.clone();
-        Ok(blocking(move || blobs.remove_scan(id, file)).await??)
+        let file = state.context.database.delete_scan(id, &name).await?;
+        remove_files(&state, StoredFile::Scan(id, file)).await
     })
     .await
 }

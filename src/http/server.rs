@@ -13,14 +13,13 @@ use super::connections::{self, Connections};
 use super::hosts::Hosts;
 use super::router::{self, RouterError};
 use super::state::AppState;
-use crate::blobs::Blobs;
+use crate::app::live_gallery::LiveGallery;
 use crate::config::ServerConfig;
-use crate::jobs::board::Board;
 use crate::jobs::engine::{Engine, PipelineEngine};
-use crate::jobs::opening::{self, DataFolder, OpenError};
-use crate::jobs::runner::{Runner, Workshop};
-use crate::store::Store;
-use crate::store::live_gallery::LiveGallery;
+use crate::jobs::monitor::JobMonitor;
+use crate::jobs::runner::{Runner, ServiceContext};
+use crate::storage::data_folder::{DataFolder, OpenError};
+use crate::storage::inventory::Storage;
 
 /// How often answers kept for repeated requests are cleaned up.
 const CLEAN_UP: Duration = Duration::from_secs(3600);
@@ -59,58 +58,59 @@ impl Server {
         let mut config = config;
         config.edge.connections = connections::most(config.edge.connections);
         let config = Arc::new(config);
-        let shop = open(&config, engine).await?;
+        let context = open(&config, engine).await?;
         let listener =
             TcpListener::bind(config.addr).await.map_err(|source| StartError::Listen { addr: config.addr, source })?;
         let addr = listener.local_addr().map_err(|source| StartError::Listen { addr: config.addr, source })?;
         let stop = CancellationToken::new();
         let crash = CancellationToken::new();
-        let state = AppState::new(shop.clone(), Hosts::new(addr, &config.hosts), stop.clone());
+        let state = AppState::new(context.clone(), Hosts::new(addr, &config.hosts), stop.clone());
         let router = router::router(state)?;
         let (count, connections) = watch::channel(Connections::default());
         let serving = tokio::spawn(connections::serve(listener, router, config.edge, stop.clone(), count));
-        let runner = Runner::start(&shop, &stop, &crash);
-        let chores = tokio::spawn(chores(shop.clone(), stop.clone()));
+        let runner = Runner::start(&context, &stop, &crash);
+        let chores = tokio::spawn(chores(context.clone(), stop.clone()));
         tracing::info!(%addr, data = %config.data_dir.display(), threads = config.threads, "serving");
-        Ok(ServerHandle { addr, connections, shop, stop, crash, serving, runner, chores })
+        Ok(ServerHandle { addr, connections, context, stop, crash, serving, runner, chores })
     }
 }
 
 /// Opens the data folder and picks up what a crash left.
-async fn open(config: &Arc<ServerConfig>, engine: Arc<dyn Engine>) -> Result<Workshop, StartError> {
+async fn open(config: &Arc<ServerConfig>, engine: Arc<dyn Engine>) -> Result<ServiceContext, StartError> {
     let data = DataFolder::open(&config.data_dir, config.lock_patience).await?;
     let left = data.pick_up(config.queue.max_attempts).await?;
     if left.jobs + left.files as u64 > 0 {
         tracing::warn!(jobs = left.jobs, files = left.files, "picked up what the last server left");
     }
-    Ok(Workshop {
-        store: data.store,
-        blobs: data.blobs,
+    Ok(ServiceContext {
+        database: data.storage.database,
+        objects: data.storage.objects,
         gallery: LiveGallery::default(),
         engine,
-        board: Arc::new(Board::default()),
+        monitor: Arc::new(JobMonitor::default()),
         config: config.clone(),
     })
 }
 
 /// Loads the gallery, then cleans up now and then.
-async fn chores(shop: Workshop, stop: CancellationToken) {
-    let Workshop { store, gallery, board, blobs, .. } = shop;
+async fn chores(context: ServiceContext, stop: CancellationToken) {
+    let ServiceContext { database, gallery, monitor, objects, .. } = context;
+    let storage = Storage { database: database.clone(), objects };
     let work = async {
-        match gallery.load(&store).await {
+        match gallery.load(database.as_ref()).await {
             Ok(models) => tracing::info!(models, "the gallery is loaded"),
             Err(error) => tracing::error!("the gallery can't be loaded, queries will not be answered: {error}"),
         }
-        match store.queue_evaluation().await {
+        match database.queue_evaluation().await {
             Ok(Some(job)) => {
                 tracing::info!(job.id = %job, "stored models are to be looked at again");
-                board.announce_work();
+                monitor.announce_work();
             }
             Ok(None) => {}
             Err(error) => tracing::warn!("looking for what is out of date: {error}"),
         }
         loop {
-            clean_up(&blobs, &store).await;
+            clean_up(&storage).await;
             tokio::time::sleep(CLEAN_UP).await;
         }
     };
@@ -120,11 +120,11 @@ async fn chores(shop: Workshop, stop: CancellationToken) {
     }
 }
 
-async fn clean_up(blobs: &Arc<Blobs>, store: &Store) {
-    if let Err(error) = store.forget_old_replays().await {
+async fn clean_up(storage: &Storage) {
+    if let Err(error) = storage.database.forget_old_replays().await {
         tracing::warn!("cleaning up: {error}");
     }
-    if let Err(error) = opening::tidy_up(blobs, store).await {
+    if let Err(error) = storage.tidy_up().await {
         tracing::warn!("cleaning up: {error}");
     }
 }
@@ -134,7 +134,7 @@ async fn clean_up(blobs: &Arc<Blobs>, store: &Store) {
 pub struct ServerHandle {
     addr: SocketAddr,
     connections: watch::Receiver<Connections>,
-    shop: Workshop,
+    context: ServiceContext,
     stop: CancellationToken,
     crash: CancellationToken,
     serving: JoinHandle<()>,
@@ -164,7 +164,7 @@ impl ServerHandle {
         tracing::info!("shutting down");
         self.stop.cancel();
         let aborts = self.serving.abort_handle();
-        let drained = tokio::time::timeout(self.shop.config.shutdown_deadline, async {
+        let drained = tokio::time::timeout(self.context.config.shutdown_deadline, async {
             self.runner.ended().await;
             let _ = self.chores.await;
             let _ = self.serving.await;
@@ -175,7 +175,7 @@ impl ServerHandle {
             tracing::warn!("the deadline has passed: connections are cut");
             aborts.abort();
         }
-        self.shop.store.close().await;
+        self.context.database.close().await;
         drained
     }
 
@@ -189,9 +189,9 @@ impl ServerHandle {
         self.stop.cancel();
         self.runner.ended().await;
         // threads of jobs see that nobody wants them any more; then the data folder is free again
-        while Arc::strong_count(&self.shop.blobs) > 1 {
+        while Arc::strong_count(&self.context.objects) > 1 {
             tokio::time::sleep(Duration::from_millis(5)).await;
         }
-        self.shop.store.close().await;
+        self.context.database.close().await;
     }
 }

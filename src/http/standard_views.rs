@@ -10,9 +10,9 @@ use super::scan_set_views::UnitView;
 use super::schemas::{self, Corners, Landmarks};
 use crate::classes::limit::Learned;
 use crate::classes::{Annotation, CornerChoice, CornerKind, Landmark, SelectiveTriangle};
+use crate::domain::{Examples, JobId, ModelId, StandardId, StandardRecord};
 use crate::faces::judgement::MATCH_SCORE;
 use crate::geometry::Point3;
-use crate::store::{Examples, JobId, ModelId, StandardId, StandardRecord};
 
 /// What the surface does at a corner.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize, ToSchema)]

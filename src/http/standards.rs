@@ -17,16 +17,15 @@ use super::standard_views::{
     AnyStandard, BuiltInView, CornerPart, ExamplesView, LandmarksPart, NewStandardForm, StandardList, StandardView,
     Standing, address, annotation,
 };
-use super::state::{AppState, blocking, deleted, uninterrupted};
+use super::state::{AppState, blocking, deleted, remove_files, uninterrupted};
 use super::upload::{self, Form, FormRules, UploadedFile};
 use super::{describe, names, responses};
 use crate::classes::limit::{self, Learned};
 use crate::domain::asset::Asset;
+use crate::domain::{AssetRecord, Examples, NewStandard, StandardId, StandardRecord, StoredFile, StoredVerdict};
 use crate::faces::standard::by_name;
 use crate::retrieval;
-use crate::store::{
-    AssetRecord, Examples, NewStandard, StandardId, StandardRecord, StoreError, StoredFile, StoredVerdict,
-};
+use crate::storage::DatabaseError;
 
 const TAG: &str = "standards";
 const RULES: FormRules = FormRules {
@@ -75,12 +74,12 @@ async fn create(
         return Ok(answer);
     }
     let (standard, file) = annotated(&state, form).await?;
-    let (_, pending) = state.shop.store.judged(standard.id).await?;
+    let (_, pending) = state.context.database.judged(standard.id).await?;
     uninterrupted(async move {
         let (id, asset) = (standard.id, standard.asset.name.clone());
-        state.shop.store.expect_files(&[StoredFile::Standard(id)]).await?;
-        let blobs = state.shop.blobs.clone();
-        blocking(move || blobs.keep_standard(&file.staged, id, &asset)).await??;
+        state.context.database.expect_files(&[StoredFile::Standard(id)]).await?;
+        let objects = state.context.objects.clone();
+        blocking(move || objects.keep_standard(&file.staged, id, &asset)).await??;
         let answer = |job| -> Result<Created, Problem> {
             let learned = limit::learn(&[], &[]);
             let standing = Standing { examples: standard.examples.clone(), learned, judged: (0, pending) };
@@ -88,15 +87,14 @@ async fn create(
             Created::new(StatusCode::CREATED, address(id), &view)
         };
         let replay = |job| answer(job).ok().and_then(|created| attempt.replay(&created, id.to_string()));
-        match state.shop.store.create_standard(&standard, MOST_STANDARDS, replay).await {
+        match state.context.database.create_standard(&standard, MOST_STANDARDS, &replay).await {
             Ok(job) => {
-                state.shop.board.announce_work();
+                state.context.monitor.announce_work();
                 answer(job)
             }
             Err(error) => {
                 if !error.leaves_in_doubt() {
-                    let blobs = state.shop.blobs.clone();
-                    blocking(move || blobs.remove_standard(id)).await??;
+                    remove_files(&state, StoredFile::Standard(id)).await?;
                 }
                 Err(error.into())
             }
@@ -131,12 +129,12 @@ async fn annotated(state: &AppState, mut form: Form) -> Result<(NewStandard, Upl
     let marked = ExamplesView { positive: positive.unwrap_or_default(), negative: negative.unwrap_or_default() };
     let examples = marked.examples()?;
     if by_name(&name).is_some() {
-        return Err(StoreError::NameTaken { kind: "standard", name }.into());
+        return Err(DatabaseError::NameTaken { kind: "standard", name }.into());
     }
     // before the work: the name may still be taken meanwhile
-    match state.shop.store.standard(&name).await {
-        Err(StoreError::NotFound { .. }) => {}
-        Ok(_) => return Err(StoreError::NameTaken { kind: "standard", name }.into()),
+    match state.context.database.standard(&name).await {
+        Err(DatabaseError::NotFound { .. }) => {}
+        Ok(_) => return Err(DatabaseError::NameTaken { kind: "standard", name }.into()),
         Err(error) => return Err(error.into()),
     }
     let file = form.files.pop().ok_or_else(|| missing("model", "send a mesh or cloud as a file named `model`"))?;
@@ -179,7 +177,7 @@ fn checked_name(name: &str) -> Result<String, Problem> {
 )]
 async fn list(State(state): State<AppState>) -> Result<Json<StandardList>, Problem> {
     let mut items = built_in()?;
-    for standard in state.shop.store.standards().await? {
+    for standard in state.context.database.standards().await? {
         items.push(AnyStandard::Uploaded(Box::new(view(&state, &standard).await?)));
     }
     Ok(Json(StandardList { items }))
@@ -192,16 +190,16 @@ fn built_in() -> Result<Vec<AnyStandard>, Problem> {
 
 async fn view(state: &AppState, standard: &StandardRecord) -> Result<StandardView, Problem> {
     let standing = Standing {
-        examples: state.shop.store.examples(standard.id).await?,
+        examples: state.context.database.examples(standard.id).await?,
         learned: learned(state, standard.id).await?,
-        judged: state.shop.store.judged(standard.id).await?,
+        judged: state.context.database.judged(standard.id).await?,
     };
     Ok(StandardView::of(standard, &standing, None))
 }
 
 /// What the examples of a standard tell, as far as they are judged.
 pub async fn learned(state: &AppState, id: StandardId) -> Result<Learned, Problem> {
-    let (positive, negative) = state.shop.store.example_residuals(id).await?;
+    let (positive, negative) = state.context.database.example_residuals(id).await?;
     Ok(limit::learn(&positive, &negative))
 }
 
@@ -223,7 +221,7 @@ async fn get_one(
             return conditions.answer(&standard);
         }
     }
-    let standard = state.shop.store.standard(&name).await?;
+    let standard = state.context.database.standard(&name).await?;
     conditions.answer(&AnyStandard::Uploaded(Box::new(view(&state, &standard).await?)))
 }
 
@@ -243,9 +241,8 @@ async fn delete(
     deleted(async move {
         let _turn = conditions.turn(&state).await;
         check(&state, &standard, &conditions).await?;
-        state.shop.store.delete_standard(standard.id).await?;
-        let blobs = state.shop.blobs.clone();
-        Ok(blocking(move || blobs.remove_standard(standard.id)).await??)
+        state.context.database.delete_standard(standard.id).await?;
+        remove_files(&state, StoredFile::Standard(standard.id)).await
     })
     .await
 }
@@ -261,7 +258,7 @@ async fn uploaded(state: &AppState, name: &str) -> Result<StandardRecord, Proble
         let detail = format!("the standard {name} is built in");
         return Err(Problem::new(Code::BuiltIn, detail, "make a standard of your own with POST /v1/standards"));
     }
-    Ok(state.shop.store.standard(name).await?)
+    Ok(state.context.database.standard(name).await?)
 }
 
 /// Mark stored models as of the class or as other things, in place of those that were marked before.
@@ -287,7 +284,7 @@ async fn mark(
     let standard = uploaded(&state, &name).await?;
     let _turn = conditions.turn(&state).await;
     check(&state, &standard, &conditions).await?;
-    state.shop.store.mark_examples(standard.id, &examples).await?;
+    state.context.database.mark_examples(standard.id, &examples).await?;
     Ok(Json(view(&state, &standard).await?))
 }
 
@@ -307,14 +304,14 @@ pub struct Ranking {
 
 /// The `limit` best verdicts against the uploaded standard of this name; `None` if there is none.
 pub async fn ranking(state: &AppState, name: &str, limit: usize) -> Result<Option<Ranking>, Problem> {
-    let standard = match state.shop.store.standard(name).await {
+    let standard = match state.context.database.standard(name).await {
         Ok(standard) => standard,
-        Err(StoreError::NotFound { .. }) => return Ok(None),
+        Err(DatabaseError::NotFound { .. }) => return Ok(None),
         Err(error) => return Err(error.into()),
     };
     let learned = learned(state, standard.id).await?;
-    let (judged, pending) = state.shop.store.judged(standard.id).await?;
-    let verdicts = state.shop.store.ranking(standard.id, limit).await?;
+    let (judged, pending) = state.context.database.judged(standard.id).await?;
+    let verdicts = state.context.database.ranking(standard.id, limit).await?;
     Ok(Some(Ranking { standard, learned, verdicts, judged, pending }))
 }
 

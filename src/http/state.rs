@@ -12,14 +12,15 @@ use super::describe::Turns;
 use super::hosts::Hosts;
 use super::problem::{Code, Problem};
 use crate::config::Limits;
-use crate::jobs::runner::Workshop;
-use crate::store::{Deleted, ReplayKey};
+use crate::domain::{ReplayKey, StoredFile};
+use crate::jobs::runner::ServiceContext;
+use crate::storage::Deleted;
 
 /// The state of the service. Cheap to clone.
 #[derive(Clone)]
 pub struct AppState {
-    /// Store, files, gallery, engine and board.
-    pub shop: Workshop,
+    /// Database, files, gallery, engine and what runs now.
+    pub context: ServiceContext,
     /// Bounds how many files are in memory to be checked.
     pub checks: Arc<Semaphore>,
     /// Bounds how many models are described for requests at a time.
@@ -40,8 +41,8 @@ pub struct AppState {
 
 impl AppState {
     /// The state of a service that has just started.
-    pub fn new(shop: Workshop, hosts: Hosts, stop: CancellationToken) -> Self {
-        let limits = &shop.config.limits;
+    pub fn new(context: ServiceContext, hosts: Hosts, stop: CancellationToken) -> Self {
+        let limits = &context.config.limits;
         AppState {
             checks: Arc::new(Semaphore::new(limits.concurrent_checks.max(1))),
             describing: Turns::new(limits.concurrent_describing),
@@ -51,13 +52,13 @@ impl AppState {
             changes: Arc::default(),
             stop,
             in_progress: Arc::default(),
-            shop,
+            context,
         }
     }
 
     /// Bounds on requests.
     pub fn limits(&self) -> &Limits {
-        &self.shop.config.limits
+        &self.context.config.limits
     }
 
     /// Marks a request with an idempotency key as being worked on, until the answer is dropped.
@@ -112,15 +113,21 @@ pub async fn deleted(
     Ok(StatusCode::NO_CONTENT)
 }
 
-/// Takes models that the store has forgotten out of the gallery, and removes their files.
+/// Removes files whose rows are gone, or never came.
+pub async fn remove_files(state: &AppState, file: StoredFile) -> Result<(), Problem> {
+    let objects = state.context.objects.clone();
+    Ok(blocking(move || objects.remove(file)).await??)
+}
+
+/// Takes models that the database has forgotten out of the gallery, and removes their files.
 pub async fn forget(state: &AppState, deleted: Deleted) -> Result<(), Problem> {
     let Deleted { models, unseen } = deleted;
     for model in &models {
-        state.shop.gallery.remove(*model);
+        state.context.gallery.remove(*model);
     }
     drop(unseen);
-    state.shop.store.fold_log().await;
-    let blobs = state.shop.blobs.clone();
-    blocking(move || models.into_iter().try_for_each(|model| blobs.remove_model(model))).await??;
+    state.context.database.fold_log().await;
+    let objects = state.context.objects.clone();
+    blocking(move || models.into_iter().try_for_each(|model| objects.remove(StoredFile::Model(model)))).await??;
     Ok(())
 }

@@ -1,64 +1,64 @@
 //! What the store, the files and the memory say, as problems.
 
 use super::problem::{Code, Problem};
-use crate::blobs::BlobError;
 use crate::jobs::memory::TooLarge;
-use crate::store::StoreError;
+use crate::storage::{DatabaseError, ObjectError};
 
-impl From<StoreError> for Problem {
-    fn from(error: StoreError) -> Self {
+impl From<DatabaseError> for Problem {
+    fn from(error: DatabaseError) -> Self {
         if error.is_shortage() {
             return Problem::shortage(error);
         }
         let detail = error.to_string();
         match error {
-            StoreError::NotFound { kind, .. } => {
+            DatabaseError::NotFound { kind, .. } => {
                 Problem::new(Code::NotFound, detail, format!("it may have been deleted; list what there is of {kind}s"))
             }
-            StoreError::InUse { .. } => {
+            DatabaseError::InUse { .. } => {
                 Problem::new(Code::InUse, detail, "wait for the job's end, or cancel it first").retry_after(5)
             }
-            StoreError::QueueFull { .. } => {
+            DatabaseError::QueueFull { .. } => {
                 Problem::new(Code::QueueFull, detail, "try again when jobs have ended, or cancel some").retry_after(10)
             }
-            StoreError::NameTaken { .. } => {
+            DatabaseError::NameTaken { .. } => {
                 Problem::new(Code::DuplicateStandard, detail, "choose another name, or delete that one first")
             }
-            StoreError::TooManyStandards { .. } => {
+            DatabaseError::TooManyStandards { .. } => {
                 Problem::new(Code::TooManyStandards, detail, "delete one that is not needed any more")
             }
-            StoreError::TooManyScans { .. } => {
+            DatabaseError::TooManyScans { .. } => {
                 Problem::new(Code::TooManyScans, detail, "send fewer scans, or ask the operator to raise the limit")
             }
-            StoreError::WrongStatus { .. } => Problem::new(
+            DatabaseError::WrongStatus { .. } => Problem::new(
                 Code::WrongStatus,
                 detail,
                 "only queued or running jobs can be canceled, only failed or canceled ones retried",
             ),
-            StoreError::KeyReused { .. } => {
+            DatabaseError::KeyReused { .. } => {
                 Problem::new(Code::KeyReused, detail, "use a new key for a new request; repeat a request unchanged")
             }
-            StoreError::Full => Problem::storage_full(&detail),
-            StoreError::Locked => {
+            DatabaseError::Full => Problem::storage_full(&detail),
+            DatabaseError::Locked => {
                 let hint = "repeat the request; if it stays, ask the operator which program holds visage.sqlite";
                 Problem::new(Code::DatabaseLocked, "nothing was stored: another program holds the database", hint)
                     .retry_after(5)
             }
-            StoreError::Database(_)
-            | StoreError::Migration(_)
-            | StoreError::Damaged { .. }
-            | StoreError::Corrupt { .. }
-            | StoreError::Foreign => Problem::internal(detail),
+            DatabaseError::Failed(_)
+            | DatabaseError::Shortage(_)
+            | DatabaseError::Migration(_)
+            | DatabaseError::Damaged { .. }
+            | DatabaseError::Corrupt { .. }
+            | DatabaseError::Foreign => Problem::internal(detail),
         }
     }
 }
 
-impl From<BlobError> for Problem {
-    fn from(error: BlobError) -> Self {
+impl From<ObjectError> for Problem {
+    fn from(error: ObjectError) -> Self {
         if error.is_storage_full() {
             return Problem::storage_full(&error.to_string());
         }
-        if let BlobError::Damaged { .. } = error {
+        if let ObjectError::Damaged { .. } = error {
             tracing::error!("{error}; `visage doctor` tells what else is");
             let hint = "ask the operator to put the file back from a backup, or delete what it belongs to";
             return Problem::new(Code::Damaged, error.to_string(), hint);
@@ -81,10 +81,10 @@ impl Problem {
     }
 
     /// Why nothing can be stored at the moment, for `/readyz`.
-    pub fn not_writable(error: StoreError) -> Self {
+    pub fn not_writable(error: DatabaseError) -> Self {
         let detail = match &error {
-            StoreError::Full => "nothing can be stored: the disk is full",
-            StoreError::Locked => "nothing can be stored: another program holds the database",
+            DatabaseError::Full => "nothing can be stored: the disk is full",
+            DatabaseError::Locked => "nothing can be stored: another program holds the database",
             _ => return error.into(),
         };
         Problem::new(Code::NotReady, detail, "try again when the operator has seen to it").retry_after(5)

@@ -10,10 +10,10 @@ use super::multipart::{Part, Parts};
 use super::names;
 use super::problem::{Code, Problem};
 use super::state::{AppState, blocking};
-use crate::blobs::{StagedFile, StagedWriter};
 use crate::config::Limits;
 use crate::formats::{self, Dropped, Reading};
 use crate::geometry::Surface;
+use crate::storage::{StagedFile, StagedWriter};
 
 /// How much of a part's name an error shows.
 const SHOWN_NAME: usize = 64;
@@ -129,10 +129,10 @@ async fn read_part(
 }
 
 async fn receive_part(state: &AppState, name: &str, mut field: Part) -> Result<StagedFile, Problem> {
-    let mut writer = state.shop.blobs.receive().await?;
+    let mut writer = state.context.objects.receive().await?;
     let mut counted = 0;
     while let Some(chunk) = field.chunk().await? {
-        append(state.limits(), &mut writer, name, &mut counted, &chunk).await?;
+        append(state.limits(), writer.as_mut(), name, &mut counted, &chunk).await?;
     }
     Ok(writer.finish().await?)
 }
@@ -141,7 +141,7 @@ async fn receive_part(state: &AppState, name: &str, mut field: Part) -> Result<S
 pub async fn receive_body(state: &AppState, name: &str, request: Request) -> Result<(StagedFile, Digests), Problem> {
     use futures_util::StreamExt;
     use sha2::Digest;
-    let mut writer = state.shop.blobs.receive().await?;
+    let mut writer = state.context.objects.receive().await?;
     let mut sha256 = sha2::Sha256::new();
     let mut sha512 = sha2::Sha512::new();
     let mut counted = 0;
@@ -150,7 +150,7 @@ pub async fn receive_body(state: &AppState, name: &str, request: Request) -> Res
         let chunk = chunk.map_err(|error| body::broken("the file", &error).scan(name))?;
         sha256.update(&chunk);
         sha512.update(&chunk);
-        append(state.limits(), &mut writer, name, &mut counted, &chunk).await?;
+        append(state.limits(), writer.as_mut(), name, &mut counted, &chunk).await?;
     }
     let digests = Digests { sha256: sha256.finalize().to_vec(), sha512: sha512.finalize().to_vec() };
     Ok((writer.finish().await?, digests))
@@ -167,7 +167,7 @@ pub struct Digests {
 
 async fn append(
     limits: &Limits,
-    writer: &mut StagedWriter,
+    writer: &mut dyn StagedWriter,
     name: &str,
     counted: &mut u64,
     chunk: &[u8],
@@ -205,9 +205,10 @@ pub async fn read_surface(state: &AppState, file: UploadedFile) -> Result<(Uploa
 pub async fn read(state: &AppState, file: UploadedFile) -> Result<(UploadedFile, Reading), Problem> {
     let permit = state.checks.clone().acquire_owned().await.map_err(Problem::internal)?;
     let limits = state.limits().read_limits();
+    let objects = state.context.objects.clone();
     blocking(move || {
         let _permit = permit;
-        let bytes = file.staged.read()?;
+        let bytes = objects.read_staged(&file.staged)?;
         let reading =
             formats::read(&file.name, &bytes, &limits).map_err(|error| Problem::unreadable(&file.name, &error))?;
         Ok((file, reading))

@@ -12,10 +12,10 @@ use super::standards;
 use super::state::AppState;
 use crate::classes::Found;
 use crate::classes::limit::{self, Learned};
+use crate::domain::{ModelRecord, StandardRecord, StoredVerdict};
 use crate::faces::{MatchMethod, Signature, Standard, judge, judgement, standard, verification};
 use crate::geometry::Point3;
 use crate::retrieval::{Comparison, Evidence, Reason, SAME_PERSON_MM};
-use crate::store::{ModelRecord, StandardRecord, StoredVerdict};
 
 /// Named places: `{"nose_tip": [x, y, z], ...}`. Right and left are the subject's own.
 pub type Places = BTreeMap<String, Vec<f64>>;
@@ -170,15 +170,15 @@ impl ReasonView {
 
 /// What a stored model is by the face and by each standard that it is judged against already.
 pub async fn on_model(state: &AppState, model: &ModelRecord) -> Result<Vec<VerdictView>, Problem> {
-    let content = state.shop.store.signature(model.id).await?;
+    let content = state.context.database.signature(model.id).await?;
     let signature = content.and_then(|content| Signature::from_bytes(&content).ok());
     let mut views: Vec<VerdictView> = signature.iter().map(VerdictView::of_face).collect();
-    let verdicts = state.shop.store.verdicts_on(model.id).await?;
+    let verdicts = state.context.database.verdicts_on(model.id).await?;
     if verdicts.is_empty() {
         return Ok(views);
     }
     let standards: HashMap<_, _> =
-        state.shop.store.standards().await?.into_iter().map(|standard| (standard.id, standard)).collect();
+        state.context.database.standards().await?.into_iter().map(|standard| (standard.id, standard)).collect();
     for verdict in verdicts {
         if let Some(standard) = standards.get(&verdict.standard_id) {
             let learned = standards::learned(state, standard.id).await?;

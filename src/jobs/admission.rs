@@ -2,11 +2,11 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use crate::domain::PoseFile;
 use crate::domain::asset::Asset;
 use crate::formats::{FormatError, poses};
 use crate::geometry::Motion;
 use crate::pipeline::{Hints, MIN_SCANS, Method, Options, PipelineError, Start};
-use crate::store::PoseFile;
 
 /// Why a scan set can't be registered.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

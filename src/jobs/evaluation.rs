@@ -10,31 +10,29 @@ use tokio::runtime::Handle;
 
 use super::engine::Engine;
 use super::work::{WorkError, stored};
-use crate::blobs::{BlobError, Blobs};
+use crate::app::live_gallery::LiveGallery;
 use crate::classes::{Class, ClassError, limit};
 use crate::config::Limits;
 use crate::domain::asset::Asset;
+use crate::domain::{ModelId, ModelRecord, Outdated, StandardId, StandardRecord, StoredSignature, StoredVerdict};
 use crate::faces::{DescribeError, Signature};
 use crate::formats;
 use crate::geometry::Surface;
 use crate::progress::{Progress, Stage};
-use crate::store::live_gallery::LiveGallery;
-use crate::store::{
-    ModelId, ModelRecord, Outdated, StandardId, StandardRecord, Store, StoreError, StoredSignature, StoredVerdict,
-};
+use crate::storage::{Database, DatabaseError, ObjectError, ObjectStore};
 
 /// Models that are asked for at a time.
 const BATCH: usize = 32;
 
 /// Everything an evaluation needs.
 pub(super) struct Evaluation {
-    pub store: Store,
-    pub blobs: Arc<Blobs>,
+    pub database: Arc<dyn Database>,
+    pub objects: Arc<dyn ObjectStore>,
     pub gallery: LiveGallery,
     pub engine: Arc<dyn Engine>,
     pub limits: Limits,
     pub progress: Progress,
-    /// The runtime that the store runs on; this work runs on a thread of its own.
+    /// The runtime that the database runs on; this work runs on a thread of its own.
     pub runtime: Handle,
 }
 
@@ -48,19 +46,19 @@ impl Evaluation {
         }
     }
 
-    fn stored<T, F: Future<Output = Result<T, StoreError>>>(&self, ask: impl Fn() -> F) -> Result<T, WorkError> {
+    fn stored<T, F: Future<Output = Result<T, DatabaseError>>>(&self, ask: impl Fn() -> F) -> Result<T, WorkError> {
         stored(&self.runtime, &self.progress, ask)
     }
 
     fn make(&self) -> Result<(), WorkError> {
         self.progress.report(Stage::Describing, 0.0);
-        let backlog = self.stored(|| self.store.backlog())?;
+        let backlog = self.stored(|| self.database.backlog())?;
         let all = (backlog.stale_signatures + backlog.missing_verdicts).max(1) as f64;
         let (mut done, mut failed) = (0usize, BTreeSet::new());
         let mut after = None;
         loop {
             let standards = self.standards()?;
-            let batch = self.stored(|| self.store.outdated(after, BATCH))?;
+            let batch = self.stored(|| self.database.outdated(after, BATCH))?;
             let due: Vec<Outdated> = batch.iter().filter(|model| !failed.contains(&model.model_id)).cloned().collect();
             // the end of a pass: another one begins, and ends the job if it finds nothing
             after = batch.last().filter(|_| batch.len() == BATCH).map(|model| model.model_id);
@@ -70,7 +68,7 @@ impl Evaluation {
             for model in &due {
                 self.progress.check()?;
                 // it may be long, and what is done is kept: people wait for registrations
-                if self.stored(|| self.store.registration_waits())? {
+                if self.stored(|| self.database.registration_waits())? {
                     return Err(WorkError::GivesWay);
                 }
                 if !self.renew(model, &standards)? {
@@ -85,12 +83,12 @@ impl Evaluation {
     /// The classes of all standards; those of another version are made anew.
     fn standards(&self) -> Result<BTreeMap<StandardId, Class>, WorkError> {
         let mut classes = BTreeMap::new();
-        for standard in self.stored(|| self.store.standards())? {
+        for standard in self.stored(|| self.database.standards())? {
             let id = standard.id;
             if standard.class.version == Class::VERSION {
                 classes.insert(id, standard.class);
             } else if let Some(class) = self.remade(&standard)? {
-                self.stored(|| self.store.renew_standard(id, &class))?;
+                self.stored(|| self.database.renew_standard(id, &class))?;
                 classes.insert(id, class);
             }
         }
@@ -98,8 +96,8 @@ impl Evaluation {
     }
 
     fn remade(&self, standard: &StandardRecord) -> Result<Option<Class>, WorkError> {
-        let bytes = match self.blobs.read_standard(standard.id, &standard.asset) {
-            Err(error @ BlobError::Damaged { .. }) => {
+        let bytes = match self.objects.read_standard(standard.id, &standard.asset) {
+            Err(error @ ObjectError::Damaged { .. }) => {
                 tracing::error!(standard = standard.name, "a standard can't be made anew: {error}");
                 return Ok(None);
             }
@@ -125,10 +123,10 @@ impl Evaluation {
     /// Makes what a model lacks; false if something could not be made, so that it isn't tried again by this job.
     fn renew(&self, outdated: &Outdated, standards: &BTreeMap<StandardId, Class>) -> Result<bool, WorkError> {
         let id = outdated.model_id;
-        let model = match self.runtime.block_on(self.store.model(id)) {
+        let model = match self.runtime.block_on(self.database.model(id)) {
             Ok(model) => model,
             // deleted meanwhile
-            Err(StoreError::NotFound { .. }) => return Ok(true),
+            Err(DatabaseError::NotFound { .. }) => return Ok(true),
             Err(error) => return Err(error.into()),
         };
         let surface = self.surface(&model)?;
@@ -136,23 +134,23 @@ impl Evaluation {
         let known: Vec<(StandardId, &Class)> =
             outdated.standards.iter().filter_map(|id| Some((*id, standards.get(id)?))).collect();
         let verdicts = self.judge(&model, &surface, &known)?;
-        self.stored(|| self.store.keep_verdicts(&verdicts))?;
+        self.stored(|| self.database.keep_verdicts(&verdicts))?;
         // a standard that came since this pass was begun has a job of its own waiting
         Ok(is_signed && known.len() == outdated.standards.len())
     }
 
     /// The surface of a model, or why there is none.
     fn surface(&self, model: &ModelRecord) -> Result<Result<Surface, String>, WorkError> {
-        let assets = self.stored(|| self.store.assets(model.id))?;
+        let assets = self.stored(|| self.database.assets(model.id))?;
         for name in Asset::describing(model.origin()) {
             let Some(asset) = assets.iter().find(|asset| asset.name == name) else { continue };
-            match self.blobs.read_asset(model.id, asset) {
+            match self.objects.read_asset(model.id, asset) {
                 Ok(Some(bytes)) => {
                     let surface = formats::read_surface(&name, &bytes, &self.limits.read_limits());
                     return Ok(surface.map_err(|error| error.to_string()));
                 }
                 Ok(None) => {}
-                Err(error @ BlobError::Damaged { .. }) => {
+                Err(error @ ObjectError::Damaged { .. }) => {
                     tracing::error!("{error}; `visage doctor` tells what else is");
                     return Ok(Err(error.to_string()));
                 }
@@ -177,8 +175,8 @@ impl Evaluation {
 
     fn publish(&self, id: ModelId, signature: Signature) -> Result<bool, WorkError> {
         let stored: StoredSignature = (&signature).into();
-        if let Some(unseen) = self.stored(|| self.store.renew_signature(id, &stored))? {
-            self.stored(|| self.gallery.publish(&self.store, id, signature.clone()))?;
+        if let Some(unseen) = self.stored(|| self.database.renew_signature(id, &stored))? {
+            self.stored(|| self.gallery.publish(self.database.as_ref(), id, signature.clone()))?;
             drop(unseen);
         }
         Ok(true)

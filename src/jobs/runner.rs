@@ -12,40 +12,43 @@ use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 use tracing::Instrument;
 
-use super::board::{Board, Entry, StopReason};
 use super::engine::Engine;
 use super::evaluation::Evaluation;
 use super::memory::{Budget, TooLarge};
+use super::monitor::{Entry, JobMonitor, StopReason};
 use super::work::{Made, Work, WorkError, pooled};
-use crate::blobs::Blobs;
+use crate::app::live_gallery::LiveGallery;
 use crate::config::{QueueTiming, ServerConfig};
+use crate::domain::{Claimant, Finish, JobClaim, JobError, StoredFile, WorkerId};
 use crate::progress::Progress;
-use crate::store::live_gallery::LiveGallery;
-use crate::store::{Claimant, Finish, JobClaim, JobError, Store, StoreError, StoredFile};
+use crate::storage::{Database, DatabaseError, ObjectStore};
 
 /// How long a worker waits after the database has failed it, or when the machine is out of something.
 const PAUSE_AFTER_ERROR: Duration = Duration::from_secs(1);
 
 /// What the workers share.
 #[derive(Clone)]
-pub struct Workshop {
-    /// The queue.
-    pub store: Store,
+pub struct ServiceContext {
+    /// What is kept besides files: the queue and all else.
+    pub database: Arc<dyn Database>,
     /// The files.
-    pub blobs: Arc<Blobs>,
+    pub objects: Arc<dyn ObjectStore>,
     /// The index that new models go into.
     pub gallery: LiveGallery,
     /// The algorithms.
     pub engine: Arc<dyn Engine>,
     /// What runs now.
-    pub board: Arc<Board>,
+    pub monitor: Arc<JobMonitor>,
     /// Threads, limits and clocks.
     pub config: Arc<ServerConfig>,
 }
 
-impl std::fmt::Debug for Workshop {
+impl std::fmt::Debug for ServiceContext {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Workshop").field("blobs", &self.blobs).field("config", &self.config).finish_non_exhaustive()
+        f.debug_struct("ServiceContext")
+            .field("objects", &self.objects)
+            .field("config", &self.config)
+            .finish_non_exhaustive()
     }
 }
 
@@ -58,11 +61,11 @@ pub struct Runner {
 impl Runner {
     /// Starts `config.concurrent_jobs` workers that run until `stop`. With `crash`, they also drop what they hold
     /// as if the process had been killed.
-    pub fn start(workshop: &Workshop, stop: &CancellationToken, crash: &CancellationToken) -> Runner {
+    pub fn start(context: &ServiceContext, stop: &CancellationToken, crash: &CancellationToken) -> Runner {
         let worker = |index: usize| {
-            let name = format!("{}-{index}", uuid::Uuid::now_v7());
+            let id = context.database.owner().worker(index);
             let work =
-                Worker { shop: workshop.clone(), name, stop: stop.clone(), has_complained: AtomicBool::new(false) };
+                Worker { context: context.clone(), id, stop: stop.clone(), has_complained: AtomicBool::new(false) };
             let crash = crash.clone();
             tokio::spawn(async move {
                 tokio::select! {
@@ -71,7 +74,7 @@ impl Runner {
                 }
             })
         };
-        Runner { workers: (0..workshop.config.concurrent_jobs.max(1)).map(worker).collect() }
+        Runner { workers: (0..context.config.concurrent_jobs.max(1)).map(worker).collect() }
     }
 
     /// Waits until all workers have ended.
@@ -85,8 +88,8 @@ impl Runner {
 }
 
 struct Worker {
-    shop: Workshop,
-    name: String,
+    context: ServiceContext,
+    id: WorkerId,
     stop: CancellationToken,
     /// Whether it has said that the database fails it: a full disk is said once and not with every heartbeat.
     has_complained: AtomicBool,
@@ -94,13 +97,13 @@ struct Worker {
 
 impl Worker {
     async fn run(self) {
-        let _hired = self.shop.board.hire(&self.name);
+        let _hired = self.context.monitor.hire(self.id);
         while !self.stop.is_cancelled() {
             match self.claim().await {
                 Ok(Some((claim, entry))) => {
                     self.relieved();
                     // an announcement wakes one worker: pass it on, there may be more than one job
-                    self.shop.board.announce_work();
+                    self.context.monitor.announce_work();
                     let span = tracing::info_span!("job", job.id = %claim.job.id, attempt = claim.job.attempts);
                     self.run_job(claim, entry).instrument(span).await;
                 }
@@ -120,33 +123,33 @@ impl Worker {
     }
 
     fn timing(&self) -> &QueueTiming {
-        &self.shop.config.queue
+        &self.context.config.queue
     }
 
-    /// Takes a job and puts it on the board, one worker after the other.
-    async fn claim(&self) -> Result<Option<(JobClaim, Entry)>, StoreError> {
-        let board = &self.shop.board;
-        let _turn = board.claiming.lock().await;
+    /// Takes a job and says so to the monitor, one worker after the other.
+    async fn claim(&self) -> Result<Option<(JobClaim, Entry)>, DatabaseError> {
+        let monitor = &self.context.monitor;
+        let _turn = monitor.claiming.lock().await;
         let claimant = Claimant {
-            worker: self.name.clone(),
-            living: board.living(),
+            worker: self.id,
+            living: monitor.living(),
             lease: self.timing().lease,
             max_attempts: self.timing().max_attempts,
-            room: self.budget().room(board.running_points()),
+            room: self.budget().room(monitor.running_points()),
         };
-        let claim = self.shop.store.claim_job(&claimant).await?;
+        let claim = self.context.database.claim_job(&claimant).await?;
         Ok(claim.map(|claim| {
-            let entry = board.enter(claim.job.id, claim.job.kind, claim.points);
+            let entry = monitor.enter(claim.job.id, claim.job.kind, claim.points);
             (claim, entry)
         }))
     }
 
     fn budget(&self) -> Budget {
-        Budget(self.shop.config.job_memory_bytes)
+        Budget(self.context.config.job_memory_bytes)
     }
 
     /// Says that the database fails, once.
-    fn complain(&self, doing: &str, error: &StoreError) {
+    fn complain(&self, doing: &str, error: &DatabaseError) {
         if !self.has_complained.swap(true, Ordering::Relaxed) {
             tracing::error!("{doing}: {error}; it is tried again");
         }
@@ -160,7 +163,7 @@ impl Worker {
 
     async fn wait(&self, at_most: Duration) {
         tokio::select! {
-            () = self.shop.board.work_announced() => {}
+            () = self.context.monitor.work_announced() => {}
             () = tokio::time::sleep(at_most) => {}
             () = self.stop.cancelled() => {}
         }
@@ -198,7 +201,7 @@ impl Worker {
 
     /// Starts the job's thread.
     async fn start_work(&self, claim: &JobClaim, entry: &Entry) -> Result<WorkResult, WorkError> {
-        let server_threads = self.shop.config.threads.max(1);
+        let server_threads = self.context.config.threads.max(1);
         let threads = claim.job.options.threads.unwrap_or(server_threads).clamp(1, server_threads);
         let progress = Progress::new(entry.tracker.clone(), entry.stop.flag());
         let Some(set) = claim.job.scan_set_id else {
@@ -206,15 +209,15 @@ impl Worker {
             return spawned(move || pooled(threads, || evaluation.run()).map(|()| None));
         };
         self.budget().admit(claim.points)?;
-        let set = self.shop.store.scan_set(set).await?;
+        let set = self.context.database.scan_set(set).await?;
         let work = Work {
             job: claim.job.clone(),
             set,
-            store: self.shop.store.clone(),
+            database: self.context.database.clone(),
             runtime: tokio::runtime::Handle::current(),
-            blobs: self.shop.blobs.clone(),
-            engine: self.shop.engine.clone(),
-            limits: self.shop.config.limits,
+            objects: self.context.objects.clone(),
+            engine: self.context.engine.clone(),
+            limits: self.context.config.limits,
             threads,
             tracker: entry.tracker.clone(),
             progress,
@@ -224,11 +227,11 @@ impl Worker {
 
     fn evaluation(&self, progress: Progress) -> Evaluation {
         Evaluation {
-            store: self.shop.store.clone(),
-            blobs: self.shop.blobs.clone(),
-            gallery: self.shop.gallery.clone(),
-            engine: self.shop.engine.clone(),
-            limits: self.shop.config.limits,
+            database: self.context.database.clone(),
+            objects: self.context.objects.clone(),
+            gallery: self.context.gallery.clone(),
+            engine: self.context.engine.clone(),
+            limits: self.context.config.limits,
             progress,
             runtime: tokio::runtime::Handle::current(),
         }
@@ -249,7 +252,7 @@ impl Worker {
         }
         // a thread that does not listen is left behind: it can write nothing any more
         entry.stop.raise(StopReason::Shutdown);
-        match tokio::time::timeout(self.shop.config.shutdown_deadline / 2, result).await {
+        match tokio::time::timeout(self.context.config.shutdown_deadline / 2, result).await {
             Ok(Ok(ended)) => ended,
             Ok(Err(_)) | Err(_) => Err(WorkError::Stopped),
         }
@@ -259,7 +262,7 @@ impl Worker {
     async fn beat(&self, claim: &JobClaim, entry: &Entry) {
         let now = entry.tracker.snapshot();
         let stage = now.stage.map(crate::progress::Stage::name);
-        let beat = self.shop.store.heartbeat(claim, self.timing().lease, stage, now.progress, &now.stage_seconds);
+        let beat = self.context.database.heartbeat(claim, self.timing().lease, stage, now.progress, &now.stage_seconds);
         match beat.await {
             Ok(Some(true)) => entry.stop.raise(StopReason::Canceled),
             Ok(Some(false)) => self.relieved(),
@@ -275,23 +278,23 @@ impl Worker {
         claim: &JobClaim,
         entry: &Entry,
         made: &Result<Option<Made>, WorkError>,
-    ) -> Result<(), StoreError> {
+    ) -> Result<(), DatabaseError> {
         match made {
             Ok(Some(made)) => self.succeed(claim, made).await,
             Ok(None) => {
-                if self.shop.store.finish_job(claim, &Finish::Succeeded(None)).await?.is_none() {
-                    drop(self.shop.store.finish_job(claim, &Finish::Canceled).await?);
+                if self.context.database.finish_job(claim, &Finish::Succeeded(None)).await?.is_none() {
+                    drop(self.context.database.finish_job(claim, &Finish::Canceled).await?);
                 }
                 Ok(())
             }
             Err(WorkError::Failed(error)) => {
-                self.shop.store.finish_job(claim, &Finish::Failed(error.clone())).await.map(drop)?;
+                self.context.database.finish_job(claim, &Finish::Failed(error.clone())).await.map(drop)?;
                 tracing::warn!(code = error.code, scan = error.scan, "the job failed: {}", error.message);
                 Ok(())
             }
             Err(WorkError::GivesWay) => {
                 tracing::info!("the job gives way to registrations");
-                self.shop.store.give_back_job(claim).await.map(drop)
+                self.context.database.give_back_job(claim).await.map(drop)
             }
             Err(WorkError::Later(reason)) => {
                 tracing::warn!("the job waits: {reason}");
@@ -300,12 +303,12 @@ impl Worker {
                     () = tokio::time::sleep(PAUSE_AFTER_ERROR) => {}
                     () = self.stop.cancelled() => {}
                 }
-                self.shop.store.give_back_job(claim).await.map(drop)
+                self.context.database.give_back_job(claim).await.map(drop)
             }
             Err(WorkError::Stopped) => match entry.stop.reason() {
                 Some(StopReason::Canceled) => {
                     tracing::info!("the job was canceled");
-                    self.shop.store.finish_job(claim, &Finish::Canceled).await.map(drop)
+                    self.context.database.finish_job(claim, &Finish::Canceled).await.map(drop)
                 }
                 Some(StopReason::LeaseLost) => {
                     tracing::warn!("the job was taken over by another worker");
@@ -313,37 +316,37 @@ impl Worker {
                 }
                 Some(StopReason::Shutdown) => {
                     tracing::info!("the job is given back");
-                    self.shop.store.give_back_job(claim).await.map(drop)
+                    self.context.database.give_back_job(claim).await.map(drop)
                 }
                 None => {
                     let error = defect("the job stopped though nobody asked for it");
-                    self.shop.store.finish_job(claim, &Finish::Failed(error)).await.map(drop)
+                    self.context.database.finish_job(claim, &Finish::Failed(error)).await.map(drop)
                 }
             },
         }
     }
 
-    async fn succeed(&self, claim: &JobClaim, made: &Made) -> Result<(), StoreError> {
+    async fn succeed(&self, claim: &JobClaim, made: &Made) -> Result<(), DatabaseError> {
         let id = made.model.id;
         let finish = Finish::Succeeded(Some(Box::new(made.model.clone())));
-        let unseen = self.shop.store.finish_job(claim, &finish).await?;
+        let unseen = self.context.database.finish_job(claim, &finish).await?;
         // an earlier try may have been written though its answer was lost
-        if unseen.is_some() || self.shop.store.model(id).await.is_ok() {
+        if unseen.is_some() || self.context.database.model(id).await.is_ok() {
             if let Some(signature) = &made.signature {
-                self.shop.gallery.publish(&self.shop.store, id, signature.clone()).await?;
+                self.context.gallery.publish(self.context.database.as_ref(), id, signature.clone()).await?;
             }
             drop(unseen);
             tracing::info!(model.id = %id, "the job succeeded");
             return Ok(());
         }
         // canceled or taken over at the last moment: nobody knows these files
-        let blobs = self.shop.blobs.clone();
-        match tokio::task::spawn_blocking(move || blobs.remove_model(id)).await {
-            Ok(Ok(())) => self.shop.store.forget_loose(&[StoredFile::Model(id)]).await?,
+        let objects = self.context.objects.clone();
+        match tokio::task::spawn_blocking(move || objects.remove(StoredFile::Model(id))).await {
+            Ok(Ok(())) => self.context.database.forget_loose(&[StoredFile::Model(id)]).await?,
             Ok(Err(error)) => tracing::warn!("files of a model that nobody wants: {error}"),
             Err(error) => tracing::warn!("files of a model that nobody wants: {error}"),
         }
-        self.shop.store.finish_job(claim, &Finish::Canceled).await.map(drop)
+        self.context.database.finish_job(claim, &Finish::Canceled).await.map(drop)
     }
 }
 

@@ -12,26 +12,24 @@ use super::admission::Plan;
 use super::engine::Engine;
 use super::tracker::Tracker;
 use super::{admission, artifacts};
-use crate::blobs::{BlobError, Blobs, StagedModel};
 use crate::config::Limits;
 use crate::domain::asset::Asset;
+use crate::domain::{AssetRecord, JobError, JobRecord, ModelId, NewModel, ScanRecord, ScanSetRecord, StoredFile};
 use crate::faces::Signature;
 use crate::formats::{self, Dropped};
 use crate::pipeline::{NamedScan, PipelineError, RegisteredModel};
 use crate::progress::{Canceled, Progress, Stage};
-use crate::store::{
-    AssetRecord, JobError, JobRecord, ModelId, NewModel, ScanRecord, ScanSetRecord, Store, StoreError, StoredFile,
-};
+use crate::storage::{Database, DatabaseError, ObjectError, ObjectStore, StagedModel};
 use crate::telemetry::panic_message;
 
 /// Everything one job needs.
 pub(super) struct Work {
     pub job: JobRecord,
     pub set: ScanSetRecord,
-    pub store: Store,
-    /// The runtime that the store runs on; this work runs on a thread of its own.
+    pub database: Arc<dyn Database>,
+    /// The runtime that the database runs on; this work runs on a thread of its own.
     pub runtime: Handle,
-    pub blobs: Arc<Blobs>,
+    pub objects: Arc<dyn ObjectStore>,
     pub engine: Arc<dyn Engine>,
     pub limits: Limits,
     /// Threads of the pool.
@@ -66,8 +64,8 @@ impl From<Canceled> for WorkError {
     }
 }
 
-impl From<BlobError> for WorkError {
-    fn from(error: BlobError) -> Self {
+impl From<ObjectError> for WorkError {
+    fn from(error: ObjectError) -> Self {
         if error.is_shortage() {
             return WorkError::Later(error.to_string());
         }
@@ -80,13 +78,13 @@ impl From<BlobError> for WorkError {
     }
 }
 
-impl From<StoreError> for WorkError {
-    fn from(error: StoreError) -> Self {
+impl From<DatabaseError> for WorkError {
+    fn from(error: DatabaseError) -> Self {
         match error {
-            StoreError::Full => {
+            DatabaseError::Full => {
                 failed("storage_full", error.to_string(), None, "free space on the server's disk, then retry the job")
             }
-            StoreError::Locked => WorkError::Later(error.to_string()),
+            DatabaseError::Locked => WorkError::Later(error.to_string()),
             error if error.is_shortage() => WorkError::Later(error.to_string()),
             error => {
                 failed("storage_failed", error.to_string(), None, "look into the server's log, then retry the job")
@@ -95,16 +93,16 @@ impl From<StoreError> for WorkError {
     }
 }
 
-/// Waits for the store from a job's thread. While another program holds the database's lock, it is tried again: what
+/// Waits for the database from a job's thread. While another program holds the database's lock, it is tried again: what
 /// was computed is worth more than a few seconds.
-pub(super) fn stored<T, F: Future<Output = Result<T, StoreError>>>(
+pub(super) fn stored<T, F: Future<Output = Result<T, DatabaseError>>>(
     runtime: &Handle,
     progress: &Progress,
     ask: impl Fn() -> F,
 ) -> Result<T, WorkError> {
     loop {
         match runtime.block_on(ask()) {
-            Err(StoreError::Locked) => progress.check()?,
+            Err(DatabaseError::Locked) => progress.check()?,
             done => return Ok(done?),
         }
     }
@@ -211,7 +209,7 @@ impl Work {
     }
 
     fn load_one(&self, scan: &ScanRecord) -> Result<(NamedScan, Dropped), WorkError> {
-        let bytes = self.blobs.read_scan(self.set.id, scan.file_id)?;
+        let bytes = self.objects.read_scan(self.set.id, scan.file_id)?;
         if blake3::hash(&bytes).to_hex().as_str() != scan.checksum {
             let message = format!("the stored file of scan {} is not what was uploaded", scan.name);
             return Err(failed("damaged_scan", message, Some(scan.name.clone()), "upload the scan again"));
@@ -224,7 +222,7 @@ impl Work {
 
     /// Writes the model's files and moves them to where they belong.
     fn keep(&self, outcome: RegisteredModel) -> Result<Made, WorkError> {
-        let staged = self.blobs.stage_model()?;
+        let staged = self.objects.stage_model()?;
         let mut assets = Vec::new();
         let run = || {
             let seconds = self.tracker.snapshot().stage_seconds;
@@ -232,7 +230,7 @@ impl Work {
         };
         artifacts::write_assets(&outcome, run, |asset, content| -> Result<(), WorkError> {
             self.progress.check()?;
-            assets.push(write_asset(&staged, &asset.name(), content)?);
+            assets.push(self.write_asset(&staged, &asset.name(), content)?);
             if asset == Asset::Cloud {
                 self.progress.report(Stage::Storing, 0.5);
             }
@@ -240,8 +238,8 @@ impl Work {
         })?;
         let id = ModelId::new();
         let coming = [StoredFile::Model(id)];
-        stored(&self.runtime, &self.progress, || self.store.expect_files(&coming))?;
-        self.blobs.keep_model(&staged, id)?;
+        stored(&self.runtime, &self.progress, || self.database.expect_files(&coming))?;
+        self.objects.keep_model(&staged, id)?;
         Ok(Made { model: self.model(id, &outcome, assets), signature: outcome.signature })
     }
 
@@ -260,11 +258,11 @@ impl Work {
             signature: outcome.signature.as_ref().map(Into::into),
         }
     }
-}
 
-fn write_asset(staged: &StagedModel, name: &str, content: &[u8]) -> Result<AssetRecord, BlobError> {
-    let checksum = staged.write(name, content)?;
-    Ok(AssetRecord { name: name.to_owned(), bytes: content.len() as u64, checksum })
+    fn write_asset(&self, staged: &StagedModel, name: &str, content: &[u8]) -> Result<AssetRecord, ObjectError> {
+        let checksum = self.objects.write_asset(staged, name, content)?;
+        Ok(AssetRecord { name: name.to_owned(), bytes: content.len() as u64, checksum })
+    }
 }
 
 #[cfg(test)]
@@ -273,8 +271,9 @@ mod tests {
 
     #[test]
     fn a_job_does_not_fail_for_good_because_too_many_files_are_open() {
-        let io = |code: i32| BlobError::Io { doing: "reading a scan", source: std::io::Error::from_raw_os_error(code) };
-        let of = |error: BlobError| WorkError::from(error);
+        let io =
+            |code: i32| ObjectError::Io { doing: "reading a scan", source: std::io::Error::from_raw_os_error(code) };
+        let of = |error: ObjectError| WorkError::from(error);
         assert!(matches!(of(io(nix::errno::Errno::EMFILE as i32)), WorkError::Later(_)));
         assert!(
             matches!(of(io(nix::errno::Errno::EIO as i32)), WorkError::Failed(error) if error.code == "storage_failed")

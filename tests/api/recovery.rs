@@ -6,7 +6,8 @@ use std::time::{Duration, Instant};
 use crate::common::{Mode, TestServer, config, expect_json, text};
 use reqwest::StatusCode;
 use visage::http::{Server, StartError};
-use visage::jobs::opening::OpenError;
+use visage::storage::data_folder::OpenError;
+use visage::storage::database::{Files, Upkeep};
 
 const LONG: Mode = Mode::Slow(Duration::from_secs(60));
 
@@ -101,7 +102,7 @@ async fn a_shutdown_waits_no_longer_than_its_deadline() {
 async fn a_folder_belongs_to_one_server() {
     let server = TestServer::start().await;
     let refused = Server::start(config(server.folder.path())).await.expect_err("in use");
-    assert!(matches!(refused, StartError::Data(OpenError::Blobs(_))));
+    assert!(matches!(refused, StartError::Data(OpenError::Folder(_))));
     assert!(refused.to_string().contains("in use by another visage server"), "{refused}");
 }
 
@@ -111,14 +112,15 @@ async fn what_a_crash_left_on_disk_is_swept() {
     server.model().await;
     let folder = server.folder;
     server.handle.abort().await;
-    let lost = visage::store::ModelId::new();
+    let lost = visage::domain::ModelId::new();
     let half = folder.path().join("models").join(lost.to_string());
     std::fs::create_dir(&half).expect("created");
     std::fs::write(half.join("cloud.ply"), "half").expect("written");
-    let store = visage::store::Store::open(&folder.path().join("visage.sqlite")).await.expect("opened");
-    store.expect_files(&[visage::store::StoredFile::Model(lost)]).await.expect("it was said to come");
+    let store =
+        visage::storage::sqlite::SqliteDatabase::open(&folder.path().join("visage.sqlite")).await.expect("opened");
+    store.expect_files(&[visage::domain::StoredFile::Model(lost)]).await.expect("it was said to come");
     store.close().await;
-    let upload = visage::store::FileId::new().to_string();
+    let upload = visage::domain::FileId::new().to_string();
     std::fs::write(folder.path().join("staging").join(upload), "half").expect("written");
     let server = TestServer::start_on(folder, |_| {}).await;
     assert_eq!((server.files("models"), server.files("staging"), server.files("scan-sets")), (4, 0, 3));

@@ -11,8 +11,8 @@ use reqwest::multipart::{Form, Part};
 use serde_json::{Value, json};
 use sqlx::{ConnectOptions, SqliteConnection, sqlite::SqliteConnectOptions};
 use visage::http::{Server, StartError};
-use visage::jobs::checkup;
-use visage::jobs::opening::{DataFolder, OpenError};
+use visage::storage::checkup;
+use visage::storage::data_folder::{DataFolder, OpenError};
 
 /// All files below a folder with their content, the database and what goes with it left out.
 fn content(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
@@ -106,13 +106,13 @@ async fn an_older_database_is_refused_until_its_operator_sets_the_files_aside() 
 
     // what `visage doctor --set-aside` does
     let data = DataFolder::open(folder.path(), Duration::ZERO).await.expect("opened");
-    let mut findings = checkup::examine(&data).await.expect("examined");
+    let mut findings = checkup::examine(&data.storage).await.expect("examined");
     assert!(!findings.is_sound());
-    let trash = checkup::set_aside(&data, &mut findings).await.expect("set aside");
+    let trash = checkup::set_aside(&data.storage, &mut findings).await.expect("set aside");
     assert!(findings.is_sound(), "{findings:?}");
-    data.store.close().await;
+    data.storage.database.close().await;
     drop(data);
-    assert!(trash.join("models").join(&new).join("cloud.ply").exists());
+    assert!(Path::new(&trash).join("models").join(&new).join("cloud.ply").exists());
     let server = TestServer::start_on(folder, |_| {}).await;
     expect_json(server.get(&format!("/v1/models/{old}")).await, StatusCode::OK).await;
     expect_problem(server.get(&format!("/v1/models/{new}")).await, 404, "not_found").await;
@@ -259,9 +259,9 @@ async fn a_damaged_file_is_not_served_and_not_built_on() {
     let folder = server.folder;
     assert!(server.handle.shutdown().await);
     let data = DataFolder::open(folder.path(), Duration::ZERO).await.expect("opened");
-    let findings = checkup::examine(&data).await.expect("examined");
+    let findings = checkup::examine(&data.storage).await.expect("examined");
     assert_eq!((findings.damaged_files.len(), findings.files_read), (2, 8), "{findings:?}");
-    data.store.close().await;
+    data.storage.database.close().await;
     drop(data);
     let doctor = Command::new(env!("CARGO_BIN_EXE_visage")).args(["doctor", "--data"]).arg(folder.path()).output();
     let doctor = doctor.expect("it runs");

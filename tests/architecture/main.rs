@@ -21,18 +21,18 @@ const LAYERS: &[(&str, &[&str])] = &[
     ("retrieval", &["geometry", "faces"]),
     ("synthetic", &["geometry"]),
     ("formats", &["geometry"]),
-    // names of files, and what may be chosen: the methods
-    ("domain", &["geometry", "registration", "formats"]),
+    // what is kept and what may be chosen: methods and hints, signatures, classes
+    ("domain", &["geometry", "registration", "formats", "faces", "classes"]),
     ("pipeline", &["geometry", "registration", "reconstruction", "saliency", "faces", "domain"]),
     // around them
     // what the machine has
     ("machine", &[]),
     ("config", &["formats", "machine"]),
     ("telemetry", &[]),
-    // scans, poses and options as values; the gallery index, which it keeps current
-    ("store", &["geometry", "pipeline", "faces", "classes", "retrieval", "domain"]),
-    // ids, and which files a sweep must leave
-    ("blobs", &["store"]),
+    // records go in and come out; of the algorithms only which versions are current, and hints as a value
+    ("storage", &["geometry", "registration", "faces", "classes", "domain"]),
+    // the gallery index, kept current
+    ("app", &["geometry", "faces", "retrieval", "domain", "storage"]),
     (
         "jobs",
         &[
@@ -45,8 +45,8 @@ const LAYERS: &[(&str, &[&str])] = &[
             "config",
             "machine",
             "telemetry",
-            "store",
-            "blobs",
+            "storage",
+            "app",
         ],
     ),
     (
@@ -61,8 +61,8 @@ const LAYERS: &[(&str, &[&str])] = &[
             "domain",
             "config",
             "telemetry",
-            "store",
-            "blobs",
+            "storage",
+            "app",
             "jobs",
         ],
     ),
@@ -81,7 +81,8 @@ const LAYERS: &[(&str, &[&str])] = &[
             "machine",
             "telemetry",
             "jobs",
-            "store",
+            // what a data folder holds is looked through
+            "storage",
             "http",
         ],
     ),
@@ -128,15 +129,20 @@ const PRINTING: &[&str] = &["print", "println", "eprint", "eprintln", "dbg"];
 
 /// Outside of the pure modules: the only users of a path.
 const ONLY_IN: &[(&str, &[&str])] = &[
-    ("sqlx", &["store"]),
+    ("sqlx", &["storage"]),
     ("axum", &["http"]),
     ("reqwest", &["cli"]),
     ("indicatif", &["cli"]),
-    // `blobs` keeps the service's files; `cli` reads and writes the folders that its user names; `machine` asks the system
-    ("std::fs", &["blobs", "cli", "machine"]),
-    ("tokio::fs", &["blobs", "cli"]),
+    // `storage` keeps the service's files; `cli` reads and writes the folders that its user names; `machine` asks the system
+    ("std::fs", &["storage", "cli", "machine"]),
+    ("tokio::fs", &["storage", "cli"]),
+    // where things are is between `config`, which is told, and `storage`; the service sees records
+    ("std::path", &["config", "storage", "cli"]),
     ("std::process", &["cli", "main"]),
 ];
+
+/// Backends of the storage: nobody outside names them but who opens a folder and who measures one.
+const BACKENDS: &[&str] = &["sqlite", "local_files"];
 
 const MOST_LINES: usize = 450;
 
@@ -265,6 +271,27 @@ fn layers_point_one_way() {
     assert!(all.is_empty(), "{} places break the layers:\n{}", all.len(), all.join("\n"));
 }
 
+/// `http` and `jobs` see the traits of the storage, and one backend does not see the other.
+#[test]
+fn backends_are_nobodys_business() {
+    let mut all = Vec::new();
+    for (file, source) in sources() {
+        let names = module_path(&file);
+        let is_tested = source.find("#[cfg(test)]").unwrap_or(source.len());
+        for named in paths(&source[..is_tested]) {
+            let backend = BACKENDS.iter().find(|backend| named.is_in(&format!("crate::storage::{backend}")));
+            let own = names.get(1).map(String::as_str);
+            let is_allowed = |backend: &str| {
+                names[0] == "cli" || names[0] == "storage" && (own == Some(backend) || own == Some("data_folder"))
+            };
+            if let Some(backend) = backend.filter(|backend| !is_allowed(backend)) {
+                all.push(format!("src/{}:{}: {backend} is behind a trait", file.display(), named.line));
+            }
+        }
+    }
+    assert!(all.is_empty(), "{}", all.join("\n"));
+}
+
 #[test]
 fn every_module_has_its_place() {
     let mut files: BTreeMap<String, usize> = BTreeMap::new();
@@ -342,18 +369,18 @@ fn the_reader_finds_what_is_forbidden() {
         ),
         ("use visage_shape::faces::Size;", "1: geometry must not use faces (visage_shape::faces::Size)"),
         ("use crate::{progress, http::Server};", "1: geometry must not use http (crate::http::Server)"),
-        ("use super::super::store::Store;", "1: geometry must not use store (super::super::store::Store)"),
+        ("use super::super::storage::Storage;", "1: geometry must not use storage (super::super::storage::Storage)"),
     ] {
         let found = complaints("geometry", 2, source);
         assert!(found.iter().any(|found| found == complaint), "{source:?}: {found:?}");
     }
     assert_eq!(
         complaints("http", 2, "let p: sqlx::SqlitePool;"),
-        ["1: sqlx::SqlitePool belongs to store, not to http"]
+        ["1: sqlx::SqlitePool belongs to storage, not to http"]
     );
     assert_eq!(
         complaints("jobs", 2, "use tokio::{fs, sync::Notify};"),
-        ["1: tokio::fs belongs to blobs and cli, not to jobs"]
+        ["1: tokio::fs belongs to storage and cli, not to jobs"]
     );
 }
 

@@ -8,9 +8,11 @@ use clap::Args;
 use rayon::prelude::*;
 
 use super::gallery::population::Population;
+use visage::app::live_gallery::LiveGallery;
+use visage::domain::{ModelId, NewModel, StoredSignature};
 use visage::geometry::Unit;
-use visage::store::live_gallery::LiveGallery;
-use visage::store::{ModelId, NewModel, Store, StoredSignature};
+use visage::storage::database::{Models, Upkeep};
+use visage::storage::sqlite::SqliteDatabase;
 
 /// How many models are stored.
 #[derive(Debug, Args)]
@@ -35,20 +37,20 @@ pub fn run(args: StartArgs) -> anyhow::Result<()> {
     let file = folder.join("visage.sqlite");
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().context("starting the runtime")?;
     runtime.block_on(async {
-        let store = Store::open(&file).await?;
+        let database = SqliteDatabase::open(&file).await?;
         let numbers: Vec<u64> = (0..args.models).collect();
         for chunk in numbers.chunks(AT_ONCE) {
             let models: Vec<NewModel> = chunk.par_iter().map(|&number| model(&population, number)).collect();
-            store.create_models(&models).await?;
+            database.create_models(&models).await?;
         }
         let gallery = LiveGallery::default();
         let (cpu, wall) = (super::gallery::cpu_seconds(), Instant::now());
-        let models = gallery.load(&store).await?;
+        let models = gallery.load(&database).await?;
         let (cpu, wall) = (super::gallery::cpu_seconds() - cpu, wall.elapsed().as_secs_f64());
         let mib = std::fs::metadata(&file)?.len() as f64 / f64::from(1 << 20);
         println!("| models | database, MiB | loaded in, wall s | CPU s | CPU us a model |\n| ---: | ---: | ---: | ---: | ---: |");
         println!("| {models} | {mib:.0} | {wall:.1} | {cpu:.1} | {:.0} |", 1e6 * cpu / models.max(1) as f64);
-        store.close().await;
+        database.close().await;
         Ok(())
     })
 }

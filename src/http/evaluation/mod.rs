@@ -95,7 +95,7 @@ async fn evaluated(state: &AppState, query: EvaluationQuery) -> Result<Evaluatio
 type Labels = BTreeMap<ModelId, Box<str>>;
 
 async fn evaluate(state: &AppState, query: EvaluationQuery) -> Result<Evaluation, Problem> {
-    state.shop.store.settled().await;
+    state.context.database.settled().await;
     let name = query.standard.unwrap_or_else(|| "face".to_owned());
     let judged = match standard::by_name(&name) {
         Some(_) => None,
@@ -106,7 +106,7 @@ async fn evaluate(state: &AppState, query: EvaluationQuery) -> Result<Evaluation
     let method = query.method.unwrap_or_default();
     let positive = query.label.unwrap_or_else(|| name.clone());
     let labels = labels(state, query.label_prefix.as_deref().unwrap_or_default())?;
-    let gallery = state.shop.gallery.clone();
+    let gallery = state.context.gallery.clone();
     let work = move || {
         let of_face = verdicts::scores(&gallery, "face", method.into(), &labels)?;
         // of those only that are in the index: others have signatures of another version
@@ -130,7 +130,7 @@ async fn evaluate(state: &AppState, query: EvaluationQuery) -> Result<Evaluation
 }
 
 fn labels(state: &AppState, prefix: &str) -> Result<Labels, Problem> {
-    let labeled = state.shop.gallery.catalogue().labeled(prefix, MOST_MODELS);
+    let labeled = state.context.gallery.catalogue().labeled(prefix, MOST_MODELS);
     labeled.map(|labeled| labeled.into_iter().collect()).ok_or_else(|| {
         let detail = format!("more than {MOST_MODELS} models have such a label");
         Problem::new(Code::TooManyLabels, detail, "ask for a part of the labels with label_prefix")

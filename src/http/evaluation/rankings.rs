@@ -6,10 +6,10 @@ use super::super::problem::Problem;
 use super::super::state::{AppState, blocking};
 use super::Labels;
 use super::views::{ClassFigures, RankingEvaluation};
+use crate::app::live_gallery::{LiveGallery, NotReady};
 use crate::faces::Signature;
 use crate::retrieval::measures::RankingMeasures;
 use crate::retrieval::{ModelId, TopK};
-use crate::store::live_gallery::{LiveGallery, NotReady};
 
 /// No more models than this are asked about, spread evenly over all.
 const MOST_PROBES: usize = 500;
@@ -22,11 +22,11 @@ pub async fn evaluate(state: &AppState, labels: &Labels) -> Result<Option<Rankin
     let labels = std::sync::Arc::new(labels.clone());
     let mut by_class: BTreeMap<Box<str>, Vec<RankingMeasures>> = BTreeMap::new();
     for probe in probes(&labels) {
-        let id = crate::store::ModelId::from_number(probe);
-        let content = state.shop.store.signature(id).await?;
+        let id = crate::domain::ModelId::from_number(probe);
+        let content = state.context.database.signature(id).await?;
         // a model that was deleted in the meantime
         let Some(signature) = content.and_then(|content| Signature::from_bytes(&content).ok()) else { continue };
-        let (gallery, everyone) = (state.shop.gallery.clone(), labels.clone());
+        let (gallery, everyone) = (state.context.gallery.clone(), labels.clone());
         let measures = blocking(move || measures(&gallery, probe, &signature, &everyone)).await??;
         if let (Some(measures), Some(label)) = (measures, labels.get(&probe)) {
             by_class.entry(label.clone()).or_default().push(measures);

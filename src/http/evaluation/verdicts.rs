@@ -8,10 +8,10 @@ use super::super::standards::ranking;
 use super::super::state::AppState;
 use super::Labels;
 use super::views::{RocPointView, VerdictEvaluation};
+use crate::app::live_gallery::{LiveGallery, NotReady};
+use crate::domain::StoredVerdict;
 use crate::retrieval::measures::{self, RocPoint};
 use crate::retrieval::{MatchMethod, ModelId, TopK};
-use crate::store::StoredVerdict;
-use crate::store::live_gallery::{LiveGallery, NotReady};
 
 /// Of each class at least so many, or there is nothing to tell apart.
 const LEAST_MODELS: usize = 2;

@@ -9,25 +9,25 @@ use super::super::verdicts::{ExplanationView, VerdictView, places};
 use super::class;
 use super::question::{About, ClassVerdict, Question};
 use super::views::{MatchView, QueryAnswer};
+use crate::domain::{MatchedModel, ModelId};
 use crate::faces::judgement::MATCH_SCORE;
 use crate::faces::{MatchMethod, Signature, standard};
 use crate::retrieval::{Evidence, Match, PROBE_MATCH_SCORE, Reason, compare, triangle_match_score};
-use crate::store::{MatchedModel, ModelId};
 
 /// The answer of the gallery as it is at this moment.
 pub async fn answer(state: &AppState, question: Question) -> Result<QueryAnswer, Problem> {
-    state.shop.store.settled().await;
+    state.context.database.settled().await;
     if let About::Class { name } = &question.about {
         return class::answer(state, &question, name).await;
     }
-    let gallery = state.shop.gallery.clone();
+    let gallery = state.context.gallery.clone();
     let search = move || {
         let answer = gallery.ask(|index| (question.answer(index, &gallery.catalogue()), index.len()));
         answer.map(|((matches, next_cursor), searched)| (question, matches, next_cursor, searched))
     };
     let (question, matches, next_cursor, searched) = blocking(search).await??;
     let ids: Vec<ModelId> = matches.iter().map(|found| ModelId::from_number(found.model_id)).collect();
-    let models = state.shop.store.matched_models(&ids).await?;
+    let models = state.context.database.matched_models(&ids).await?;
     blocking(move || QueryAnswer {
         matches: shown(&question, matches, models),
         searched,

@@ -10,9 +10,9 @@ use super::super::state::AppState;
 use super::super::verdicts::VerdictView;
 use super::question::{Question, unknown_standard};
 use super::views::{MatchView, QueryAnswer};
+use crate::domain::{MatchedModel, ModelId, StoredVerdict};
 use crate::faces::judgement::MATCH_SCORE;
 use crate::retrieval::Rank;
-use crate::store::{MatchedModel, ModelId, StoredVerdict};
 
 /// The models judged so far, best first.
 pub async fn answer(state: &AppState, question: &Question, name: &str) -> Result<QueryAnswer, Problem> {
@@ -27,7 +27,7 @@ pub async fn answer(state: &AppState, question: &Question, name: &str) -> Result
     let next_cursor =
         wanted.last().filter(|_| more).map(|last| cursor::after(&question.fingerprint, rank(&ranking, last)));
     let ids: Vec<ModelId> = wanted.iter().map(|verdict| verdict.model_id).collect();
-    let models = state.shop.store.matched_models(&ids).await?;
+    let models = state.context.database.matched_models(&ids).await?;
     let mut models: HashMap<ModelId, MatchedModel> = models.into_iter().map(|model| (model.id, model)).collect();
     let view = |verdict: &&StoredVerdict| {
         let model = models.remove(&verdict.model_id)?;
@@ -46,7 +46,7 @@ pub async fn answer(state: &AppState, question: &Question, name: &str) -> Result
 
 /// The verdicts that are asked for, and one more if there is one.
 fn wanted<'a>(state: &AppState, question: &Question, ranking: &'a Ranking) -> Vec<&'a StoredVerdict> {
-    let catalogue = state.shop.gallery.catalogue();
+    let catalogue = state.context.gallery.catalogue();
     let accepts = |id| catalogue.takes(&question.terms.filter, id);
     let wanted = question.top_k(&accepts);
     let threshold = question.terms.threshold.unwrap_or(MATCH_SCORE);

@@ -12,11 +12,12 @@ use super::triangle::AskedTriangle;
 use super::views::{MethodView, QueryBody};
 use crate::classes::limit::Learned;
 use crate::classes::{Class, Found};
+use crate::domain::{ModelId, StandardRecord};
 use crate::faces::Signature;
 use crate::faces::standard::{self, Standard};
 use crate::geometry::{Surface, Unit};
 use crate::retrieval::{Catalogue, Gallery, Match, MatchMethod, Rank, TopK};
-use crate::store::{ModelId, StandardRecord, StoreError};
+use crate::storage::DatabaseError;
 
 /// The form by which an uploaded probe is asked about.
 pub const RULES: FormRules = FormRules {
@@ -231,8 +232,8 @@ pub fn verified_alone(name: &str, method: Option<MethodView>) -> Result<(), Prob
 
 /// The standard of this name that a user has made.
 async fn class_named(state: &AppState, name: &str) -> Result<StandardRecord, Problem> {
-    let standard = match state.shop.store.standard(name).await {
-        Err(StoreError::NotFound { .. }) => return Err(unknown_standard(name)),
+    let standard = match state.context.database.standard(name).await {
+        Err(DatabaseError::NotFound { .. }) => return Err(unknown_standard(name)),
         found => found?,
     };
     if standard.class.version != Class::VERSION {
@@ -275,11 +276,12 @@ fn method_named(name: &str) -> Result<MethodView, Problem> {
 }
 
 async fn stored_signature(state: &AppState, id: ModelId) -> Result<Signature, Problem> {
-    state.shop.store.model(id).await?;
+    state.context.database.model(id).await?;
     let refused = |reason: String| {
         let hint = "upload the model again, or register its scans again with signature: true";
         Problem::new(Code::NoSignature, format!("model {id} can't be asked about: {reason}"), hint)
     };
-    let content = state.shop.store.signature(id).await?.ok_or_else(|| refused("it has no signature".to_owned()))?;
+    let content =
+        state.context.database.signature(id).await?.ok_or_else(|| refused("it has no signature".to_owned()))?;
     Signature::from_bytes(&content).map_err(|error| refused(error.to_string()))
 }

@@ -1,0 +1,126 @@
+//! Models: what they are made of, and their files.
+
+use super::asset::Origin;
+use super::{JobId, ModelId, ScanSetId, StoredSignature};
+use crate::faces::SignatureSummary;
+use crate::geometry::Unit;
+
+/// One file of a model.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct AssetRecord {
+    /// Its name in the API and on disk; one of ours, never a user's.
+    pub name: String,
+    /// Its size.
+    pub bytes: u64,
+    /// BLAKE3 of its content, hexadecimal.
+    pub checksum: String,
+}
+
+/// A model that is to be stored.
+#[derive(Debug, Clone)]
+pub struct NewModel {
+    /// Its id.
+    pub id: ModelId,
+    /// The job and the scan set it comes from; `None` for an uploaded one.
+    pub origin: Option<(JobId, ScanSetId)>,
+    /// A name for people.
+    pub name: String,
+    /// Its class, if it has one.
+    pub label: Option<String>,
+    /// The unit of its coordinates.
+    pub unit: Unit,
+    /// Its points.
+    pub points: u64,
+    /// The verdict on its registration.
+    pub quality: Option<String>,
+    /// Its files.
+    pub assets: Vec<AssetRecord>,
+    /// What of an uploaded file was not taken (JSON); `None` if all of it was.
+    pub reading: Option<String>,
+    /// Its signature.
+    pub signature: Option<StoredSignature>,
+}
+
+/// A stored model.
+#[derive(Debug, Clone)]
+pub struct ModelRecord {
+    /// Its id.
+    pub id: ModelId,
+    /// The job it comes from; `None` for an uploaded one.
+    pub job_id: Option<JobId>,
+    /// The scan set it comes from; `None` for an uploaded one.
+    pub scan_set_id: Option<ScanSetId>,
+    /// A name for people.
+    pub name: String,
+    /// Its class, if it has one.
+    pub label: Option<String>,
+    /// The unit of its coordinates.
+    pub unit: Unit,
+    /// Its points.
+    pub points: u64,
+    /// The verdict on its registration.
+    pub quality: Option<String>,
+    /// What of an uploaded file was not taken (JSON); `None` if all of it was.
+    pub reading: Option<String>,
+    /// What the API shows of its signature.
+    pub signature: Option<SignatureSummary>,
+}
+
+impl ModelRecord {
+    /// Where it comes from.
+    pub fn origin(&self) -> Origin {
+        if self.job_id.is_some() { Origin::Registered } else { Origin::Uploaded }
+    }
+}
+
+/// Which models a list shows.
+#[derive(Debug, Clone, Default)]
+pub struct ModelFilter {
+    /// Only those of this class.
+    pub label: Option<String>,
+    /// Only those made from this scan set.
+    pub scan_set_id: Option<ScanSetId>,
+}
+
+/// What filters ask of a model.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ModelFacets {
+    /// Its class, if it has one.
+    pub label: Option<String>,
+    /// The unit of its coordinates.
+    pub unit: Unit,
+    /// Where it comes from.
+    pub origin: Origin,
+}
+
+/// A model as an answer shows it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MatchedModel {
+    /// Its id.
+    pub id: ModelId,
+    /// Its name.
+    pub name: String,
+    /// What filters ask of it.
+    pub facets: ModelFacets,
+    /// Its signature's bytes, if it has one that is whole.
+    pub signature: Option<Vec<u8>>,
+}
+
+#[cfg(test)]
+impl NewModel {
+    /// A small model, of the given job or uploaded.
+    pub(crate) fn test(origin: Option<(JobId, ScanSetId)>) -> NewModel {
+        NewModel {
+            id: ModelId::new(),
+            origin,
+            name: origin.map_or("uploaded", |_| "registered").to_owned(),
+            label: Some("face".to_owned()),
+            unit: Unit::Mm,
+            points: 7,
+            quality: None,
+            assets: vec![AssetRecord { name: "report.json".to_owned(), bytes: 2, checksum: "00".to_owned() }],
+            reading: None,
+            signature: None,
+        }
+    }
+}

@@ -1,0 +1,303 @@
+//! What every database has to offer: a trait for each kind of thing that is kept, and [`Database`] for all of them.
+//!
+//! Values of `domain` go in and come out, errors are [`DatabaseError`]s. A write is whole or not at all, and there when
+//! it has returned. The traits are used as `Arc<dyn Database>`: with a type parameter instead, every handler and with it
+//! the table of routes would be generic. So calls return boxed futures, which `async-trait` writes; beside a
+//! transaction that is nothing.
+
+use std::collections::BTreeMap;
+use std::fmt::Debug;
+use std::time::Duration;
+
+use async_trait::async_trait;
+
+use super::{DatabaseError, Deleted, Unseen};
+use crate::classes::Class;
+use crate::domain::{
+    AssetRecord, Backlog, CancelAnswer, Claimant, Examples, FileId, Finish, JobClaim, JobFilter, JobId, JobRecord,
+    KnownFiles, LooseFile, MatchedModel, ModelFacets, ModelFilter, ModelId, ModelRecord, NewJob, NewModel, NewScanSet,
+    NewStandard, Outdated, Owner, Page, PageRequest, PoseFile, PutScan, Replay, ReplayKey, ScanRecord, ScanSetId,
+    ScanSetRecord, StandardId, StandardRecord, StoredContent, StoredFile, StoredSignature, StoredVerdict,
+};
+
+/// A database: everything that the service keeps besides files.
+pub trait Database:
+    ScanSets
+    + Jobs
+    + JobQueue
+    + Models
+    + Signatures
+    + Matches
+    + Standards
+    + Evaluations
+    + Replays
+    + Files
+    + Upkeep
+    + Debug
+    + Send
+    + Sync
+    + 'static
+{
+}
+
+/// Scan sets: the ordered scans of one object and their pose file.
+#[async_trait]
+pub trait ScanSets {
+    /// Stores a scan set, its scans and the answer that the client gets.
+    async fn create_scan_set(&self, set: &NewScanSet, replay: Option<&Replay>) -> Result<(), DatabaseError>;
+
+    /// One scan set with its scans.
+    async fn scan_set(&self, id: ScanSetId) -> Result<ScanSetRecord, DatabaseError>;
+
+    /// Scan sets, newest first.
+    async fn scan_sets(&self, page: &PageRequest) -> Result<Page<ScanSetRecord>, DatabaseError>;
+
+    /// Adds a scan to a set, or replaces the one of the same name. Refused while a job uses the set.
+    async fn put_scan(&self, set: ScanSetId, scan: &ScanRecord, limit: usize) -> Result<PutScan, DatabaseError>;
+
+    /// Takes a scan out of a set; answers with the file that is no longer used.
+    async fn delete_scan(&self, set: ScanSetId, name: &str) -> Result<FileId, DatabaseError>;
+
+    /// Sets the initial poses of a set. Refused while a job uses the set.
+    async fn put_poses(&self, set: ScanSetId, poses: &PoseFile) -> Result<(), DatabaseError>;
+
+    /// Deletes a scan set with everything derived from it; answers with the models that went with it.
+    async fn delete_scan_set(&self, id: ScanSetId) -> Result<Deleted, DatabaseError>;
+}
+
+/// Jobs as the API sees them: create, look up, list, cancel, retry, delete.
+#[async_trait]
+pub trait Jobs {
+    /// Accepts a job; with `set`, its scan set is stored in the same transaction.
+    async fn create_job(
+        &self,
+        job: &NewJob,
+        set: Option<&NewScanSet>,
+        queue_limit: usize,
+        replay: Option<&Replay>,
+    ) -> Result<(), DatabaseError>;
+
+    /// One job.
+    async fn job(&self, id: JobId) -> Result<JobRecord, DatabaseError>;
+
+    /// Jobs, newest first.
+    async fn jobs(&self, filter: &JobFilter, page: &PageRequest) -> Result<Page<JobRecord>, DatabaseError>;
+
+    /// Jobs that wait, and jobs that run.
+    async fn queue_length(&self) -> Result<(u64, u64), DatabaseError>;
+
+    /// Stops a job that waits, or asks the worker of a running one to stop.
+    async fn cancel_job(&self, id: JobId) -> Result<CancelAnswer, DatabaseError>;
+
+    /// Queues a failed or canceled job again, with all its attempts.
+    async fn retry_job(&self, id: JobId, queue_limit: usize) -> Result<(), DatabaseError>;
+
+    /// Deletes a finished job with the model it made.
+    async fn delete_job(&self, id: JobId) -> Result<Deleted, DatabaseError>;
+}
+
+/// Jobs as the workers see them. A running job belongs to the worker that claimed it until its lease runs out; every
+/// write of a worker is guarded by its id, so a worker whose job was taken over can neither finish it twice nor overwrite it.
+#[async_trait]
+pub trait JobQueue {
+    /// Takes the oldest job that waits or whose worker is gone, registrations before evaluations. One that does not fit
+    /// beside those that run is waited for: smaller ones must not overtake it for ever. A job that was started
+    /// `max_attempts` times without an end takes its worker down with it: it is failed instead.
+    async fn claim_job(&self, claimant: &Claimant) -> Result<Option<JobClaim>, DatabaseError>;
+
+    /// Extends the lease and writes the progress; answers whether a stop was asked for, or `None` if the job is
+    /// no longer this worker's.
+    async fn heartbeat(
+        &self,
+        claim: &JobClaim,
+        lease: Duration,
+        stage: Option<&str>,
+        progress: f64,
+        stage_seconds: &BTreeMap<String, f64>,
+    ) -> Result<Option<bool>, DatabaseError>;
+
+    /// Ends a job, and stores its model in the same transaction; the index has to follow before the answer is dropped.
+    /// `None` if the job is no longer this worker's, or if it would succeed after a stop was asked for: then nothing is
+    /// written.
+    async fn finish_job(&self, claim: &JobClaim, finish: &Finish) -> Result<Option<Unseen>, DatabaseError>;
+
+    /// Puts a job back into the queue at a shutdown: it costs no attempt.
+    async fn give_back_job(&self, claim: &JobClaim) -> Result<bool, DatabaseError>;
+
+    /// At the start of a server: takes back the jobs of processes that are gone. They are those of the process that had
+    /// this handle's seat before, and those whose lease is over; what others run is theirs. They wait again (or are
+    /// canceled, or are failed when they took down their process too often); answers with the number of them.
+    async fn reclaim_jobs(&self, max_attempts: u32) -> Result<u64, DatabaseError>;
+}
+
+/// Models and the records of their files.
+#[async_trait]
+pub trait Models {
+    /// Stores an uploaded model and the answer that the client gets. The index has to follow before the answer is
+    /// dropped.
+    async fn create_model(&self, model: &NewModel, replay: Option<&Replay>) -> Result<Unseen, DatabaseError>;
+
+    /// Stores many uploaded models at once.
+    async fn create_models(&self, models: &[NewModel]) -> Result<(), DatabaseError>;
+
+    /// One model.
+    async fn model(&self, id: ModelId) -> Result<ModelRecord, DatabaseError>;
+
+    /// Models, newest first.
+    async fn models(&self, filter: &ModelFilter, page: &PageRequest) -> Result<Page<ModelRecord>, DatabaseError>;
+
+    /// The files of a model, by name.
+    async fn assets(&self, id: ModelId) -> Result<Vec<AssetRecord>, DatabaseError>;
+
+    /// Deletes a model with its files' records and its signature.
+    async fn delete_model(&self, id: ModelId) -> Result<Deleted, DatabaseError>;
+}
+
+/// What is stored of models for retrieval.
+#[async_trait]
+pub trait Signatures {
+    /// The signature of a model, if it has one.
+    async fn signature(&self, id: ModelId) -> Result<Option<Vec<u8>>, DatabaseError>;
+
+    /// The signatures of up to `limit` models, in the order of their ids, those after the given one.
+    async fn signatures_after(
+        &self,
+        after: Option<ModelId>,
+        limit: usize,
+    ) -> Result<Vec<(ModelId, StoredContent)>, DatabaseError>;
+
+    /// Puts a signature in the place of one of another version; `None` if the model is gone.
+    async fn renew_signature(&self, id: ModelId, signature: &StoredSignature) -> Result<Option<Unseen>, DatabaseError>;
+
+    /// Says that signatures are damaged: an evaluation makes them anew, from the models' files.
+    async fn give_up_signatures(&self, ids: &[ModelId]) -> Result<(), DatabaseError>;
+}
+
+/// What queries need of models besides the index.
+#[async_trait]
+pub trait Matches {
+    /// Those of the given models that are (still) there, ordered by id.
+    async fn matched_models(&self, ids: &[ModelId]) -> Result<Vec<MatchedModel>, DatabaseError>;
+
+    /// The facets of all models that have a signature.
+    async fn facets(&self) -> Result<Vec<(ModelId, ModelFacets)>, DatabaseError>;
+}
+
+/// Standards made by users, and the examples marked for them.
+#[async_trait]
+pub trait Standards {
+    /// Stores a standard with its examples, and queues the evaluation of the stored models against it; answers with the
+    /// job if there is anything to be done. `replay` makes the answer that is kept from that job.
+    async fn create_standard(
+        &self,
+        standard: &NewStandard,
+        limit: usize,
+        replay: &(dyn Fn(Option<JobId>) -> Option<Replay> + Send + Sync),
+    ) -> Result<Option<JobId>, DatabaseError>;
+
+    /// All standards, in the order in which they were made.
+    async fn standards(&self) -> Result<Vec<StandardRecord>, DatabaseError>;
+
+    /// The standard with this name or id.
+    async fn standard(&self, name_or_id: &str) -> Result<StandardRecord, DatabaseError>;
+
+    /// Puts a class that was made anew in the place of one of another version.
+    async fn renew_standard(&self, id: StandardId, class: &Class) -> Result<(), DatabaseError>;
+
+    /// The examples of a standard.
+    async fn examples(&self, id: StandardId) -> Result<Examples, DatabaseError>;
+
+    /// Puts examples in the place of those that were marked before.
+    async fn mark_examples(&self, id: StandardId, examples: &Examples) -> Result<(), DatabaseError>;
+
+    /// Deletes a standard with its examples and the verdicts against it.
+    async fn delete_standard(&self, id: StandardId) -> Result<(), DatabaseError>;
+}
+
+/// What is to be looked at again, and verdicts. What is missing follows from what is stored, so an evaluation that is
+/// broken off goes on where it stood, and sees what comes meanwhile.
+#[async_trait]
+pub trait Evaluations {
+    /// How much there is to be done.
+    async fn backlog(&self) -> Result<Backlog, DatabaseError>;
+
+    /// Models with something to be done, after the given one in the order of ids, at most `limit`.
+    async fn outdated(&self, after: Option<ModelId>, limit: usize) -> Result<Vec<Outdated>, DatabaseError>;
+
+    /// Keeps verdicts; those on models or against standards that are gone are dropped.
+    async fn keep_verdicts(&self, verdicts: &[StoredVerdict]) -> Result<(), DatabaseError>;
+
+    /// The verdicts against a standard, least residual first, ties by id; at most `limit`.
+    async fn ranking(&self, id: StandardId, limit: usize) -> Result<Vec<StoredVerdict>, DatabaseError>;
+
+    /// How many models have a verdict against a standard, and how many have none yet.
+    async fn judged(&self, id: StandardId) -> Result<(u64, u64), DatabaseError>;
+
+    /// The verdicts on a model, by standard.
+    async fn verdicts_on(&self, id: ModelId) -> Result<Vec<StoredVerdict>, DatabaseError>;
+
+    /// The residuals of a standard's examples: of its class, and of others. Those without a verdict are left out.
+    async fn example_residuals(&self, id: StandardId) -> Result<(Vec<f64>, Vec<f64>), DatabaseError>;
+
+    /// Whether a registration waits, for which an evaluation should give way.
+    async fn registration_waits(&self) -> Result<bool, DatabaseError>;
+
+    /// Queues an evaluation if there is anything to be done and none waits already.
+    async fn queue_evaluation(&self) -> Result<Option<JobId>, DatabaseError>;
+
+    /// Queues an evaluation unless one waits already; answers with the one that waits. `replay` makes the answer that is
+    /// kept from that job.
+    async fn demand_evaluation(
+        &self,
+        replay: &(dyn for<'r> Fn(&'r JobRecord) -> Option<Replay> + Send + Sync),
+    ) -> Result<JobRecord, DatabaseError>;
+}
+
+/// Answers kept for repeated POSTs, stored with what they created.
+#[async_trait]
+pub trait Replays {
+    /// The answer given to this request before, if it was. Another body under the same key is an error.
+    async fn replay(&self, key: &ReplayKey) -> Result<Option<Replay>, DatabaseError>;
+
+    /// Forgets answers that are older than a day.
+    async fn forget_old_replays(&self) -> Result<u64, DatabaseError>;
+}
+
+/// Which files belong to the database, and which may be there though no row knows them.
+#[async_trait]
+pub trait Files {
+    /// The files that rows refer to, and those that no row needs to know, in one snapshot.
+    async fn known_files(&self) -> Result<(KnownFiles, Vec<LooseFile>), DatabaseError>;
+
+    /// Says that files are about to be put in their places, by this handle's owner. The row that knows one takes this
+    /// back.
+    async fn expect_files(&self, files: &[StoredFile]) -> Result<(), DatabaseError>;
+
+    /// Says that a file is gone, or has a row after all.
+    async fn forget_loose(&self, files: &[StoredFile]) -> Result<(), DatabaseError>;
+}
+
+/// What is asked of the database as a whole.
+#[async_trait]
+pub trait Upkeep {
+    /// Who uses it through this handle: jobs are claimed and files expected in its name.
+    fn owner(&self) -> Owner;
+
+    /// Waits until the index in memory holds everything that was committed before: call it before a query.
+    async fn settled(&self);
+
+    /// Whether it answers.
+    async fn ping(&self) -> Result<(), DatabaseError>;
+
+    /// Whether something could be stored now.
+    async fn check_writable(&self) -> Result<(), DatabaseError>;
+
+    /// Makes what was deleted unreadable wherever copies of it may still be, such as in a log.
+    async fn fold_log(&self);
+
+    /// Everything that the database finds wrong with itself; reads all of it.
+    async fn integrity(&self) -> Result<Vec<String>, DatabaseError>;
+
+    /// Ends all connections.
+    async fn close(&self);
+}

@@ -1,0 +1,110 @@
+//! What a database says when it can't do something.
+
+use std::error::Error;
+
+use crate::domain::{JobId, JobStatus};
+
+/// Why the database did not do what it was asked.
+#[derive(Debug, thiserror::Error)]
+pub enum DatabaseError {
+    /// The database failed: whether what was being written is there is not known.
+    #[error("database: {0}")]
+    Failed(#[source] Box<dyn Error + Send + Sync>),
+    /// The database could not open a file of its own: the process is out of descriptors, and they come free again.
+    #[error("database: {0}")]
+    Shortage(#[source] Box<dyn Error + Send + Sync>),
+    /// The disk is full: nothing was written.
+    #[error("the disk is full")]
+    Full,
+    /// Another program holds the lock of the database: nothing was written.
+    #[error("the database is locked by another program")]
+    Locked,
+    /// The database file is broken.
+    #[error("the database is damaged: {found}; stop the server and look with `visage doctor --data DIR`")]
+    Corrupt {
+        /// What the database says.
+        found: String,
+    },
+    /// The file is a database of some other program.
+    #[error("visage.sqlite is the database of another program; choose another --data folder")]
+    Foreign,
+    /// The database could not be brought to this program's version.
+    #[error("migration of the database: {0}")]
+    Migration(#[source] Box<dyn Error + Send + Sync>),
+    /// A stored value is not what this program writes.
+    #[error("the database holds {what} that can't be read: {reason}")]
+    Damaged {
+        /// The kind of value.
+        what: &'static str,
+        /// Why it can't be read.
+        reason: String,
+    },
+    /// There is no such thing.
+    #[error("there is no {kind} {id}")]
+    NotFound {
+        /// "scan set", "job", "model", "scan".
+        kind: &'static str,
+        /// What was asked for.
+        id: String,
+    },
+    /// A job that is not finished needs it.
+    #[error("{kind} {id} is used by an unfinished job")]
+    InUse {
+        /// "scan set" or "job".
+        kind: &'static str,
+        /// Which one.
+        id: String,
+    },
+    /// The queue is full.
+    #[error("{limit} jobs are waiting already")]
+    QueueFull {
+        /// How many may wait.
+        limit: usize,
+    },
+    /// There is one of this name.
+    #[error("there is a {kind} named {name:?} already")]
+    NameTaken {
+        /// "standard".
+        kind: &'static str,
+        /// The name.
+        name: String,
+    },
+    /// There is no room for another standard.
+    #[error("there are {limit} standards already, the most that are kept")]
+    TooManyStandards {
+        /// How many there may be.
+        limit: usize,
+    },
+    /// The scan set is full.
+    #[error("a scan set holds at most {limit} scans")]
+    TooManyScans {
+        /// How many it may hold.
+        limit: usize,
+    },
+    /// The job has ended in a way that does not allow this.
+    #[error("job {id} is {}", status.name())]
+    WrongStatus {
+        /// Which job.
+        id: JobId,
+        /// What it is.
+        status: JobStatus,
+    },
+    /// The key was used before, with another body.
+    #[error("the idempotency key {key:?} was used before with another body")]
+    KeyReused {
+        /// The key.
+        key: String,
+    },
+}
+
+impl DatabaseError {
+    /// Whether it is for want of something that comes free again.
+    pub fn is_shortage(&self) -> bool {
+        matches!(self, DatabaseError::Shortage(_))
+    }
+
+    /// Whether what was to be written may be there all the same: files that belong to it must stay then.
+    pub fn leaves_in_doubt(&self) -> bool {
+        matches!(self, DatabaseError::Failed(_) | DatabaseError::Shortage(_) | DatabaseError::Corrupt { .. })
+    }
+}

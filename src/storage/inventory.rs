@@ -1,0 +1,155 @@
+//! The files held against the database, and what is done about those of processes that are gone.
+//!
+//! Files without a row mean one of two things. Those that the database expected, or whose row it has deleted, were left
+//! by a crash, or are under way in another process. Any other one says that the database is not the one that goes with
+//! these files (an older copy, a new one).
+
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+use tokio::task::JoinError;
+
+use super::{Database, DatabaseError, ObjectError, ObjectStore};
+use crate::domain::{KnownFiles, LooseFile, StoredFile};
+
+/// Why files and database could not be held against each other.
+#[derive(Debug, thiserror::Error)]
+pub enum StorageError {
+    /// The files.
+    #[error(transparent)]
+    Objects(#[from] ObjectError),
+    /// The database.
+    #[error(transparent)]
+    Database(#[from] DatabaseError),
+    /// A task ended badly.
+    #[error("looking at the files: {0}")]
+    Task(#[from] JoinError),
+}
+
+/// A database and the files that go with it. Cheap to clone.
+#[derive(Debug, Clone)]
+pub struct Storage {
+    /// The database.
+    pub database: Arc<dyn Database>,
+    /// The files.
+    pub objects: Arc<dyn ObjectStore>,
+}
+
+/// What is among the files, held against the database.
+#[derive(Debug, Default)]
+pub struct Inventory {
+    /// Files without a row that nothing explains.
+    pub unknown: Vec<StoredFile>,
+    /// Files that were being stored when their process ended.
+    pub arriving: Vec<StoredFile>,
+    /// Files whose rows were deleted.
+    pub deleted: Vec<StoredFile>,
+    /// What has a row but no file.
+    pub missing: Vec<StoredFile>,
+    /// Entries of the database about files that are left: they are forgotten with them.
+    left: Vec<StoredFile>,
+}
+
+/// What processes that are gone have left.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct PickedUp {
+    /// Jobs that wait again.
+    pub jobs: u64,
+    /// Files that were set aside or removed.
+    pub files: usize,
+}
+
+impl Storage {
+    /// Holds the files against the database. Other processes may store and delete meanwhile: what they have just done is
+    /// neither unknown nor missing.
+    pub async fn inventory(&self) -> Result<Inventory, StorageError> {
+        let files = self.listing().await?;
+        let (known, loose) = self.database.known_files().await?;
+        let mut found = self.compare(&files, &known, &loose);
+        if !found.unknown.is_empty() || !found.missing.is_empty() {
+            let later = self.listing().await?;
+            found.unknown.retain(|file| later.contains(file));
+            found.missing.retain(|file| !later.contains(file));
+        }
+        Ok(found)
+    }
+
+    fn compare(&self, files: &BTreeSet<StoredFile>, known: &KnownFiles, loose: &[LooseFile]) -> Inventory {
+        let (me, now) = (self.database.owner(), jiff::Timestamp::now());
+        let mut found = Inventory::default();
+        for file in files.iter().copied().filter(|file| !known.knows(*file)) {
+            match loose.iter().find(|entry| covers(entry.file, file)) {
+                None => found.unknown.push(file),
+                Some(entry) if entry.is_deleted => found.deleted.push(file),
+                Some(entry) if entry.is_left(me, now) => found.arriving.push(file),
+                // it is on its way, in a process that lives as far as anybody knows
+                Some(_) => {}
+            }
+        }
+        found.missing = known.needed().filter(|file| !files.contains(file)).collect();
+        found.left = loose.iter().filter(|entry| entry.is_left(me, now)).map(|entry| entry.file).collect();
+        found
+    }
+
+    /// Takes over what processes have left that are gone: their jobs wait again, their files are set aside or removed.
+    /// `found` must hold nothing unknown.
+    pub async fn pick_up(&self, found: Inventory, max_attempts: u32) -> Result<PickedUp, StorageError> {
+        if !found.missing.is_empty() {
+            tracing::error!(files = found.missing.len(), "files are missing: `visage doctor` names them");
+        }
+        let Inventory { arriving, deleted, left, .. } = found;
+        let jobs = self.database.reclaim_jobs(max_attempts).await?;
+        let mut files = arriving.len() + deleted.len();
+        if !arriving.is_empty() {
+            let trash = self.set_aside(arriving).await?;
+            tracing::warn!(trash, "files without a row are set aside");
+        }
+        let sweep = move |objects: &dyn ObjectStore| -> Result<usize, ObjectError> {
+            deleted.into_iter().try_for_each(|file| objects.remove(file))?;
+            objects.empty_trash(jiff::Timestamp::now())?;
+            objects.sweep_staging()
+        };
+        files += self.blocking(sweep).await?;
+        self.database.forget_loose(&left).await?;
+        Ok(PickedUp { jobs, files })
+    }
+
+    /// Removes, while a server runs, what was deleted but could not be removed then, and what was never stored after all.
+    pub async fn tidy_up(&self) -> Result<(), StorageError> {
+        let (me, now) = (self.database.owner(), jiff::Timestamp::now());
+        let (known, loose) = self.database.known_files().await?;
+        let due = loose.into_iter().filter(|entry| entry.is_left(me, now)).map(|entry| entry.file);
+        let due: Vec<StoredFile> = due.filter(|file| !known.knows(*file)).collect();
+        let gone = due.clone();
+        let remove = move |objects: &dyn ObjectStore| -> Result<(), ObjectError> {
+            gone.into_iter().try_for_each(|file| objects.remove(file))?;
+            objects.empty_trash(now).map(drop)
+        };
+        self.blocking(remove).await?;
+        Ok(self.database.forget_loose(&due).await?)
+    }
+
+    /// Moves files to the trash; answers with where they are now.
+    pub async fn set_aside(&self, files: Vec<StoredFile>) -> Result<String, StorageError> {
+        self.blocking(move |objects: &dyn ObjectStore| objects.set_aside(&files)).await
+    }
+
+    async fn listing(&self) -> Result<BTreeSet<StoredFile>, StorageError> {
+        let files = self.blocking(|objects: &dyn ObjectStore| objects.listing()).await?;
+        Ok(files.into_iter().collect())
+    }
+
+    /// Works on the files, off the async threads.
+    pub async fn blocking<T: Send + 'static>(
+        &self,
+        work: impl FnOnce(&dyn ObjectStore) -> Result<T, ObjectError> + Send + 'static,
+    ) -> Result<T, StorageError> {
+        let objects = Arc::clone(&self.objects);
+        Ok(tokio::task::spawn_blocking(move || work(objects.as_ref())).await??)
+    }
+}
+
+/// Whether an entry about `entry` is one about `file` too.
+fn covers(entry: StoredFile, file: StoredFile) -> bool {
+    entry == file || matches!((entry, file), (StoredFile::ScanSet(whole), StoredFile::Scan(set, _)) if whole == set)
+}

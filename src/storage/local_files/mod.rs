@@ -1,0 +1,217 @@
+//! Files in a local folder: the only module that knows where they are kept.
+//!
+//! ```text
+//! DATA/visage.folder               whose folder it is: an id that the database holds too
+//! DATA/visage.lock                 held while a server uses the folder
+//! DATA/visage.sqlite               the database (opened by `sqlite`)
+//! DATA/reserve                     space for when the disk is full
+//! DATA/staging/...                 uploads and models in the making; swept at start
+//! DATA/scan-sets/{set}/{file}      scans, under ids of ours
+//! DATA/models/{model}/{asset}      files of models, under names of ours
+//! DATA/standards/{standard}/{asset} files that standards were made of
+//! DATA/trash/{id}/...              what a start found without a row, for a while
+//! ```
+//! Files are written and synced under `staging` and then moved by one rename, so a file that is where it belongs is
+//! whole. The database says beforehand that a file is coming (`Files::expect_files`), and has its row afterwards: what
+//! a crash leaves without a row is known to be that, and is set aside at the next start. Other files without a row
+//! mean that the database is not the one of this folder: then nothing is touched.
+//!
+//! - `folder`: whose it is, lock and marker; `private`: who may read; `reserve`: space for when there is none
+//! - `files`: the folder as an [`ObjectStore`](crate::storage::ObjectStore); `staged`: files in the making; `verified`:
+//!   files are what was stored
+//! - `listing`, `sweep`: what is there, the trash
+
+mod files;
+mod folder;
+mod listing;
+mod private;
+mod reserve;
+mod staged;
+mod sweep;
+mod verified;
+
+use std::fs::File;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use crate::domain::{FileId, ScanSetId};
+use crate::storage::{ObjectError, Reserve};
+
+pub use folder::FolderError;
+pub use reserve::DiskReserve;
+
+/// Names what was being done when the file system said no.
+fn doing(doing: &'static str) -> impl FnOnce(io::Error) -> ObjectError {
+    move |source| ObjectError::Io { doing, source }
+}
+
+/// The folder of files. One per process and folder: it holds the folder's lock.
+#[derive(Debug)]
+pub struct LocalFiles {
+    root: PathBuf,
+    _lock: File,
+    reserve: Arc<DiskReserve>,
+    sound: Arc<verified::Sound>,
+    staging: Arc<staged::StagingFolder>,
+}
+
+impl LocalFiles {
+    fn at(root: &Path, lock: File) -> LocalFiles {
+        let reserve = Arc::new(DiskReserve::open(root));
+        let staging = Arc::new(staged::StagingFolder::new(root.join("staging")));
+        LocalFiles { root: root.to_owned(), _lock: lock, reserve, sound: Arc::default(), staging }
+    }
+
+    /// The space that is kept for when the disk is full.
+    pub fn reserve(&self) -> Arc<DiskReserve> {
+        Arc::clone(&self.reserve)
+    }
+
+    /// What is to be stored takes space: refused while the reserve is given away.
+    fn check_space(&self, what: &'static str) -> Result<(), ObjectError> {
+        if self.reserve.is_whole() { Ok(()) } else { Err(doing(what)(io::ErrorKind::StorageFull.into())) }
+    }
+
+    /// Where the database is.
+    pub fn database(&self) -> PathBuf {
+        self.root.join("visage.sqlite")
+    }
+
+    fn trash(&self) -> PathBuf {
+        self.root.join("trash")
+    }
+
+    fn staging_folder(&self) -> PathBuf {
+        self.root.join("staging")
+    }
+
+    fn scan_sets(&self) -> PathBuf {
+        self.root.join("scan-sets")
+    }
+
+    fn models(&self) -> PathBuf {
+        self.root.join("models")
+    }
+
+    fn standards(&self) -> PathBuf {
+        self.root.join("standards")
+    }
+
+    fn scan(&self, set: ScanSetId, file: FileId) -> PathBuf {
+        self.scan_sets().join(set.to_string()).join(file.to_string())
+    }
+}
+
+/// Makes renames within a folder durable.
+fn sync_folder(folder: &Path) -> io::Result<()> {
+    File::open(folder)?.sync_all()
+}
+
+/// What is already gone needs no removing.
+fn gone(removed: io::Result<()>) -> io::Result<()> {
+    match removed {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(()),
+        other => other,
+    }
+}
+
+/// Bytes that may still be written where a folder is.
+fn free_space(folder: &Path) -> io::Result<u64> {
+    let found = nix::sys::statvfs::statvfs(folder)?;
+    // the types differ between systems
+    #[allow(clippy::unnecessary_cast, clippy::useless_conversion)]
+    Ok((found.blocks_available() as u64).saturating_mul(found.fragment_size() as u64))
+}
+
+#[cfg(test)]
+pub(super) mod testing {
+    use std::fs;
+    use std::time::Duration;
+
+    use super::*;
+    use crate::storage::{ObjectStore, StagedFile};
+
+    pub fn files() -> (LocalFiles, tempfile::TempDir) {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        (LocalFiles::open(folder.path(), Duration::ZERO).expect("opened"), folder)
+    }
+
+    pub async fn staged(files: &LocalFiles, content: &[u8]) -> StagedFile {
+        let mut writer = files.receive().await.expect("staging");
+        for chunk in content.chunks(3) {
+            writer.write(chunk).await.expect("written");
+        }
+        writer.finish().await.expect("finished")
+    }
+
+    pub fn entries(folder: &Path) -> usize {
+        fs::read_dir(folder).expect("a folder").count()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+    use std::time::Duration;
+
+    use super::testing::{entries, files, staged};
+    use super::*;
+    use crate::domain::StoredFile;
+    use crate::storage::ObjectStore;
+
+    #[test]
+    fn a_second_server_is_refused() {
+        let (files, folder) = files();
+        let refused = LocalFiles::open(folder.path(), Duration::ZERO).expect_err("locked");
+        assert!(matches!(refused, FolderError::Locked { .. }), "{refused}");
+        let holder = std::thread::spawn(move || {
+            std::thread::sleep(Duration::from_millis(100));
+            drop(files);
+        });
+        LocalFiles::open(folder.path(), Duration::from_secs(10)).expect("free again after a while");
+        holder.join().expect("no panic");
+    }
+
+    #[tokio::test]
+    async fn a_scan_arrives_whole_and_goes_with_its_set() {
+        let (files, _folder) = files();
+        let (set, file) = (ScanSetId::new(), FileId::new());
+        let upload = staged(&files, b"ten points").await;
+        assert_eq!(upload.bytes, 10);
+        assert_eq!(upload.checksum, blake3::hash(b"ten points").to_hex().to_string());
+        files.keep_scan(&upload, set, file).expect("kept");
+        drop(upload);
+        assert_eq!(files.read_scan(set, file).expect("there"), b"ten points");
+        files.remove(StoredFile::ScanSet(set)).expect("removed");
+        assert!(files.read_scan(set, file).is_err());
+        files.remove(StoredFile::ScanSet(set)).expect("nothing left to remove");
+    }
+
+    #[tokio::test]
+    async fn an_upload_that_is_given_up_leaves_nothing() {
+        let (files, _folder) = files();
+        let mut writer = files.receive().await.expect("staging");
+        writer.write(b"half").await.expect("written");
+        assert_eq!(entries(&files.staging_folder()), 1);
+        drop(writer);
+        drop(staged(&files, b"whole but unwanted").await);
+        assert_eq!(entries(&files.staging_folder()), 0);
+    }
+
+    #[tokio::test]
+    async fn nothing_is_taken_in_while_the_reserve_is_given_away() {
+        /// There is space here: only a folder in its place keeps the reserve from being filled again.
+        fn keep_empty(files: &LocalFiles) {
+            fs::remove_file(files.root.join("reserve")).expect("there");
+            fs::create_dir(files.root.join("reserve")).expect("created");
+        }
+        let (files, _folder) = files();
+        assert!(files.reserve().give());
+        keep_empty(&files);
+        assert!(files.receive().await.expect_err("full").is_storage_full());
+        assert!(files.stage_model().expect_err("full").is_storage_full());
+        fs::remove_dir(files.root.join("reserve")).expect("there");
+        files.receive().await.expect("there is space");
+    }
+}

@@ -1,0 +1,33 @@
+//! Where the service keeps things: a database for everything that is small and an object store for files.
+//!
+//! - [`database`], [`object_store`]: the two traits; all that the rest of the service sees
+//! - `error`: what a database says when it can't; `reserve`: space for when a disk is full; `unseen`: what the index in
+//!   memory has yet to follow
+//! - [`sqlite`], [`local_files`]: a database in one file, files in a folder
+//! - [`inventory`]: the files held against the database, and what a process has left that is gone; [`checkup`]: whether
+//!   all of it is sound
+//! - [`data_folder`]: both backends in one folder, taken into use
+//! - `conformance`: what every backend has to keep, as tests that take any of them
+//!
+//! A new backend is a folder here that implements one of the traits, and a test that runs it through `conformance`.
+
+#![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used))]
+
+pub mod checkup;
+pub mod data_folder;
+pub mod database;
+mod error;
+pub mod inventory;
+pub mod local_files;
+pub mod object_store;
+mod reserve;
+pub mod sqlite;
+mod unseen;
+
+pub use database::Database;
+pub use error::DatabaseError;
+pub use object_store::{
+    AssetReader, ObjectError, ObjectStore, StagedFile, StagedModel, StagedWriter, Staging, TRASH_DAYS,
+};
+pub use reserve::{NoReserve, Reserve};
+pub use unseen::{Changes, Deleted, Unseen};

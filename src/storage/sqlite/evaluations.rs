@@ -1,0 +1,284 @@
+//! What is to be looked at again: signatures of another version, and models not yet judged against a standard.
+//!
+//! What is missing is read off the tables, so an evaluation that is broken off goes on where it stood, and what comes
+//! meanwhile (a model, a standard) is seen by it too.
+
+use sqlx::{FromRow, SqliteConnection};
+
+use super::{SqliteDatabase, damaged, jobs, replays, stored_id, to_i64, to_u64};
+use crate::classes::Class;
+use crate::domain::options::Options;
+use crate::domain::{Backlog, JobId, JobRecord, ModelId, Outdated, Replay, StandardId, StoredVerdict};
+use crate::faces::Signature;
+use crate::storage::DatabaseError;
+use crate::storage::database::Evaluations;
+use async_trait::async_trait;
+
+/// Evaluations that have succeeded are kept for a while.
+const EVALUATIONS_KEPT: i64 = 50;
+
+#[derive(FromRow)]
+struct VerdictRow {
+    standard_id: String,
+    model_id: String,
+    residual_mm: f64,
+    found: Option<String>,
+    reason: Option<String>,
+}
+
+impl VerdictRow {
+    fn verdict(self) -> Result<StoredVerdict, DatabaseError> {
+        let found = self.found.map(|text| serde_json::from_str(&text)).transpose();
+        Ok(StoredVerdict {
+            standard_id: stored_id!(StandardId, &self.standard_id)?,
+            model_id: stored_id!(ModelId, &self.model_id)?,
+            residual_mm: self.residual_mm,
+            found: found.map_err(|error| damaged("a verdict", error))?,
+            reason: self.reason,
+        })
+    }
+}
+
+#[async_trait]
+impl Evaluations for SqliteDatabase {
+    async fn backlog(&self) -> Result<Backlog, DatabaseError> {
+        let mut db = self.readers.acquire().await?;
+        backlog(&mut db).await
+    }
+
+    async fn outdated(&self, after: Option<ModelId>, limit: usize) -> Result<Vec<Outdated>, DatabaseError> {
+        let rows: Vec<(String, bool, Option<String>)> = sqlx::query_as(
+            "SELECT * FROM (
+                 SELECT model.id AS id,
+                     EXISTS (SELECT 1 FROM signature WHERE model_id = model.id AND version <> ?1) AS stale,
+                     (SELECT json_group_array(standard.id) FROM standard WHERE NOT EXISTS
+                         (SELECT 1 FROM verdict WHERE standard_id = standard.id AND model_id = model.id
+                                                  AND version = ?2)) AS missing
+                 FROM model WHERE ?3 IS NULL OR model.id > ?3)
+             WHERE stale OR missing <> '[]' ORDER BY id LIMIT ?4",
+        )
+        .bind(Signature::VERSION)
+        .bind(Class::VERSION)
+        .bind(after.map(|id| id.to_string()))
+        .bind(to_i64(limit as u64))
+        .fetch_all(&self.readers)
+        .await?;
+        let outdated = |(id, signature, missing): (String, bool, Option<String>)| {
+            let ids: Vec<String> = serde_json::from_str(missing.as_deref().unwrap_or("[]"))
+                .map_err(|error| damaged("a list of standards", error))?;
+            let standards = ids.iter().map(|text| stored_id!(StandardId, text)).collect::<Result<_, _>>()?;
+            Ok(Outdated { model_id: stored_id!(ModelId, &id)?, signature, standards })
+        };
+        rows.into_iter().map(outdated).collect()
+    }
+
+    async fn keep_verdicts(&self, verdicts: &[StoredVerdict]) -> Result<(), DatabaseError> {
+        let mut tx = self.begin().await?;
+        for verdict in verdicts {
+            let found = verdict.found.as_ref().map(serde_json::to_string).transpose();
+            sqlx::query(
+                "INSERT OR REPLACE INTO verdict (standard_id, model_id, version, residual_mm, found, reason)
+                 SELECT standard.id, model.id, ?, ?, ?, ? FROM standard, model WHERE standard.id = ? AND model.id = ?",
+            )
+            .bind(Class::VERSION)
+            .bind(verdict.residual_mm)
+            .bind(found.map_err(|error| damaged("a verdict", error))?)
+            .bind(&verdict.reason)
+            .bind(verdict.standard_id.to_string())
+            .bind(verdict.model_id.to_string())
+            .execute(&mut *tx)
+            .await?;
+        }
+        tx.commit().await?;
+        Ok(())
+    }
+
+    async fn ranking(&self, id: StandardId, limit: usize) -> Result<Vec<StoredVerdict>, DatabaseError> {
+        let rows: Vec<VerdictRow> = sqlx::query_as(
+            "SELECT standard_id, model_id, residual_mm, found, reason FROM verdict
+             WHERE standard_id = ? AND version = ? AND reason IS NULL ORDER BY residual_mm, model_id LIMIT ?",
+        )
+        .bind(id.to_string())
+        .bind(Class::VERSION)
+        .bind(to_i64(limit as u64))
+        .fetch_all(&self.readers)
+        .await?;
+        rows.into_iter().map(VerdictRow::verdict).collect()
+    }
+
+    async fn judged(&self, id: StandardId) -> Result<(u64, u64), DatabaseError> {
+        let (judged, models): (i64, i64) = sqlx::query_as(
+            "SELECT (SELECT count(*) FROM verdict WHERE standard_id = ? AND version = ?), (SELECT count(*) FROM model)",
+        )
+        .bind(id.to_string())
+        .bind(Class::VERSION)
+        .fetch_one(&self.readers)
+        .await?;
+        Ok((to_u64(judged), to_u64(models - judged)))
+    }
+
+    async fn verdicts_on(&self, id: ModelId) -> Result<Vec<StoredVerdict>, DatabaseError> {
+        let rows: Vec<VerdictRow> = sqlx::query_as(
+            "SELECT standard_id, model_id, residual_mm, found, reason FROM verdict
+             WHERE model_id = ? AND version = ? ORDER BY standard_id",
+        )
+        .bind(id.to_string())
+        .bind(Class::VERSION)
+        .fetch_all(&self.readers)
+        .await?;
+        rows.into_iter().map(VerdictRow::verdict).collect()
+    }
+
+    async fn example_residuals(&self, id: StandardId) -> Result<(Vec<f64>, Vec<f64>), DatabaseError> {
+        let rows: Vec<(bool, f64)> = sqlx::query_as(
+            "SELECT is_positive, residual_mm FROM example JOIN verdict USING (standard_id, model_id)
+             WHERE standard_id = ? AND version = ? AND reason IS NULL ORDER BY model_id",
+        )
+        .bind(id.to_string())
+        .bind(Class::VERSION)
+        .fetch_all(&self.readers)
+        .await?;
+        let of_kind = |kind: bool| rows.iter().filter(|(positive, _)| *positive == kind).map(|(_, r)| *r).collect();
+        Ok((of_kind(true), of_kind(false)))
+    }
+
+    async fn registration_waits(&self) -> Result<bool, DatabaseError> {
+        let waits =
+            sqlx::query_scalar("SELECT EXISTS (SELECT 1 FROM job WHERE status = 'queued' AND kind = 'register')")
+                .fetch_one(&self.readers)
+                .await?;
+        Ok(waits)
+    }
+
+    async fn queue_evaluation(&self) -> Result<Option<JobId>, DatabaseError> {
+        let mut tx = self.begin().await?;
+        let job = queue_if_due(&mut tx).await?;
+        tx.commit().await?;
+        Ok(job)
+    }
+
+    async fn demand_evaluation(
+        &self,
+        replay: &(dyn for<'r> Fn(&'r JobRecord) -> Option<Replay> + Send + Sync),
+    ) -> Result<JobRecord, DatabaseError> {
+        let mut tx = self.begin().await?;
+        let id = queue(&mut tx).await?;
+        let job = jobs::record(&mut tx, id).await?;
+        if let Some(replay) = replay(&job) {
+            replays::insert(&mut tx, &replay).await?;
+        }
+        tx.commit().await?;
+        Ok(job)
+    }
+}
+
+async fn backlog(db: &mut SqliteConnection) -> Result<Backlog, DatabaseError> {
+    let (stale, models, standards, judged): (i64, i64, i64, i64) = sqlx::query_as(
+        "SELECT (SELECT count(*) FROM signature WHERE version < ?1 OR version > ?1),
+                (SELECT count(*) FROM model), (SELECT count(*) FROM standard),
+                (SELECT count(*) FROM verdict WHERE version = ?2)",
+    )
+    .bind(Signature::VERSION)
+    .bind(Class::VERSION)
+    .fetch_one(db)
+    .await?;
+    Ok(Backlog {
+        stale_signatures: to_u64(stale),
+        missing_verdicts: to_u64(models * standards - judged),
+        standards: to_u64(standards),
+    })
+}
+
+/// Queues an evaluation if there is anything to be done; part of the transaction that gives it something to do.
+pub(super) async fn queue_if_due(db: &mut SqliteConnection) -> Result<Option<JobId>, DatabaseError> {
+    let Backlog { stale_signatures, missing_verdicts, .. } = backlog(db).await?;
+    if stale_signatures + missing_verdicts == 0 { Ok(None) } else { queue(db).await.map(Some) }
+}
+
+/// One that runs already may have looked for the last time: only one that waits is sure to see everything.
+pub(super) async fn queue(db: &mut SqliteConnection) -> Result<JobId, DatabaseError> {
+    let waiting: Option<String> =
+        sqlx::query_scalar("SELECT id FROM job WHERE kind = 'evaluate' AND status = 'queued' LIMIT 1")
+            .fetch_optional(&mut *db)
+            .await?;
+    if let Some(waiting) = waiting {
+        return stored_id!(JobId, &waiting);
+    }
+    forget_old(db).await?;
+    let id = JobId::new();
+    let options = serde_json::to_string(&Options::default()).map_err(|error| damaged("options", error))?;
+    sqlx::query("INSERT INTO job (id, kind, options, status) VALUES (?, 'evaluate', ?, 'queued')")
+        .bind(id.to_string())
+        .bind(options)
+        .execute(db)
+        .await?;
+    Ok(id)
+}
+
+/// There is one after each upload of a model where there are standards: only the last ones are of interest.
+async fn forget_old(db: &mut SqliteConnection) -> Result<(), DatabaseError> {
+    let old: Vec<String> = sqlx::query_scalar(
+        "SELECT id FROM job WHERE kind = 'evaluate' AND status = 'succeeded' ORDER BY id DESC LIMIT -1 OFFSET ?",
+    )
+    .bind(EVALUATIONS_KEPT)
+    .fetch_all(&mut *db)
+    .await?;
+    for id in old {
+        replays::delete_of(db, &id).await?;
+        sqlx::query("DELETE FROM job WHERE id = ?").bind(id).execute(&mut *db).await?;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::testing;
+    use super::*;
+    use crate::domain::{Finish, NewModel, StoredSignature};
+    use crate::storage::database::*;
+
+    #[tokio::test]
+    async fn at_most_one_evaluation_waits_and_registrations_go_first() {
+        let (store, _folder) = testing::store().await;
+        assert_eq!(store.queue_evaluation().await.expect("asked"), None, "nothing is to be done");
+        let demand = async || store.demand_evaluation(&|_| None).await.expect("queued").id;
+        let waiting = demand().await;
+        assert_eq!(demand().await, waiting);
+        let set = testing::scan_set(&store, &["a.ply", "b.ply"]).await;
+        let job = crate::domain::NewJob {
+            id: JobId::new(),
+            scan_set_id: set,
+            label: None,
+            options: Options::default(),
+            base: None,
+            hints: Default::default(),
+        };
+        store.create_job(&job, None, 10, None).await.expect("queued");
+        assert!(store.registration_waits().await.expect("asked"));
+        let first = store.claim_job(&testing::claimant("w")).await.expect("claimed").expect("one waits");
+        assert_eq!(first.job.id, job.id);
+        assert!(!store.registration_waits().await.expect("asked"));
+        let second = store.claim_job(&testing::claimant("w")).await.expect("claimed").expect("one waits");
+        assert_eq!((second.job.id, second.job.scan_set_id), (waiting, None));
+        assert!(demand().await != waiting, "the running one may have looked already");
+        assert!(store.finish_job(&second, &Finish::Succeeded(None)).await.expect("ended").is_some());
+    }
+
+    #[tokio::test]
+    async fn old_signatures_are_a_backlog_until_they_are_made_anew() {
+        let (store, _folder) = testing::store().await;
+        let summary =
+            crate::faces::SignatureSummary { version: 1, regions: 2, triangles: 3, left_out: Default::default() };
+        let old = StoredSignature { version: 1, summary: summary.clone(), content: vec![1] };
+        let model = NewModel { signature: Some(old), ..NewModel::test(None) };
+        drop(store.create_model(&model, None).await.expect("stored"));
+        assert_eq!(store.backlog().await.expect("read").stale_signatures, 1);
+        let outdated = Outdated { model_id: model.id, signature: true, standards: Vec::new() };
+        assert_eq!(store.outdated(None, 10).await.expect("read"), [outdated]);
+        assert!(store.outdated(Some(model.id), 10).await.expect("read").is_empty());
+        let new = StoredSignature { version: Signature::VERSION, summary, content: vec![2] };
+        assert!(store.renew_signature(model.id, &new).await.expect("renewed").is_some());
+        assert_eq!(store.backlog().await.expect("read"), Backlog::default());
+        assert!(store.renew_signature(ModelId::new(), &new).await.expect("asked").is_none(), "it is gone");
+    }
+}

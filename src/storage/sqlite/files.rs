@@ -1,0 +1,179 @@
+//! Which files belong to the database, and which may be on disk though no row knows them.
+
+use sqlx::{FromRow, SqliteConnection};
+
+use super::{SqliteDatabase, now_ms, stored_id};
+use crate::domain::{KnownFiles, LooseFile, Owner, StoredFile};
+use crate::storage::DatabaseError;
+use crate::storage::database::Files;
+use async_trait::async_trait;
+
+impl StoredFile {
+    fn kind(self) -> &'static str {
+        match self {
+            StoredFile::ScanSet(_) => "scan_set",
+            StoredFile::Scan(..) => "scan",
+            StoredFile::Model(_) => "model",
+            StoredFile::Standard(_) => "standard",
+        }
+    }
+
+    fn id(self) -> String {
+        match self {
+            StoredFile::ScanSet(id) => id.to_string(),
+            StoredFile::Scan(_, id) => id.to_string(),
+            StoredFile::Model(id) => id.to_string(),
+            StoredFile::Standard(id) => id.to_string(),
+        }
+    }
+
+    fn scan_set(self) -> Option<String> {
+        match self {
+            StoredFile::Scan(set, _) => Some(set.to_string()),
+            _ => None,
+        }
+    }
+}
+
+#[derive(FromRow)]
+struct LooseRow {
+    kind: String,
+    id: String,
+    scan_set_id: Option<String>,
+    is_deleted: bool,
+    since: i64,
+    seat: Option<String>,
+    process: Option<String>,
+}
+
+impl LooseRow {
+    fn file(self) -> Result<LooseFile, DatabaseError> {
+        let file = match (self.kind.as_str(), &self.scan_set_id) {
+            ("scan_set", _) => StoredFile::ScanSet(stored_id!(ScanSetId, &self.id)?),
+            ("scan", Some(set)) => StoredFile::Scan(stored_id!(ScanSetId, set)?, stored_id!(FileId, &self.id)?),
+            ("model", _) => StoredFile::Model(stored_id!(ModelId, &self.id)?),
+            ("standard", _) => StoredFile::Standard(stored_id!(StandardId, &self.id)?),
+            _ => return Err(super::damaged("a kind of file", self.kind)),
+        };
+        let owner = match (&self.seat, &self.process) {
+            (Some(seat), Some(process)) => {
+                Some(Owner { seat: stored_id!(SeatId, seat)?, process: stored_id!(ProcessId, process)? })
+            }
+            _ => None,
+        };
+        Ok(LooseFile { file, is_deleted: self.is_deleted, since: super::timestamp(self.since)?, owner })
+    }
+}
+
+#[async_trait]
+impl Files for SqliteDatabase {
+    async fn known_files(&self) -> Result<(KnownFiles, Vec<LooseFile>), DatabaseError> {
+        let mut tx = self.readers.begin().await?;
+        let sets: Vec<String> = sqlx::query_scalar("SELECT id FROM scan_set").fetch_all(&mut *tx).await?;
+        let scans: Vec<(String, String)> =
+            sqlx::query_as("SELECT scan_set_id, file_id FROM scan").fetch_all(&mut *tx).await?;
+        let models: Vec<String> = sqlx::query_scalar("SELECT id FROM model").fetch_all(&mut *tx).await?;
+        let standards: Vec<String> = sqlx::query_scalar("SELECT id FROM standard").fetch_all(&mut *tx).await?;
+        let scan = |(set, file): &(String, String)| Ok((stored_id!(ScanSetId, set)?, stored_id!(FileId, file)?));
+        let loose: Vec<LooseRow> = sqlx::query_as("SELECT * FROM loose_file").fetch_all(&mut *tx).await?;
+        let known = KnownFiles {
+            scan_sets: sets.iter().map(|text| stored_id!(ScanSetId, text)).collect::<Result<_, _>>()?,
+            scans: scans.iter().map(scan).collect::<Result<_, DatabaseError>>()?,
+            models: models.iter().map(|text| stored_id!(ModelId, text)).collect::<Result<_, _>>()?,
+            standards: standards.iter().map(|text| stored_id!(StandardId, text)).collect::<Result<_, _>>()?,
+        };
+        let loose = loose.into_iter().map(LooseRow::file).collect::<Result<_, _>>()?;
+        Ok((known, loose))
+    }
+
+    async fn expect_files(&self, files: &[StoredFile]) -> Result<(), DatabaseError> {
+        let mut tx = self.begin().await?;
+        for file in files {
+            insert_loose(&mut tx, *file, Some(self.owner)).await?;
+        }
+        tx.commit().await
+    }
+
+    async fn forget_loose(&self, files: &[StoredFile]) -> Result<(), DatabaseError> {
+        if files.is_empty() {
+            return Ok(());
+        }
+        let mut tx = self.begin_any().await?;
+        for file in files {
+            settle(&mut tx, *file).await?;
+        }
+        tx.commit().await
+    }
+}
+
+/// A file has its row now; part of the transaction that stores that.
+pub(super) async fn settle(db: &mut SqliteConnection, file: StoredFile) -> Result<(), DatabaseError> {
+    sqlx::query("DELETE FROM loose_file WHERE kind = ? AND id = ?")
+        .bind(file.kind())
+        .bind(file.id())
+        .execute(db)
+        .await?;
+    Ok(())
+}
+
+/// A file has no row any more; part of the transaction that deletes that.
+pub(super) async fn leave(db: &mut SqliteConnection, file: StoredFile) -> Result<(), DatabaseError> {
+    insert_loose(db, file, None).await
+}
+
+/// With an owner, who puts the file in its place; without, its row was deleted.
+async fn insert_loose(db: &mut SqliteConnection, file: StoredFile, owner: Option<Owner>) -> Result<(), DatabaseError> {
+    let columns = "INSERT OR REPLACE INTO loose_file (kind, id, scan_set_id, is_deleted, since, seat, process)
+                   VALUES (?, ?, ?, ?, ?, ?, ?)";
+    sqlx::query(columns)
+        .bind(file.kind())
+        .bind(file.id())
+        .bind(file.scan_set())
+        .bind(owner.is_none())
+        .bind(now_ms())
+        .bind(owner.map(|owner| owner.seat.to_string()))
+        .bind(owner.map(|owner| owner.process.to_string()))
+        .execute(db)
+        .await?;
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::testing;
+    use super::*;
+    use crate::domain::NewModel;
+    use crate::storage::database::*;
+
+    #[tokio::test]
+    async fn everything_stored_is_known() {
+        let (store, _folder) = testing::store().await;
+        let set = testing::scan_set(&store, &["a.ply", "b.ply"]).await;
+        let model = NewModel::test(None);
+        drop(store.create_model(&model, None).await.expect("stored"));
+        let (known, _) = store.known_files().await.expect("read");
+        assert!(known.knows(StoredFile::ScanSet(set)));
+        assert_eq!(known.scans.len(), 2);
+        assert!(known.knows(StoredFile::Model(model.id)));
+        assert_eq!(known.needed().count(), 3);
+    }
+
+    #[tokio::test]
+    async fn a_file_is_loose_before_it_has_a_row_and_after() {
+        let (store, _folder) = testing::store().await;
+        let model = NewModel::test(None);
+        let file = StoredFile::Model(model.id);
+        let loose = async || {
+            let (_, loose) = store.known_files().await.expect("read");
+            loose.into_iter().map(|loose| (loose.file, loose.is_deleted)).collect::<Vec<_>>()
+        };
+        store.expect_files(&[file]).await.expect("stored");
+        assert_eq!(loose().await, [(file, false)]);
+        drop(store.create_model(&model, None).await.expect("stored"));
+        assert_eq!(loose().await, []);
+        drop(store.delete_model(model.id).await.expect("deleted"));
+        assert_eq!(loose().await, [(file, true)]);
+        store.forget_loose(&[file]).await.expect("forgotten");
+        assert_eq!(loose().await, []);
+    }
+}

@@ -1,0 +1,327 @@
+//! Jobs as the API sees them: create, look up, list, cancel, retry, delete.
+
+use sqlx::{FromRow, SqliteConnection};
+
+use super::{SqliteDatabase, damaged, files, models, now_ms, replays, scan_sets, stored_id, timestamp, to_u64};
+use crate::domain::{
+    CancelAnswer, JobBase, JobFilter, JobId, JobRecord, JobStatus, NewJob, NewScanSet, Page, PageRequest, Replay,
+    StoredFile,
+};
+use crate::registration::hints::Hints;
+use crate::storage::database::Jobs;
+use crate::storage::{DatabaseError, Deleted};
+use async_trait::async_trait;
+
+/// A row of `job` joined with the id of its model.
+#[derive(FromRow)]
+pub(super) struct JobRow {
+    id: String,
+    kind: String,
+    scan_set_id: Option<String>,
+    label: Option<String>,
+    options: String,
+    status: String,
+    stage: Option<String>,
+    progress: f64,
+    stage_seconds: String,
+    attempts: u32,
+    cancel_asked: bool,
+    error: Option<String>,
+    base_model_id: Option<String>,
+    base_poses: Option<Vec<u8>>,
+    hints: Option<String>,
+    model_id: Option<String>,
+    started_at: Option<i64>,
+    finished_at: Option<i64>,
+}
+
+impl JobRow {
+    pub(super) fn record(self) -> Result<JobRecord, DatabaseError> {
+        Ok(JobRecord {
+            id: stored_id!(JobId, &self.id)?,
+            kind: self.kind.parse().map_err(|reason: String| damaged("a kind", reason))?,
+            scan_set_id: self.scan_set_id.map(|text| stored_id!(ScanSetId, &text)).transpose()?,
+            label: self.label,
+            options: serde_json::from_str(&self.options).map_err(|error| damaged("options", error))?,
+            base: match (self.base_model_id, self.base_poses) {
+                (Some(id), Some(poses)) => Some(JobBase { model_id: stored_id!(ModelId, &id)?, poses }),
+                _ => None,
+            },
+            hints: match &self.hints {
+                Some(text) => serde_json::from_str(text).map_err(|error| damaged("hints", error))?,
+                None => Hints::default(),
+            },
+            status: self.status.parse().map_err(|reason: String| damaged("a status", reason))?,
+            stage: self.stage,
+            progress: self.progress,
+            stage_seconds: serde_json::from_str(&self.stage_seconds).map_err(|error| damaged("seconds", error))?,
+            attempts: self.attempts,
+            cancel_asked: self.cancel_asked,
+            error: self
+                .error
+                .map(|text| serde_json::from_str(&text))
+                .transpose()
+                .map_err(|error| damaged("a job's error", error))?,
+            model_id: self.model_id.map(|text| stored_id!(ModelId, &text)).transpose()?,
+            started_at: self.started_at.map(timestamp).transpose()?,
+            finished_at: self.finished_at.map(timestamp).transpose()?,
+        })
+    }
+}
+
+#[async_trait]
+impl Jobs for SqliteDatabase {
+    async fn create_job(
+        &self,
+        job: &NewJob,
+        set: Option<&NewScanSet>,
+        queue_limit: usize,
+        replay: Option<&Replay>,
+    ) -> Result<(), DatabaseError> {
+        let mut tx = self.begin().await?;
+        check_room(&mut tx, queue_limit).await?;
+        if let Some(set) = set {
+            scan_sets::insert_set(&mut tx, set).await?;
+        }
+        let options = serde_json::to_string(&job.options).map_err(|error| damaged("options", error))?;
+        let hints = (!job.hints.is_empty()).then(|| serde_json::to_string(&job.hints)).transpose();
+        let hints = hints.map_err(|error| damaged("hints", error))?;
+        // the scan set may have been deleted since it was looked up
+        let inserted = sqlx::query(
+            "INSERT INTO job (id, kind, scan_set_id, label, options, base_model_id, base_poses, hints, status)
+             SELECT ?, 'register', id, ?, ?, ?, ?, ?, 'queued' FROM scan_set WHERE id = ?",
+        )
+        .bind(job.id.to_string())
+        .bind(&job.label)
+        .bind(options)
+        .bind(job.base.as_ref().map(|base| base.model_id.to_string()))
+        .bind(job.base.as_ref().map(|base| &base.poses))
+        .bind(hints)
+        .bind(job.scan_set_id.to_string())
+        .execute(&mut *tx)
+        .await?;
+        if inserted.rows_affected() == 0 {
+            return Err(DatabaseError::NotFound { kind: "scan set", id: job.scan_set_id.to_string() });
+        }
+        if let Some(replay) = replay {
+            replays::insert(&mut tx, replay).await?;
+        }
+        tx.commit().await?;
+        Ok(())
+    }
+
+    async fn job(&self, id: JobId) -> Result<JobRecord, DatabaseError> {
+        let mut db = self.readers.acquire().await?;
+        record(&mut db, id).await
+    }
+
+    async fn jobs(&self, filter: &JobFilter, page: &PageRequest) -> Result<Page<JobRecord>, DatabaseError> {
+        let rows: Vec<JobRow> = sqlx::query_as(
+            "SELECT job.*, model.id AS model_id FROM job LEFT JOIN model ON model.job_id = job.id
+             WHERE (?1 IS NULL OR job.id < ?1)
+               AND (?2 IS NULL OR job.status = ?2)
+               AND (?3 IS NULL OR job.scan_set_id = ?3)
+             ORDER BY job.id DESC LIMIT ?4",
+        )
+        .bind(page.before.as_deref())
+        .bind(filter.status.map(JobStatus::name))
+        .bind(filter.scan_set_id.map(|id| id.to_string()))
+        .bind(page.sql_limit())
+        .fetch_all(&self.readers)
+        .await?;
+        let records = rows.into_iter().map(JobRow::record).collect::<Result<Vec<_>, _>>()?;
+        Ok(Page::cut(records, page.limit))
+    }
+
+    async fn queue_length(&self) -> Result<(u64, u64), DatabaseError> {
+        let (queued, running): (i64, i64) = sqlx::query_as(
+            "SELECT count(*) FILTER (WHERE status = 'queued'), count(*) FILTER (WHERE status = 'running')
+             FROM job WHERE status IN ('queued', 'running')",
+        )
+        .fetch_one(&self.readers)
+        .await?;
+        Ok((to_u64(queued), to_u64(running)))
+    }
+
+    async fn cancel_job(&self, id: JobId) -> Result<CancelAnswer, DatabaseError> {
+        self.with_reserve(|| self.cancel_once(id)).await
+    }
+
+    async fn retry_job(&self, id: JobId, queue_limit: usize) -> Result<(), DatabaseError> {
+        let mut tx = self.begin().await?;
+        match status_of(&mut tx, id).await? {
+            JobStatus::Failed | JobStatus::Canceled => {}
+            status => return Err(DatabaseError::WrongStatus { id, status }),
+        }
+        check_room(&mut tx, queue_limit).await?;
+        sqlx::query(
+            "UPDATE job SET status = 'queued', stage = NULL, progress = 0, stage_seconds = '{}', attempts = 0,
+                            cancel_asked = 0, error = NULL, started_at = NULL, finished_at = NULL
+             WHERE id = ?",
+        )
+        .bind(id.to_string())
+        .execute(&mut *tx)
+        .await?;
+        tx.commit().await?;
+        Ok(())
+    }
+
+    async fn delete_job(&self, id: JobId) -> Result<Deleted, DatabaseError> {
+        self.with_reserve(|| self.delete_job_once(id)).await
+    }
+}
+
+impl SqliteDatabase {
+    async fn cancel_once(&self, id: JobId) -> Result<CancelAnswer, DatabaseError> {
+        let mut tx = self.begin_any().await?;
+        let answer = match status_of(&mut tx, id).await? {
+            JobStatus::Queued => {
+                sqlx::query("UPDATE job SET status = 'canceled', cancel_asked = 1, finished_at = ? WHERE id = ?")
+                    .bind(now_ms())
+                    .bind(id.to_string())
+                    .execute(&mut *tx)
+                    .await?;
+                CancelAnswer::Canceled
+            }
+            JobStatus::Running => {
+                sqlx::query("UPDATE job SET cancel_asked = 1 WHERE id = ?")
+                    .bind(id.to_string())
+                    .execute(&mut *tx)
+                    .await?;
+                CancelAnswer::Asked
+            }
+            status => return Err(DatabaseError::WrongStatus { id, status }),
+        };
+        tx.commit().await?;
+        Ok(answer)
+    }
+
+    async fn delete_job_once(&self, id: JobId) -> Result<Deleted, DatabaseError> {
+        let mut tx = self.begin_any().await?;
+        if !status_of(&mut tx, id).await?.is_finished() {
+            return Err(DatabaseError::InUse { kind: "job", id: id.to_string() });
+        }
+        let text = id.to_string();
+        let model = models::id_of_job(&mut tx, &text).await?;
+        replays::delete_of(&mut tx, &text).await?;
+        // model, assets and signature go by foreign keys
+        sqlx::query("DELETE FROM job WHERE id = ?").bind(&text).execute(&mut *tx).await?;
+        if let Some(model) = model {
+            files::leave(&mut tx, StoredFile::Model(model)).await?;
+        }
+        Ok(Deleted { models: model.into_iter().collect(), unseen: tx.commit_unseen(self).await? })
+    }
+}
+
+/// One job; part of a larger transaction, or alone.
+pub(super) async fn record(db: &mut SqliteConnection, id: JobId) -> Result<JobRecord, DatabaseError> {
+    let row: Option<JobRow> = sqlx::query_as(
+        "SELECT job.*, model.id AS model_id FROM job LEFT JOIN model ON model.job_id = job.id WHERE job.id = ?",
+    )
+    .bind(id.to_string())
+    .fetch_optional(db)
+    .await?;
+    row.ok_or_else(|| not_found(id))?.record()
+}
+
+fn not_found(id: JobId) -> DatabaseError {
+    DatabaseError::NotFound { kind: "job", id: id.to_string() }
+}
+
+async fn status_of(db: &mut SqliteConnection, id: JobId) -> Result<JobStatus, DatabaseError> {
+    let status: Option<String> =
+        sqlx::query_scalar("SELECT status FROM job WHERE id = ?").bind(id.to_string()).fetch_optional(db).await?;
+    status.ok_or_else(|| not_found(id))?.parse().map_err(|reason: String| damaged("a status", reason))
+}
+
+/// There is room for one more waiting job.
+async fn check_room(db: &mut SqliteConnection, limit: usize) -> Result<(), DatabaseError> {
+    let queued: i64 = sqlx::query_scalar("SELECT count(*) FROM job WHERE status = 'queued'").fetch_one(db).await?;
+    if to_u64(queued) >= limit as u64 {
+        return Err(DatabaseError::QueueFull { limit });
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::testing;
+    use super::*;
+    use crate::domain::ScanSetId;
+    use crate::domain::options::Options;
+    use crate::storage::database::*;
+
+    fn new_job(scan_set_id: ScanSetId) -> NewJob {
+        let (options, hints) = (Options::default(), Hints::default());
+        NewJob { id: JobId::new(), scan_set_id, label: None, options, base: None, hints }
+    }
+
+    pub(crate) async fn queued(store: &SqliteDatabase, set: ScanSetId) -> JobId {
+        let job = new_job(set);
+        store.create_job(&job, None, 10, None).await.expect("queued");
+        job.id
+    }
+
+    #[tokio::test]
+    async fn the_queue_has_an_end() {
+        let (store, _folder) = testing::store().await;
+        let set = testing::scan_set(&store, &["a.ply"]).await;
+        queued(&store, set).await;
+        let job = new_job(set);
+        let refused = store.create_job(&job, None, 1, None).await.expect_err("full");
+        assert!(matches!(refused, DatabaseError::QueueFull { limit: 1 }));
+        assert!(matches!(store.job(job.id).await, Err(DatabaseError::NotFound { kind: "job", .. })));
+    }
+
+    #[tokio::test]
+    async fn a_waiting_job_is_canceled_at_once_and_can_be_retried() {
+        let (store, _folder) = testing::store().await;
+        let set = testing::scan_set(&store, &["a.ply"]).await;
+        let id = queued(&store, set).await;
+        assert_eq!(store.cancel_job(id).await.expect("canceled"), CancelAnswer::Canceled);
+        assert_eq!(store.job(id).await.expect("there").status, JobStatus::Canceled);
+        let twice = store.cancel_job(id).await.expect_err("ended");
+        assert!(matches!(twice, DatabaseError::WrongStatus { status: JobStatus::Canceled, .. }));
+        store.retry_job(id, 10).await.expect("queued again");
+        let job = store.job(id).await.expect("there");
+        assert_eq!((job.status, job.cancel_asked, job.finished_at), (JobStatus::Queued, false, None));
+    }
+
+    #[tokio::test]
+    async fn a_scan_set_in_use_is_left_alone() {
+        let (store, _folder) = testing::store().await;
+        let set = testing::scan_set(&store, &["a.ply"]).await;
+        let id = queued(&store, set).await;
+        assert!(matches!(store.delete_scan_set(set).await, Err(DatabaseError::InUse { kind: "scan set", .. })));
+        assert!(matches!(store.delete_job(id).await, Err(DatabaseError::InUse { kind: "job", .. })));
+        store.cancel_job(id).await.expect("canceled");
+        drop(store.delete_scan_set(set).await.expect("free now"));
+        assert!(matches!(store.job(id).await, Err(DatabaseError::NotFound { .. })));
+    }
+
+    #[tokio::test]
+    async fn a_replay_is_kept_with_what_it_created() {
+        let (store, _folder) = testing::store().await;
+        let set = testing::scan_set(&store, &["a.ply"]).await;
+        let job = new_job(set);
+        let key = replays_key("k", "hash");
+        let replay = Replay {
+            key: key.clone(),
+            status: 202,
+            location: "/v1/jobs/x".to_owned(),
+            body: "{}".to_owned(),
+            resource_id: job.id.to_string(),
+        };
+        store.create_job(&job, None, 10, Some(&replay)).await.expect("queued");
+        assert_eq!(store.replay(&key).await.expect("read"), Some(replay));
+        let other = store.replay(&replays_key("k", "other")).await.expect_err("another body");
+        assert!(matches!(other, DatabaseError::KeyReused { .. }));
+        store.cancel_job(job.id).await.expect("canceled");
+        drop(store.delete_job(job.id).await.expect("deleted"));
+        assert_eq!(store.replay(&key).await.expect("read"), None);
+    }
+
+    fn replays_key(key: &str, hash: &str) -> crate::domain::ReplayKey {
+        crate::domain::ReplayKey { route: "POST /v1/jobs", key: key.to_owned(), body_hash: hash.to_owned() }
+    }
+}

@@ -1,0 +1,281 @@
+//! One SQLite file: the only module that knows SQL.
+//!
+//! A file implements a trait of [`database`](crate::storage::database), under the same name; `upkeep` holds what is
+//! asked of the database as a whole, `writing` transactions, full disks and locks.
+//!
+//! There is one writing connection and a few read-only ones, on a write-ahead log. Writes of several
+//! statements take the write lock at their start (`BEGIN IMMEDIATE`): a transaction that begins by reading
+//! and then writes would be refused at once when another one has written meanwhile.
+
+mod evaluations;
+mod files;
+mod jobs;
+mod matches;
+mod models;
+mod queue;
+mod replays;
+mod scan_sets;
+mod signatures;
+mod standards;
+mod upkeep;
+mod writing;
+
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Duration;
+
+use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePool, SqlitePoolOptions, SqliteSynchronous};
+
+use super::unseen::Changes;
+use crate::domain::{Owner, PageRequest, SeatId};
+use crate::storage::{Database, DatabaseError, NoReserve, Reserve};
+
+/// Connections that read at the same time.
+const READERS: u32 = 4;
+/// How long a statement waits for a lock before it fails.
+const BUSY_TIMEOUT: Duration = Duration::from_secs(5);
+
+/// The embedded database. Cheap to clone.
+#[derive(Debug, Clone)]
+pub struct SqliteDatabase {
+    writer: SqlitePool,
+    readers: SqlitePool,
+    reserve: Arc<dyn Reserve>,
+    changes: Changes,
+    owner: Owner,
+}
+
+impl Database for SqliteDatabase {}
+
+impl SqliteDatabase {
+    /// Opens a database that stands alone; see [`Self::open_with`].
+    pub async fn open(file: &Path) -> Result<SqliteDatabase, DatabaseError> {
+        Self::open_with(file, Arc::new(NoReserve)).await
+    }
+
+    /// Opens the database file, creates it when absent, checks it, and brings it to this program's version. `reserve`
+    /// is what is given away when the disk is full.
+    pub async fn open_with(file: &Path, reserve: Arc<dyn Reserve>) -> Result<SqliteDatabase, DatabaseError> {
+        let options = SqliteConnectOptions::new()
+            .filename(file)
+            .create_if_missing(true)
+            .journal_mode(SqliteJournalMode::Wal)
+            // a job is answered with 202 only when it would survive a power cut
+            .synchronous(SqliteSynchronous::Full)
+            .foreign_keys(true)
+            .busy_timeout(BUSY_TIMEOUT)
+            // what was deleted must not stay readable in the file
+            .pragma("secure_delete", "ON");
+        migrate(&options).await?;
+        let writer = writing::writer(&options).await?;
+        let readers = SqlitePoolOptions::new()
+            .max_connections(READERS)
+            .connect_with(options.read_only(true).create_if_missing(false))
+            .await?;
+        let store =
+            SqliteDatabase { writer, readers, reserve, changes: Changes::default(), owner: Owner::on(SeatId::new()) };
+        store.fill_in_checksums().await?;
+        Ok(store)
+    }
+
+    /// The same database, used from a seat that may have been another process's before. Without, it is a new one.
+    #[must_use]
+    pub fn on_seat(self, seat: SeatId) -> SqliteDatabase {
+        SqliteDatabase { owner: Owner::on(seat), ..self }
+    }
+}
+
+/// Checks the file and brings it to this program's version, on a connection that lets tables be built anew without
+/// taking along what refers to them.
+async fn migrate(options: &SqliteConnectOptions) -> Result<(), DatabaseError> {
+    let pool = SqlitePoolOptions::new().max_connections(1).connect_with(options.clone().foreign_keys(false)).await?;
+    let migrated = migrate_checked(&pool).await;
+    pool.close().await;
+    migrated
+}
+
+async fn migrate_checked(pool: &SqlitePool) -> Result<(), DatabaseError> {
+    let tables: Vec<String> =
+        sqlx::query_scalar("SELECT name FROM sqlite_schema WHERE type = 'table'").fetch_all(pool).await?;
+    if !tables.is_empty() && !tables.iter().any(|table| table == "_sqlx_migrations") {
+        return Err(DatabaseError::Foreign);
+    }
+    let found: Vec<String> = sqlx::query_scalar("PRAGMA quick_check(1)").fetch_all(pool).await?;
+    if let Some(damage) = found.into_iter().find(|line| line != "ok") {
+        return Err(DatabaseError::Corrupt { found: damage });
+    }
+    sqlx::migrate!("./migrations").run(pool).await.map_err(|error| DatabaseError::Migration(Box::new(error)))
+}
+
+/// Milliseconds since 1970, as the tables keep times.
+fn now_ms() -> i64 {
+    jiff::Timestamp::now().as_millisecond()
+}
+
+/// A stored time.
+fn timestamp(ms: i64) -> Result<jiff::Timestamp, DatabaseError> {
+    jiff::Timestamp::from_millisecond(ms).map_err(|error| damaged("a time", error))
+}
+
+/// Turns what the standard library or serde says of a stored value into our error.
+fn damaged(what: &'static str, reason: impl ToString) -> DatabaseError {
+    DatabaseError::Damaged { what, reason: reason.to_string() }
+}
+
+/// SQLite counts in i64; nothing stored here comes near its end.
+fn to_i64(count: u64) -> i64 {
+    i64::try_from(count).unwrap_or(i64::MAX)
+}
+
+/// A stored count.
+fn to_u64(count: i64) -> u64 {
+    u64::try_from(count).unwrap_or(0)
+}
+
+/// A stored id.
+macro_rules! stored_id {
+    ($kind:ident, $text:expr) => {
+        $crate::domain::$kind::parse($text).ok_or_else(|| $crate::storage::sqlite::damaged("an id", $text))
+    };
+}
+use stored_id;
+
+impl PageRequest {
+    /// One row more than is shown tells whether there is a next page.
+    fn sql_limit(&self) -> i64 {
+        to_i64(self.limit as u64 + 1)
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod testing {
+    use super::*;
+    use crate::domain::{Claimant, FileId, FolderId, NewScanSet, ScanRecord, ScanSetId};
+    use crate::domain::{ProcessId, WorkerId};
+    use crate::storage::database::*;
+
+    /// A store in a folder that goes with the test.
+    pub async fn store() -> (SqliteDatabase, tempfile::TempDir) {
+        store_with(Arc::new(NoReserve)).await
+    }
+
+    /// The same with a reserve.
+    pub async fn store_with(reserve: Arc<dyn Reserve>) -> (SqliteDatabase, tempfile::TempDir) {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let store =
+            SqliteDatabase::open_with(&folder.path().join("test.sqlite"), reserve).await.expect("a new database");
+        store.put_folder_id(FolderId::new()).await.expect("stored");
+        (store, folder)
+    }
+
+    /// A connection of some other program to the same database.
+    pub async fn other_program(folder: &tempfile::TempDir) -> sqlx::SqliteConnection {
+        use sqlx::ConnectOptions;
+        let options = SqliteConnectOptions::new().filename(folder.path().join("test.sqlite"));
+        options.connect().await.expect("a connection")
+    }
+
+    /// A worker of some process that is not the store's.
+    pub fn worker(name: &str) -> WorkerId {
+        static PROCESS: std::sync::LazyLock<ProcessId> = std::sync::LazyLock::new(ProcessId::new);
+        WorkerId { process: *PROCESS, number: name.bytes().map(usize::from).sum() }
+    }
+
+    /// A worker that is the only one, with a lease of 30 s, as much memory as it likes, and three attempts.
+    pub fn claimant(worker: &str) -> Claimant {
+        Claimant {
+            worker: self::worker(worker),
+            living: vec![self::worker(worker)],
+            lease: Duration::from_secs(30),
+            max_attempts: 3,
+            room: None,
+        }
+    }
+
+    impl SqliteDatabase {
+        /// Makes the database full at this many pages (at the pages it has, if that is more); `None` ends that.
+        pub async fn set_most_pages(&self, pages: Option<u32>) {
+            let pragma = format!("PRAGMA max_page_count = {}", pages.unwrap_or(u32::MAX - 1));
+            sqlx::query(sqlx::AssertSqlSafe(pragma)).execute(&self.writer).await.expect("set");
+        }
+
+        /// How long the writer waits for locks.
+        pub async fn set_patience(&self, patience: Duration) {
+            let pragma = format!("PRAGMA busy_timeout = {}", patience.as_millis());
+            sqlx::query(sqlx::AssertSqlSafe(pragma)).execute(&self.writer).await.expect("set");
+        }
+    }
+
+    /// A scan set with the given scan names, each of 10 points.
+    pub async fn scan_set(store: &SqliteDatabase, names: &[&str]) -> ScanSetId {
+        let set = NewScanSet {
+            id: ScanSetId::new(),
+            name: "set".to_owned(),
+            unit: crate::geometry::Unit::Mm,
+            scans: names
+                .iter()
+                .map(|name| ScanRecord {
+                    name: (*name).to_owned(),
+                    file_id: FileId::new(),
+                    points: 10,
+                    bytes: 100,
+                    checksum: "00".to_owned(),
+                    reading: None,
+                })
+                .collect(),
+            poses: None,
+        };
+        store.create_scan_set(&set, None).await.expect("stored");
+        set.id
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::{JobId, JobKind, ModelId, ScanSetId};
+    use crate::storage::database::*;
+
+    /// The second migration was the last before jobs had kinds.
+    #[tokio::test]
+    async fn a_database_from_before_kinds_keeps_its_jobs_and_models() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let file = folder.path().join("old.sqlite");
+        let options = SqliteConnectOptions::new().filename(&file).create_if_missing(true).foreign_keys(true);
+        let old = SqlitePoolOptions::new().max_connections(1).connect_with(options).await.expect("a new database");
+        let mut before = sqlx::migrate!("./migrations");
+        before.migrations.to_mut().truncate(2);
+        before.run(&old).await.expect("migrated");
+        let (set, job, model) = (ScanSetId::new(), JobId::new(), ModelId::new());
+        sqlx::query("INSERT INTO scan_set (id, name, unit) VALUES (?, 'set', 'mm')")
+            .bind(set.to_string())
+            .execute(&old)
+            .await
+            .expect("stored");
+        let options = serde_json::to_string(&crate::domain::options::Options::default()).expect("plain data");
+        sqlx::query("INSERT INTO job (id, scan_set_id, options, status) VALUES (?, ?, ?, 'succeeded')")
+            .bind(job.to_string())
+            .bind(set.to_string())
+            .bind(options)
+            .execute(&old)
+            .await
+            .expect("stored");
+        sqlx::query(
+            "INSERT INTO model (id, job_id, scan_set_id, name, unit, points) VALUES (?, ?, ?, 'model', 'mm', 1)",
+        )
+        .bind(model.to_string())
+        .bind(job.to_string())
+        .bind(set.to_string())
+        .execute(&old)
+        .await
+        .expect("stored");
+        old.close().await;
+
+        let store = SqliteDatabase::open(&file).await.expect("brought up to date");
+        let kept = store.job(job).await.expect("kept");
+        assert_eq!((kept.kind, kept.scan_set_id, kept.model_id), (JobKind::Register, Some(set), Some(model)));
+        drop(store.delete_job(job).await.expect("deleted"));
+        let gone = store.model(model).await;
+        assert!(matches!(gone, Err(DatabaseError::NotFound { .. })), "foreign keys hold again: {gone:?}");
+    }
+}

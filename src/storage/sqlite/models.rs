@@ -1,0 +1,201 @@
+//! Models: what they are made of, their files and their signatures.
+
+use sqlx::{FromRow, SqliteConnection};
+
+use super::{SqliteDatabase, damaged, evaluations, files, replays, signatures, stored_id, to_i64, to_u64};
+use crate::domain::{AssetRecord, ModelFilter, ModelId, ModelRecord, NewModel, Page, PageRequest, Replay, StoredFile};
+use crate::storage::database::Models;
+use crate::storage::{DatabaseError, Deleted, Unseen};
+use async_trait::async_trait;
+
+#[derive(FromRow)]
+struct ModelRow {
+    id: String,
+    job_id: Option<String>,
+    scan_set_id: Option<String>,
+    name: String,
+    label: Option<String>,
+    unit: String,
+    points: i64,
+    quality: Option<String>,
+    reading: Option<String>,
+    summary: Option<String>,
+}
+
+impl ModelRow {
+    fn record(self) -> Result<ModelRecord, DatabaseError> {
+        let summary = self.summary.map(|text| serde_json::from_str(&text)).transpose();
+        Ok(ModelRecord {
+            id: stored_id!(ModelId, &self.id)?,
+            job_id: self.job_id.map(|text| stored_id!(JobId, &text)).transpose()?,
+            scan_set_id: self.scan_set_id.map(|text| stored_id!(ScanSetId, &text)).transpose()?,
+            name: self.name,
+            label: self.label,
+            unit: self.unit.parse().map_err(|reason: String| damaged("a unit", reason))?,
+            points: to_u64(self.points),
+            quality: self.quality,
+            reading: self.reading,
+            signature: summary.map_err(|error| damaged("a signature's summary", error))?,
+        })
+    }
+}
+
+#[async_trait]
+impl Models for SqliteDatabase {
+    async fn create_model(&self, model: &NewModel, replay: Option<&Replay>) -> Result<Unseen, DatabaseError> {
+        let mut tx = self.begin().await?;
+        insert(&mut tx, model).await?;
+        if let Some(replay) = replay {
+            replays::insert(&mut tx, replay).await?;
+        }
+        tx.commit_unseen(self).await
+    }
+
+    async fn create_models(&self, models: &[NewModel]) -> Result<(), DatabaseError> {
+        let mut tx = self.begin().await?;
+        for model in models {
+            insert(&mut tx, model).await?;
+        }
+        tx.commit().await
+    }
+
+    async fn model(&self, id: ModelId) -> Result<ModelRecord, DatabaseError> {
+        let row: Option<ModelRow> = sqlx::query_as(
+            "SELECT model.*, signature.summary FROM model
+             LEFT JOIN signature ON signature.model_id = model.id WHERE model.id = ?",
+        )
+        .bind(id.to_string())
+        .fetch_optional(&self.readers)
+        .await?;
+        row.ok_or_else(|| not_found(id))?.record()
+    }
+
+    async fn models(&self, filter: &ModelFilter, page: &PageRequest) -> Result<Page<ModelRecord>, DatabaseError> {
+        let rows: Vec<ModelRow> = sqlx::query_as(
+            "SELECT model.*, signature.summary FROM model
+             LEFT JOIN signature ON signature.model_id = model.id
+             WHERE (?1 IS NULL OR model.id < ?1)
+               AND (?2 IS NULL OR model.label = ?2)
+               AND (?3 IS NULL OR model.scan_set_id = ?3)
+             ORDER BY model.id DESC LIMIT ?4",
+        )
+        .bind(page.before.as_deref())
+        .bind(filter.label.as_deref())
+        .bind(filter.scan_set_id.map(|id| id.to_string()))
+        .bind(page.sql_limit())
+        .fetch_all(&self.readers)
+        .await?;
+        let records = rows.into_iter().map(ModelRow::record).collect::<Result<Vec<_>, _>>()?;
+        Ok(Page::cut(records, page.limit))
+    }
+
+    async fn assets(&self, id: ModelId) -> Result<Vec<AssetRecord>, DatabaseError> {
+        let rows: Vec<(String, i64, String)> =
+            sqlx::query_as("SELECT name, bytes, checksum FROM asset WHERE model_id = ? ORDER BY name")
+                .bind(id.to_string())
+                .fetch_all(&self.readers)
+                .await?;
+        Ok(rows
+            .into_iter()
+            .map(|(name, bytes, checksum)| AssetRecord { name, bytes: to_u64(bytes), checksum })
+            .collect())
+    }
+
+    async fn delete_model(&self, id: ModelId) -> Result<Deleted, DatabaseError> {
+        let delete = || async {
+            let mut tx = self.begin_any().await?;
+            replays::delete_of(&mut tx, &id.to_string()).await?;
+            let done = sqlx::query("DELETE FROM model WHERE id = ?").bind(id.to_string()).execute(&mut *tx).await?;
+            if done.rows_affected() == 0 {
+                return Err(not_found(id));
+            }
+            files::leave(&mut tx, StoredFile::Model(id)).await?;
+            Ok(Deleted { models: vec![id], unseen: tx.commit_unseen(self).await? })
+        };
+        self.with_reserve(delete).await
+    }
+}
+
+fn not_found(id: ModelId) -> DatabaseError {
+    DatabaseError::NotFound { kind: "model", id: id.to_string() }
+}
+
+/// Stores a model with its files' records and its signature; part of a larger transaction.
+pub(super) async fn insert(db: &mut SqliteConnection, model: &NewModel) -> Result<(), DatabaseError> {
+    let id = model.id.to_string();
+    sqlx::query(
+        "INSERT INTO model (id, job_id, scan_set_id, name, label, unit, points, quality, reading)
+         VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
+    )
+    .bind(&id)
+    .bind(model.origin.map(|(job, _)| job.to_string()))
+    .bind(model.origin.map(|(_, set)| set.to_string()))
+    .bind(&model.name)
+    .bind(&model.label)
+    .bind(model.unit.name())
+    .bind(to_i64(model.points))
+    .bind(&model.quality)
+    .bind(&model.reading)
+    .execute(&mut *db)
+    .await?;
+    for asset in &model.assets {
+        sqlx::query("INSERT INTO asset (model_id, name, bytes, checksum) VALUES (?, ?, ?, ?)")
+            .bind(&id)
+            .bind(&asset.name)
+            .bind(to_i64(asset.bytes))
+            .bind(&asset.checksum)
+            .execute(&mut *db)
+            .await?;
+    }
+    if let Some(signature) = &model.signature {
+        signatures::insert(db, &id, signature).await?;
+    }
+    files::settle(db, StoredFile::Model(model.id)).await?;
+    let is_to_be_judged: bool =
+        sqlx::query_scalar("SELECT EXISTS (SELECT 1 FROM standard)").fetch_one(&mut *db).await?;
+    if is_to_be_judged {
+        evaluations::queue(db).await?;
+    }
+    Ok(())
+}
+
+/// The models made from a scan set.
+pub(super) async fn ids_of_scan_set(db: &mut SqliteConnection, set: &str) -> Result<Vec<ModelId>, DatabaseError> {
+    let ids: Vec<String> =
+        sqlx::query_scalar("SELECT id FROM model WHERE scan_set_id = ?").bind(set).fetch_all(db).await?;
+    ids.iter().map(|text| stored_id!(ModelId, text)).collect()
+}
+
+/// The model made by a job.
+pub(super) async fn id_of_job(db: &mut SqliteConnection, job: &str) -> Result<Option<ModelId>, DatabaseError> {
+    let id: Option<String> =
+        sqlx::query_scalar("SELECT id FROM model WHERE job_id = ?").bind(job).fetch_optional(db).await?;
+    id.map(|text| stored_id!(ModelId, &text)).transpose()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::testing;
+    use super::*;
+    use crate::domain::{StoredContent, StoredSignature};
+    use crate::faces::SignatureSummary;
+    use crate::storage::database::*;
+
+    #[tokio::test]
+    async fn a_model_goes_with_all_its_parts() {
+        let (store, _folder) = testing::store().await;
+        let summary = SignatureSummary { version: 1, regions: 2, triangles: 3, left_out: Default::default() };
+        let signature = StoredSignature { version: 1, summary: summary.clone(), content: vec![1, 2, 3] };
+        let model = NewModel { signature: Some(signature), ..NewModel::test(None) };
+        drop(store.create_model(&model, None).await.expect("stored"));
+        assert_eq!(store.model(model.id).await.expect("there").signature, Some(summary));
+        assert_eq!(store.assets(model.id).await.expect("read"), model.assets);
+        let whole = StoredContent::Whole(vec![1, 2, 3]);
+        assert_eq!(store.signatures_after(None, 5).await.expect("read"), [(model.id, whole)]);
+        assert!(store.signatures_after(Some(model.id), 5).await.expect("read").is_empty());
+        drop(store.delete_model(model.id).await.expect("deleted"));
+        assert!(store.assets(model.id).await.expect("read").is_empty());
+        assert!(store.signatures_after(None, 5).await.expect("read").is_empty());
+        assert!(matches!(store.delete_model(model.id).await, Err(DatabaseError::NotFound { kind: "model", .. })));
+    }
+}

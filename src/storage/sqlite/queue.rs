@@ -1,0 +1,366 @@
+//! Jobs as the workers see them: claim, heartbeat, finish, give back.
+//!
+//! A running job belongs to the worker named in its row until its lease runs out. Every write of a worker is
+//! guarded by that name, so a worker whose job was taken over can neither finish it twice nor overwrite it.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use sqlx::SqliteConnection;
+
+use super::jobs::JobRow;
+use super::{SqliteDatabase, damaged, models, now_ms, to_i64, to_u64};
+use crate::domain::{Claimant, Finish, JobClaim, JobError, Room, WorkerId};
+use crate::storage::database::JobQueue;
+use crate::storage::{DatabaseError, Unseen};
+use async_trait::async_trait;
+
+#[async_trait]
+impl JobQueue for SqliteDatabase {
+    async fn claim_job(&self, claimant: &Claimant) -> Result<Option<JobClaim>, DatabaseError> {
+        let Claimant { worker, living, lease, max_attempts, room } = claimant;
+        let living: Vec<String> = living.iter().map(WorkerId::to_string).collect();
+        let living = serde_json::to_string(&living).map_err(|error| damaged("names of workers", error))?;
+        let unlimited = Room { free_points: u64::MAX, all_points: u64::MAX };
+        let room = room.unwrap_or(unlimited);
+        let mut tx = self.begin().await?;
+        fail_exhausted(&mut tx, *max_attempts, &living).await?;
+        let row: Option<JobRow> = sqlx::query_as(
+            "UPDATE job SET status = 'running', worker = ?1, leased_until = ?2, attempts = attempts + 1,
+                            started_at = ?3, stage = NULL, progress = 0, stage_seconds = '{}', seat = ?7
+             WHERE id = (SELECT id FROM job
+                         WHERE status = 'queued'
+                            OR (status = 'running' AND leased_until < ?3
+                                AND worker NOT IN (SELECT value FROM json_each(?4)))
+                         ORDER BY kind = 'evaluate', id LIMIT 1)
+               AND (SELECT coalesce(sum(points), 0) <= ?5 OR sum(points) > ?6
+                    FROM scan WHERE scan.scan_set_id = job.scan_set_id)
+             RETURNING *, NULL AS model_id",
+        )
+        .bind(worker.to_string())
+        .bind(lease_end(*lease))
+        .bind(now_ms())
+        .bind(&living)
+        .bind(to_i64(room.free_points))
+        .bind(to_i64(room.all_points))
+        .bind(self.owner.seat.to_string())
+        .fetch_optional(&mut *tx)
+        .await?;
+        let Some(job) = row.map(JobRow::record).transpose()? else {
+            tx.commit().await?;
+            return Ok(None);
+        };
+        let points: i64 = sqlx::query_scalar("SELECT coalesce(sum(points), 0) FROM scan WHERE scan_set_id = ?")
+            .bind(job.scan_set_id.map(|id| id.to_string()))
+            .fetch_one(&mut *tx)
+            .await?;
+        tx.commit().await?;
+        Ok(Some(JobClaim { job, worker: *worker, points: to_u64(points) }))
+    }
+
+    async fn heartbeat(
+        &self,
+        claim: &JobClaim,
+        lease: Duration,
+        stage: Option<&str>,
+        progress: f64,
+        stage_seconds: &BTreeMap<String, f64>,
+    ) -> Result<Option<bool>, DatabaseError> {
+        let seconds = serde_json::to_string(stage_seconds).map_err(|error| damaged("seconds", error))?;
+        let cancel_asked = sqlx::query_scalar(
+            "UPDATE job SET leased_until = ?, stage = ?, progress = ?, stage_seconds = ?
+             WHERE id = ? AND worker = ? AND status = 'running' RETURNING cancel_asked",
+        )
+        .bind(lease_end(lease))
+        .bind(stage)
+        .bind(progress.clamp(0.0, 1.0))
+        .bind(seconds)
+        .bind(claim.job.id.to_string())
+        .bind(claim.worker.to_string())
+        .fetch_optional(&self.writer)
+        .await?;
+        Ok(cancel_asked)
+    }
+
+    async fn finish_job(&self, claim: &JobClaim, finish: &Finish) -> Result<Option<Unseen>, DatabaseError> {
+        self.with_reserve(|| self.finish_once(claim, finish)).await
+    }
+
+    async fn give_back_job(&self, claim: &JobClaim) -> Result<bool, DatabaseError> {
+        self.with_reserve(|| self.give_back_once(claim)).await
+    }
+
+    async fn reclaim_jobs(&self, max_attempts: u32) -> Result<u64, DatabaseError> {
+        self.with_reserve(|| self.reclaim_once(max_attempts)).await
+    }
+}
+
+impl SqliteDatabase {
+    async fn finish_once(&self, claim: &JobClaim, finish: &Finish) -> Result<Option<Unseen>, DatabaseError> {
+        let (status, error) = match finish {
+            Finish::Succeeded(_) => ("succeeded", None),
+            Finish::Failed(error) => ("failed", Some(error)),
+            Finish::Canceled => ("canceled", None),
+        };
+        let error = error.map(serde_json::to_string).transpose().map_err(|error| damaged("a job's error", error))?;
+        let mut tx = self.begin_any().await?;
+        let done = sqlx::query(
+            "UPDATE job SET status = ?1, error = ?2, worker = NULL, leased_until = NULL, finished_at = ?3,
+                            progress = CASE WHEN ?1 = 'succeeded' THEN 1 ELSE progress END
+             WHERE id = ?4 AND worker = ?5 AND status = 'running' AND NOT (?1 = 'succeeded' AND cancel_asked)",
+        )
+        .bind(status)
+        .bind(error)
+        .bind(now_ms())
+        .bind(claim.job.id.to_string())
+        .bind(claim.worker.to_string())
+        .execute(&mut *tx)
+        .await?;
+        if done.rows_affected() == 0 {
+            return Ok(None);
+        }
+        if let Finish::Succeeded(Some(model)) = finish {
+            models::insert(&mut tx, model).await?;
+        }
+        tx.commit_unseen(self).await.map(Some)
+    }
+
+    async fn give_back_once(&self, claim: &JobClaim) -> Result<bool, DatabaseError> {
+        let done = sqlx::query(
+            "UPDATE job SET status = CASE WHEN cancel_asked THEN 'canceled' ELSE 'queued' END,
+                            finished_at = CASE WHEN cancel_asked THEN ?1 END,
+                            worker = NULL, leased_until = NULL, attempts = max(attempts - 1, 0),
+                            stage = NULL, progress = 0, stage_seconds = '{}'
+             WHERE id = ?2 AND worker = ?3 AND status = 'running'",
+        )
+        .bind(now_ms())
+        .bind(claim.job.id.to_string())
+        .bind(claim.worker.to_string())
+        .execute(&self.writer)
+        .await?;
+        Ok(done.rows_affected() == 1)
+    }
+
+    async fn reclaim_once(&self, max_attempts: u32) -> Result<u64, DatabaseError> {
+        let mut tx = self.begin_any().await?;
+        // of all that runs, what was run from this seat by another process: that one is gone, and its lease with it
+        let left = "UPDATE job SET leased_until = 0
+                    WHERE status = 'running'
+                      AND (leased_until < ?1 OR (seat = ?2 AND substr(worker, 1, length(?3)) <> ?3))";
+        let running = sqlx::query(left)
+            .bind(now_ms())
+            .bind(self.owner.seat.to_string())
+            .bind(self.owner.process.to_string())
+            .execute(&mut *tx)
+            .await?;
+        sqlx::query(
+            "UPDATE job SET status = 'canceled', worker = NULL, leased_until = NULL, finished_at = ?
+             WHERE status = 'running' AND leased_until = 0 AND cancel_asked",
+        )
+        .bind(now_ms())
+        .execute(&mut *tx)
+        .await?;
+        fail_exhausted(&mut tx, max_attempts, "[]").await?;
+        sqlx::query(
+            "UPDATE job SET status = 'queued', worker = NULL, leased_until = NULL, stage = NULL, progress = 0,
+                            stage_seconds = '{}'
+             WHERE status = 'running' AND leased_until = 0",
+        )
+        .execute(&mut *tx)
+        .await?;
+        tx.commit().await?;
+        Ok(running.rows_affected())
+    }
+}
+
+fn lease_end(lease: Duration) -> i64 {
+    now_ms().saturating_add(i64::try_from(lease.as_millis()).unwrap_or(i64::MAX))
+}
+
+/// Fails the jobs whose worker vanished for the last time that is allowed; `living` is a JSON list of those that have
+/// not.
+async fn fail_exhausted(db: &mut SqliteConnection, max_attempts: u32, living: &str) -> Result<(), DatabaseError> {
+    let error = JobError {
+        code: "attempts_exhausted".to_owned(),
+        message: format!("the job was started {max_attempts} times and the server ended each time before the job did"),
+        scan: None,
+        hint: "the scans may need more memory than the server has: use fewer or thinner scans, or retry the job on a \
+               larger machine"
+            .to_owned(),
+    };
+    let error = serde_json::to_string(&error).map_err(|error| damaged("a job's error", error))?;
+    sqlx::query(
+        "UPDATE job SET status = 'failed', error = ?1, worker = NULL, leased_until = NULL, finished_at = ?2
+         WHERE status = 'running' AND leased_until < ?2 AND attempts >= ?3
+           AND worker NOT IN (SELECT value FROM json_each(?4))",
+    )
+    .bind(error)
+    .bind(now_ms())
+    .bind(max_attempts)
+    .bind(living)
+    .execute(db)
+    .await?;
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::testing;
+    use super::*;
+    use crate::domain::options::Options;
+    use crate::domain::{CancelAnswer, JobId, JobStatus, NewJob, NewModel, ScanSetId};
+    use crate::storage::database::*;
+
+    const LEASE: Duration = Duration::from_secs(30);
+    const EXPIRED: Duration = Duration::ZERO;
+    const NONE: BTreeMap<String, f64> = BTreeMap::new();
+
+    async fn queued(store: &SqliteDatabase) -> JobId {
+        let set: ScanSetId = testing::scan_set(store, &["a.ply", "b.ply"]).await;
+        let job = NewJob {
+            id: JobId::new(),
+            scan_set_id: set,
+            label: None,
+            options: Options::default(),
+            base: None,
+            hints: Default::default(),
+        };
+        store.create_job(&job, None, 10, None).await.expect("queued");
+        job.id
+    }
+
+    async fn claim(store: &SqliteDatabase, worker: &str, lease: Duration) -> Option<JobClaim> {
+        store.claim_job(&Claimant { lease, ..testing::claimant(worker) }).await.expect("claimed")
+    }
+
+    #[tokio::test]
+    async fn jobs_are_claimed_once_and_in_order() {
+        let (store, _folder) = testing::store().await;
+        let (first, second) = (queued(&store).await, queued(&store).await);
+        let a = claim(&store, "a", LEASE).await.expect("one waits");
+        let b = claim(&store, "b", LEASE).await.expect("one waits");
+        assert_eq!((a.job.id, b.job.id), (first, second));
+        assert_eq!(a.job.attempts, 1);
+        assert!(claim(&store, "c", LEASE).await.is_none());
+    }
+
+    #[tokio::test]
+    async fn a_worker_that_lost_its_lease_writes_nothing() {
+        let (store, _folder) = testing::store().await;
+        let id = queued(&store).await;
+        let lost = claim(&store, "slow", EXPIRED).await.expect("one waits");
+        tokio::time::sleep(Duration::from_millis(5)).await;
+        let taken = claim(&store, "quick", LEASE).await.expect("taken over");
+        assert_eq!(taken.job.attempts, 2);
+        assert_eq!(store.heartbeat(&lost, LEASE, None, 0.5, &NONE).await.expect("asked"), None);
+        assert!(store.finish_job(&lost, &Finish::Canceled).await.expect("asked").is_none());
+        assert!(!store.give_back_job(&lost).await.expect("asked"));
+        assert_eq!(store.heartbeat(&taken, LEASE, Some("loading"), 0.5, &NONE).await.expect("asked"), Some(false));
+        let job = store.job(id).await.expect("there");
+        assert_eq!((job.status, job.stage.as_deref(), job.progress), (JobStatus::Running, Some("loading"), 0.5));
+    }
+
+    #[tokio::test]
+    async fn giving_back_costs_no_attempt() {
+        let (store, _folder) = testing::store().await;
+        let id = queued(&store).await;
+        for _ in 0..5 {
+            let taken = claim(&store, "w", LEASE).await.expect("waits");
+            assert!(store.give_back_job(&taken).await.expect("given back"));
+        }
+        let job = store.job(id).await.expect("there");
+        assert_eq!((job.status, job.attempts), (JobStatus::Queued, 0));
+    }
+
+    #[tokio::test]
+    async fn a_job_that_takes_the_server_down_thrice_is_failed() {
+        let (store, _folder) = testing::store().await;
+        let id = queued(&store).await;
+        for _ in 0..3 {
+            claim(&store, "w", LEASE).await.expect("waits");
+            assert_eq!(store.reclaim_jobs(3).await.expect("reclaimed"), 1);
+        }
+        assert!(claim(&store, "w", LEASE).await.is_none());
+        let job = store.job(id).await.expect("there");
+        assert_eq!(job.status, JobStatus::Failed);
+        assert_eq!(job.error.expect("a reason").code, "attempts_exhausted");
+    }
+
+    #[tokio::test]
+    async fn a_stop_that_was_asked_for_beats_success() {
+        let (store, _folder) = testing::store().await;
+        let id = queued(&store).await;
+        let taken = claim(&store, "w", LEASE).await.expect("waits");
+        assert_eq!(store.cancel_job(id).await.expect("asked"), CancelAnswer::Asked);
+        assert_eq!(store.heartbeat(&taken, LEASE, None, 0.1, &NONE).await.expect("asked"), Some(true));
+        let model = NewModel::test(Some((id, taken.job.scan_set_id.expect("a registration"))));
+        let succeeded = Finish::Succeeded(Some(Box::new(model)));
+        assert!(store.finish_job(&taken, &succeeded).await.expect("asked").is_none());
+        assert!(store.finish_job(&taken, &Finish::Canceled).await.expect("asked").is_some());
+        assert_eq!(store.job(id).await.expect("there").status, JobStatus::Canceled);
+    }
+
+    #[tokio::test]
+    async fn a_canceled_job_of_a_dead_server_is_not_run_again() {
+        let (store, _folder) = testing::store().await;
+        let id = queued(&store).await;
+        claim(&store, "w", LEASE).await.expect("waits");
+        store.cancel_job(id).await.expect("asked");
+        store.reclaim_jobs(3).await.expect("reclaimed");
+        assert_eq!(store.job(id).await.expect("there").status, JobStatus::Canceled);
+    }
+
+    #[tokio::test]
+    async fn success_stores_the_model_with_the_job() {
+        let (store, _folder) = testing::store().await;
+        let id = queued(&store).await;
+        let taken = claim(&store, "w", LEASE).await.expect("waits");
+        let model = NewModel::test(Some((id, taken.job.scan_set_id.expect("a registration"))));
+        let succeeded = Finish::Succeeded(Some(Box::new(model.clone())));
+        assert!(store.finish_job(&taken, &succeeded).await.expect("stored").is_some());
+        let job = store.job(id).await.expect("there");
+        assert_eq!((job.status, job.progress, job.model_id), (JobStatus::Succeeded, 1.0, Some(model.id)));
+        assert_eq!(store.delete_job(id).await.expect("deleted").models, [model.id]);
+        assert!(matches!(store.model(model.id).await, Err(DatabaseError::NotFound { kind: "model", .. })));
+    }
+
+    #[tokio::test]
+    async fn a_pause_longer_than_the_lease_costs_no_attempt() {
+        let (store, _folder) = testing::store().await;
+        let id = queued(&store).await;
+        let paused = claim(&store, "a", EXPIRED).await.expect("one waits");
+        tokio::time::sleep(Duration::from_millis(5)).await;
+        let both = vec![testing::worker("a"), testing::worker("b")];
+        let other = Claimant { living: both, max_attempts: 1, ..testing::claimant("b") };
+        assert!(store.claim_job(&other).await.expect("asked").is_none(), "its worker lives");
+        let job = store.job(id).await.expect("there");
+        assert_eq!((job.status, job.attempts), (JobStatus::Running, 1));
+        assert_eq!(store.heartbeat(&paused, LEASE, None, 0.5, &NONE).await.expect("asked"), Some(false));
+        assert!(store.finish_job(&paused, &Finish::Canceled).await.expect("asked").is_some());
+    }
+
+    #[tokio::test]
+    async fn a_job_waits_until_there_is_room_for_it_and_is_not_overtaken() {
+        let (store, _folder) = testing::store().await;
+        let large = queued(&store).await;
+        let small_set = testing::scan_set(&store, &["a.ply"]).await;
+        let small = NewJob {
+            id: JobId::new(),
+            scan_set_id: small_set,
+            label: None,
+            options: Options::default(),
+            base: None,
+            hints: Default::default(),
+        };
+        store.create_job(&small, None, 10, None).await.expect("queued");
+        let claim = async |free_points: u64, all_points: u64| {
+            let claimant = Claimant { room: Some(Room { free_points, all_points }), ..testing::claimant("w") };
+            store.claim_job(&claimant).await.expect("asked").map(|claim| claim.job.id)
+        };
+        assert_eq!(claim(19, 20).await, None, "20 points are needed");
+        assert_eq!(claim(20, 20).await, Some(large));
+        assert_eq!(claim(0, 5).await, Some(small.id), "it can never fit: it is to be refused");
+        store.demand_evaluation(&|_| None).await.expect("queued");
+        assert!(claim(0, 20).await.is_some(), "an evaluation has no scans");
+    }
+}

@@ -1,0 +1,78 @@
+//! Answers kept for POSTs that carry an `Idempotency-Key`: written in the same transaction as what they created.
+
+use std::time::Duration;
+
+use sqlx::{FromRow, SqliteConnection};
+
+use super::{SqliteDatabase, now_ms};
+use crate::domain::{Replay, ReplayKey};
+use crate::storage::DatabaseError;
+use crate::storage::database::Replays;
+use async_trait::async_trait;
+
+/// How long a repeated request gets its first answer.
+const KEEP: Duration = Duration::from_secs(24 * 3600);
+
+#[derive(FromRow)]
+struct Row {
+    body_hash: String,
+    status: u16,
+    location: String,
+    body: String,
+    resource_id: String,
+}
+
+#[async_trait]
+impl Replays for SqliteDatabase {
+    async fn replay(&self, key: &ReplayKey) -> Result<Option<Replay>, DatabaseError> {
+        let row: Option<Row> = sqlx::query_as(
+            "SELECT body_hash, status, location, body, resource_id FROM replay WHERE route = ? AND key = ?",
+        )
+        .bind(key.route)
+        .bind(&key.key)
+        .fetch_optional(&self.readers)
+        .await?;
+        let Some(row) = row else { return Ok(None) };
+        if row.body_hash != key.body_hash {
+            return Err(DatabaseError::KeyReused { key: key.key.clone() });
+        }
+        Ok(Some(Replay {
+            key: key.clone(),
+            status: row.status,
+            location: row.location,
+            body: row.body,
+            resource_id: row.resource_id,
+        }))
+    }
+
+    async fn forget_old_replays(&self) -> Result<u64, DatabaseError> {
+        let oldest = now_ms() - i64::try_from(KEEP.as_millis()).unwrap_or(i64::MAX);
+        let done = sqlx::query("DELETE FROM replay WHERE created_at < ?").bind(oldest).execute(&self.writer).await?;
+        Ok(done.rows_affected())
+    }
+}
+
+/// Keeps an answer; part of the transaction that creates the resource.
+pub(super) async fn insert(db: &mut SqliteConnection, replay: &Replay) -> Result<(), DatabaseError> {
+    sqlx::query(
+        "INSERT INTO replay (route, key, body_hash, status, location, body, resource_id, created_at)
+         VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
+    )
+    .bind(replay.key.route)
+    .bind(&replay.key.key)
+    .bind(&replay.key.body_hash)
+    .bind(replay.status)
+    .bind(&replay.location)
+    .bind(&replay.body)
+    .bind(&replay.resource_id)
+    .bind(now_ms())
+    .execute(db)
+    .await?;
+    Ok(())
+}
+
+/// Forgets the answers about a resource that is deleted.
+pub(super) async fn delete_of(db: &mut SqliteConnection, resource_id: &str) -> Result<(), DatabaseError> {
+    sqlx::query("DELETE FROM replay WHERE resource_id = ?").bind(resource_id).execute(db).await?;
+    Ok(())
+}

@@ -1,0 +1,303 @@
+//! Scan sets: their scans and their pose file.
+
+use sqlx::{FromRow, SqliteConnection};
+
+use super::{SqliteDatabase, damaged, files, models, replays, stored_id, to_i64, to_u64};
+use crate::domain::{
+    FileId, NewScanSet, Page, PageRequest, PoseFile, PutScan, Replay, ScanRecord, ScanSetId, ScanSetRecord, StoredFile,
+    sort_naturally,
+};
+use crate::storage::database::ScanSets;
+use crate::storage::{DatabaseError, Deleted};
+use async_trait::async_trait;
+
+#[derive(FromRow)]
+struct SetRow {
+    id: String,
+    name: String,
+    unit: String,
+    poses_name: Option<String>,
+    poses: Option<Vec<u8>>,
+}
+
+#[derive(FromRow)]
+struct ScanRow {
+    name: String,
+    file_id: String,
+    points: i64,
+    bytes: i64,
+    checksum: String,
+    reading: Option<String>,
+}
+
+impl SetRow {
+    fn record(self, scans: Vec<ScanRow>) -> Result<ScanSetRecord, DatabaseError> {
+        let mut scans = scans.into_iter().map(ScanRow::record).collect::<Result<Vec<_>, _>>()?;
+        sort_naturally(&mut scans);
+        Ok(ScanSetRecord {
+            id: stored_id!(ScanSetId, &self.id)?,
+            name: self.name,
+            unit: self.unit.parse().map_err(|reason: String| damaged("a unit", reason))?,
+            scans,
+            poses: self.poses_name.zip(self.poses).map(|(name, content)| PoseFile { name, content }),
+        })
+    }
+}
+
+impl ScanRow {
+    fn record(self) -> Result<ScanRecord, DatabaseError> {
+        Ok(ScanRecord {
+            file_id: stored_id!(FileId, &self.file_id)?,
+            name: self.name,
+            points: to_u64(self.points),
+            bytes: to_u64(self.bytes),
+            checksum: self.checksum,
+            reading: self.reading,
+        })
+    }
+}
+
+#[async_trait]
+impl ScanSets for SqliteDatabase {
+    async fn create_scan_set(&self, set: &NewScanSet, replay: Option<&Replay>) -> Result<(), DatabaseError> {
+        let mut tx = self.begin().await?;
+        insert_set(&mut tx, set).await?;
+        if let Some(replay) = replay {
+            replays::insert(&mut tx, replay).await?;
+        }
+        tx.commit().await?;
+        Ok(())
+    }
+
+    async fn scan_set(&self, id: ScanSetId) -> Result<ScanSetRecord, DatabaseError> {
+        // one snapshot for both statements: a scan set never shows half of a change
+        let mut tx = self.readers.begin().await?;
+        let row: Option<SetRow> =
+            sqlx::query_as("SELECT * FROM scan_set WHERE id = ?").bind(id.to_string()).fetch_optional(&mut *tx).await?;
+        let row = row.ok_or_else(|| not_found(id))?;
+        let scans = scan_rows(&mut tx, &row.id).await?;
+        row.record(scans)
+    }
+
+    async fn scan_sets(&self, page: &PageRequest) -> Result<Page<ScanSetRecord>, DatabaseError> {
+        let mut tx = self.readers.begin().await?;
+        let rows: Vec<SetRow> =
+            sqlx::query_as("SELECT * FROM scan_set WHERE ?1 IS NULL OR id < ?1 ORDER BY id DESC LIMIT ?2")
+                .bind(page.before.as_deref())
+                .bind(page.sql_limit())
+                .fetch_all(&mut *tx)
+                .await?;
+        let mut records = Vec::with_capacity(rows.len());
+        for row in rows {
+            let scans = scan_rows(&mut tx, &row.id).await?;
+            records.push(row.record(scans)?);
+        }
+        Ok(Page::cut(records, page.limit))
+    }
+
+    async fn put_scan(&self, set: ScanSetId, scan: &ScanRecord, limit: usize) -> Result<PutScan, DatabaseError> {
+        let mut tx = self.begin().await?;
+        check_free(&mut tx, set).await?;
+        let old = file_of(&mut tx, set, &scan.name).await?;
+        if old.is_none() {
+            let count: i64 = sqlx::query_scalar("SELECT count(*) FROM scan WHERE scan_set_id = ?")
+                .bind(set.to_string())
+                .fetch_one(&mut *tx)
+                .await?;
+            if to_u64(count) >= limit as u64 {
+                return Err(DatabaseError::TooManyScans { limit });
+            }
+        }
+        delete_scan_row(&mut tx, set, &scan.name).await?;
+        insert_scan(&mut tx, set, scan).await?;
+        if let Some(old) = old {
+            files::leave(&mut tx, StoredFile::Scan(set, old)).await?;
+        }
+        tx.commit().await?;
+        Ok(old.map_or(PutScan::Created, PutScan::Replaced))
+    }
+
+    async fn delete_scan(&self, set: ScanSetId, name: &str) -> Result<FileId, DatabaseError> {
+        self.with_reserve(|| self.delete_scan_once(set, name)).await
+    }
+
+    async fn put_poses(&self, set: ScanSetId, poses: &PoseFile) -> Result<(), DatabaseError> {
+        let mut tx = self.begin().await?;
+        check_free(&mut tx, set).await?;
+        sqlx::query("UPDATE scan_set SET poses_name = ?, poses = ? WHERE id = ?")
+            .bind(&poses.name)
+            .bind(&poses.content)
+            .bind(set.to_string())
+            .execute(&mut *tx)
+            .await?;
+        tx.commit().await?;
+        Ok(())
+    }
+
+    async fn delete_scan_set(&self, id: ScanSetId) -> Result<Deleted, DatabaseError> {
+        self.with_reserve(|| self.delete_set_once(id)).await
+    }
+}
+
+impl SqliteDatabase {
+    async fn delete_scan_once(&self, set: ScanSetId, name: &str) -> Result<FileId, DatabaseError> {
+        let mut tx = self.begin_any().await?;
+        check_free(&mut tx, set).await?;
+        let file = file_of(&mut tx, set, name)
+            .await?
+            .ok_or_else(|| DatabaseError::NotFound { kind: "scan", id: name.to_owned() })?;
+        delete_scan_row(&mut tx, set, name).await?;
+        files::leave(&mut tx, StoredFile::Scan(set, file)).await?;
+        tx.commit().await?;
+        Ok(file)
+    }
+
+    async fn delete_set_once(&self, id: ScanSetId) -> Result<Deleted, DatabaseError> {
+        let mut tx = self.begin_any().await?;
+        check_free(&mut tx, id).await?;
+        let text = id.to_string();
+        let models = models::ids_of_scan_set(&mut tx, &text).await?;
+        let jobs: Vec<String> =
+            sqlx::query_scalar("SELECT id FROM job WHERE scan_set_id = ?").bind(&text).fetch_all(&mut *tx).await?;
+        for resource in jobs.into_iter().chain([text.clone()]) {
+            replays::delete_of(&mut tx, &resource).await?;
+        }
+        // jobs, models, assets and signatures go by foreign keys
+        sqlx::query("DELETE FROM scan_set WHERE id = ?").bind(&text).execute(&mut *tx).await?;
+        files::leave(&mut tx, StoredFile::ScanSet(id)).await?;
+        for model in &models {
+            files::leave(&mut tx, StoredFile::Model(*model)).await?;
+        }
+        Ok(Deleted { models, unseen: tx.commit_unseen(self).await? })
+    }
+}
+
+fn not_found(id: ScanSetId) -> DatabaseError {
+    DatabaseError::NotFound { kind: "scan set", id: id.to_string() }
+}
+
+/// Stores a scan set and its scans; part of a larger transaction.
+pub(super) async fn insert_set(db: &mut SqliteConnection, set: &NewScanSet) -> Result<(), DatabaseError> {
+    sqlx::query("INSERT INTO scan_set (id, name, unit, poses_name, poses) VALUES (?, ?, ?, ?, ?)")
+        .bind(set.id.to_string())
+        .bind(&set.name)
+        .bind(set.unit.name())
+        .bind(set.poses.as_ref().map(|poses| &poses.name))
+        .bind(set.poses.as_ref().map(|poses| &poses.content))
+        .execute(&mut *db)
+        .await?;
+    for scan in &set.scans {
+        insert_scan(db, set.id, scan).await?;
+    }
+    Ok(())
+}
+
+async fn insert_scan(db: &mut SqliteConnection, set: ScanSetId, scan: &ScanRecord) -> Result<(), DatabaseError> {
+    let columns = "INSERT INTO scan (scan_set_id, name, file_id, points, bytes, checksum, reading)
+                   VALUES (?, ?, ?, ?, ?, ?, ?)";
+    sqlx::query(columns)
+        .bind(set.to_string())
+        .bind(&scan.name)
+        .bind(scan.file_id.to_string())
+        .bind(to_i64(scan.points))
+        .bind(to_i64(scan.bytes))
+        .bind(&scan.checksum)
+        .bind(&scan.reading)
+        .execute(&mut *db)
+        .await?;
+    files::settle(db, StoredFile::Scan(set, scan.file_id)).await
+}
+
+async fn delete_scan_row(db: &mut SqliteConnection, set: ScanSetId, name: &str) -> Result<(), DatabaseError> {
+    sqlx::query("DELETE FROM scan WHERE scan_set_id = ? AND name = ?")
+        .bind(set.to_string())
+        .bind(name)
+        .execute(db)
+        .await?;
+    Ok(())
+}
+
+async fn scan_rows(db: &mut SqliteConnection, set: &str) -> Result<Vec<ScanRow>, DatabaseError> {
+    let rows = sqlx::query_as("SELECT name, file_id, points, bytes, checksum, reading FROM scan WHERE scan_set_id = ?")
+        .bind(set)
+        .fetch_all(db)
+        .await?;
+    Ok(rows)
+}
+
+async fn file_of(db: &mut SqliteConnection, set: ScanSetId, name: &str) -> Result<Option<FileId>, DatabaseError> {
+    let file: Option<String> = sqlx::query_scalar("SELECT file_id FROM scan WHERE scan_set_id = ? AND name = ?")
+        .bind(set.to_string())
+        .bind(name)
+        .fetch_optional(db)
+        .await?;
+    file.map(|text| stored_id!(FileId, &text)).transpose()
+}
+
+/// The set is there and no unfinished job uses it: a job must see the same scans however often it is run.
+async fn check_free(db: &mut SqliteConnection, id: ScanSetId) -> Result<(), DatabaseError> {
+    let in_use: Option<bool> = sqlx::query_scalar(
+        "SELECT EXISTS (SELECT 1 FROM job WHERE scan_set_id = scan_set.id AND status IN ('queued', 'running'))
+         FROM scan_set WHERE id = ?",
+    )
+    .bind(id.to_string())
+    .fetch_optional(db)
+    .await?;
+    match in_use {
+        None => Err(not_found(id)),
+        Some(true) => Err(DatabaseError::InUse { kind: "scan set", id: id.to_string() }),
+        Some(false) => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::testing;
+    use super::*;
+    use crate::storage::database::*;
+
+    fn scan(name: &str) -> ScanRecord {
+        let (file_id, checksum) = (FileId::new(), "ab".to_owned());
+        ScanRecord { name: name.to_owned(), file_id, points: 3, bytes: 9, checksum, reading: Some("{}".to_owned()) }
+    }
+
+    #[tokio::test]
+    async fn scans_come_back_in_natural_order() {
+        let (store, _folder) = testing::store().await;
+        let id = testing::scan_set(&store, &["scan10.ply", "scan2.ply", "scan1.ply"]).await;
+        let set = store.scan_set(id).await.expect("stored");
+        let names: Vec<&str> = set.scans.iter().map(|scan| scan.name.as_str()).collect();
+        assert_eq!(names, ["scan1.ply", "scan2.ply", "scan10.ply"]);
+    }
+
+    #[tokio::test]
+    async fn a_scan_is_replaced_and_the_limit_holds() {
+        let (store, _folder) = testing::store().await;
+        let id = testing::scan_set(&store, &["a.ply"]).await;
+        let first = scan("b.ply");
+        assert_eq!(store.put_scan(id, &first, 2).await.expect("put"), PutScan::Created);
+        assert_eq!(store.scan_set(id).await.expect("stored").scans[1].reading.as_deref(), Some("{}"));
+        let again = scan("b.ply");
+        assert_eq!(store.put_scan(id, &again, 2).await.expect("put"), PutScan::Replaced(first.file_id));
+        let refused = store.put_scan(id, &scan("c.ply"), 2).await.expect_err("full");
+        assert!(matches!(refused, DatabaseError::TooManyScans { limit: 2 }));
+        assert_eq!(store.delete_scan(id, "b.ply").await.expect("there"), again.file_id);
+        assert!(matches!(store.delete_scan(id, "b.ply").await, Err(DatabaseError::NotFound { kind: "scan", .. })));
+    }
+
+    #[tokio::test]
+    async fn lists_are_paged_newest_first() {
+        let (store, _folder) = testing::store().await;
+        let mut ids = Vec::new();
+        for _ in 0..3 {
+            ids.push(testing::scan_set(&store, &[]).await);
+        }
+        let first = store.scan_sets(&PageRequest { before: None, limit: 2 }).await.expect("listed");
+        assert_eq!(first.items.iter().map(|set| set.id).collect::<Vec<_>>(), [ids[2], ids[1]]);
+        assert!(first.more);
+        let rest = PageRequest { before: Some(ids[1].to_string()), limit: 2 };
+        let rest = store.scan_sets(&rest).await.expect("listed");
+        assert_eq!(rest.items.len(), 1);
+        assert!(!rest.more);
+    }
+}

@@ -1,0 +1,72 @@
+//! What is asked of the database as a whole.
+
+use std::sync::Arc;
+
+use async_trait::async_trait;
+
+use super::{SqliteDatabase, now_ms, stored_id};
+use crate::domain::{FolderId, Owner};
+use crate::storage::DatabaseError;
+use crate::storage::database::Upkeep;
+
+#[async_trait]
+impl Upkeep for SqliteDatabase {
+    fn owner(&self) -> Owner {
+        self.owner
+    }
+
+    async fn settled(&self) {
+        self.changes.settled().await;
+    }
+
+    async fn ping(&self) -> Result<(), DatabaseError> {
+        sqlx::query("SELECT 1").execute(&self.readers).await?;
+        Ok(())
+    }
+
+    /// It writes a time, since nothing less would tell; but that may fit into what the log has already, where nothing
+    /// larger would.
+    async fn check_writable(&self) -> Result<(), DatabaseError> {
+        let reserve = Arc::clone(&self.reserve);
+        if !tokio::task::spawn_blocking(move || reserve.has_space()).await.unwrap_or(false) {
+            return Err(DatabaseError::Full);
+        }
+        let mut tx = self.begin().await?;
+        sqlx::query("UPDATE folder SET checked_at = ?").bind(now_ms()).execute(&mut *tx).await?;
+        tx.commit().await
+    }
+
+    /// A reader that is in the way for long leaves it to the next deletion, or to the server's end.
+    async fn fold_log(&self) {
+        if let Err(error) = sqlx::query("PRAGMA wal_checkpoint(TRUNCATE)").execute(&self.writer).await {
+            tracing::warn!("the write-ahead log is not emptied yet: {error}");
+        }
+    }
+
+    async fn integrity(&self) -> Result<Vec<String>, DatabaseError> {
+        let lines: Vec<String> = sqlx::query_scalar("PRAGMA integrity_check(20)").fetch_all(&self.readers).await?;
+        Ok(lines.into_iter().filter(|line| line != "ok").collect())
+    }
+
+    /// The write-ahead log is folded into the file.
+    async fn close(&self) {
+        self.readers.close().await;
+        self.writer.close().await;
+    }
+}
+
+/// A file of its own goes with a folder of files: both hold the same id.
+impl SqliteDatabase {
+    /// The id of the folder; `None` for a database from before folders had one, or a new one.
+    pub async fn folder_id(&self) -> Result<Option<FolderId>, DatabaseError> {
+        let id: Option<String> = sqlx::query_scalar("SELECT id FROM folder").fetch_optional(&self.readers).await?;
+        id.map(|text| stored_id!(FolderId, &text)).transpose()
+    }
+
+    /// Says whose database this is; only once.
+    pub async fn put_folder_id(&self, id: FolderId) -> Result<(), DatabaseError> {
+        let mut tx = self.begin_any().await?;
+        sqlx::query("INSERT INTO folder (only_row, id) VALUES (1, ?)").bind(id.to_string()).execute(&mut *tx).await?;
+        tx.commit().await
+    }
+}
