@@ -26,6 +26,8 @@ mod signature;
 mod standard;
 mod stored_file;
 
+/// What a person said of the scans of a job.
+pub use crate::registration::hints::Hints;
 pub use evaluation::{Backlog, Outdated, StoredVerdict};
 pub use ids::{FileId, FolderId, JobId, ModelId, ProcessId, ScanSetId, SeatId, StandardId};
 pub use job::{CancelAnswer, JobBase, JobError, JobFilter, JobRecord, NewJob};

@@ -14,13 +14,13 @@ use super::idempotency::{Attempt, Created};
 use super::model_views::{ModelList, ModelSummary, ModelView, NewModelForm, address};
 use super::problem::{Code, Problem};
 use super::scan_sets::parse_id as parse_scan_set_id;
-use super::state::{AppState, blocking, deleted, forget, remove_files, uninterrupted};
-use super::upload::{self, Form, FormRules, UploadedFile};
+use super::state::{AppState, blocking, deleted, uninterrupted};
+use super::upload::{self, Form, FormRules};
 use super::verdicts::{self, VerdictView};
 use super::{assets, cursor, describe, names, reading_view, responses};
+use crate::app::models::{self, Upload};
 use crate::domain::asset::Asset;
-use crate::domain::{AssetRecord, ModelFilter, ModelId, ModelRecord, NewModel, StoredFile};
-use crate::faces::Signature;
+use crate::domain::{AssetRecord, ModelFilter, ModelId, ModelRecord, NewModel};
 use crate::formats::Reading;
 use crate::geometry::Surface;
 use crate::storage::DatabaseError;
@@ -76,26 +76,12 @@ async fn create(
     }
     let upload = described(&state, form).await?;
     let verdicts = vec![VerdictView::of_face(&upload.signature)];
-    let view = ModelView { verdicts, ..ModelView::of(&upload.record(), &upload.model.assets, None) };
+    let view = ModelView { verdicts, ..ModelView::of(&record(&upload.model), &upload.model.assets, None) };
     let created = Created::new(StatusCode::CREATED, address(upload.model.id), &view)?;
     let replay = attempt.replay(&created, upload.model.id.to_string());
     uninterrupted(async move {
         let _attempt = attempt;
-        let Upload { model, file, signature } = upload;
-        let id = model.id;
-        state.context.database.expect_files(&[StoredFile::Model(id)]).await?;
-        keep_file(&state, &model, file).await?;
-        let unseen = match state.context.database.create_model(&model, replay.as_ref()).await {
-            Ok(unseen) => unseen,
-            Err(error) => {
-                if !error.leaves_in_doubt() {
-                    remove_files(&state, StoredFile::Model(id)).await?;
-                }
-                return Err(error.into());
-            }
-        };
-        state.context.gallery.publish(state.context.database.as_ref(), id, signature).await?;
-        drop(unseen);
+        models::add(&state.context.storage(), &state.context.gallery, upload, replay.as_ref()).await?;
         // where there are standards, it waits to be judged against them
         state.context.monitor.announce_work();
         Ok(())
@@ -104,28 +90,19 @@ async fn create(
     Ok(created)
 }
 
-/// An uploaded model that has a signature but no place yet.
-struct Upload {
-    model: NewModel,
-    file: UploadedFile,
-    signature: Signature,
-}
-
-impl Upload {
-    /// The model as it will be stored.
-    fn record(&self) -> ModelRecord {
-        ModelRecord {
-            id: self.model.id,
-            job_id: None,
-            scan_set_id: None,
-            name: self.model.name.clone(),
-            label: self.model.label.clone(),
-            unit: self.model.unit,
-            points: self.model.points,
-            quality: None,
-            reading: self.model.reading.clone(),
-            signature: self.model.signature.as_ref().map(|signature| signature.summary.clone()),
-        }
+/// An uploaded model as it will be stored.
+fn record(model: &NewModel) -> ModelRecord {
+    ModelRecord {
+        id: model.id,
+        job_id: None,
+        scan_set_id: None,
+        name: model.name.clone(),
+        label: model.label.clone(),
+        unit: model.unit,
+        points: model.points,
+        quality: None,
+        reading: model.reading.clone(),
+        signature: model.signature.as_ref().map(|signature| signature.summary.clone()),
     }
 }
 
@@ -161,27 +138,13 @@ async fn described(state: &AppState, mut form: Form) -> Result<Upload, Problem> 
         reading: reading_view::stored(&dropped),
         signature: Some((&signature).into()),
     };
-    Ok(Upload { model, file, signature })
+    Ok(Upload { model, file: file.staged, signature })
 }
 
 /// An uploaded file is kept under the name that a file of that kind has for every model.
 fn asset_name(file: &str, surface: &Surface) -> Result<String, Problem> {
     let format = names::surface_format(file)?;
     Ok(Asset::uploaded(format, !surface.faces.is_empty()).name().into_owned())
-}
-
-async fn keep_file(state: &AppState, model: &NewModel, file: UploadedFile) -> Result<(), Problem> {
-    let objects = state.context.objects.clone();
-    let id = model.id;
-    let assets: Vec<String> = model.assets.iter().map(|asset| asset.name.clone()).collect();
-    blocking(move || -> Result<(), Problem> {
-        let staged = objects.stage_model()?;
-        for asset in &assets {
-            objects.take_asset(&staged, asset, &file.staged)?;
-        }
-        Ok(objects.keep_model(&staged, id)?)
-    })
-    .await?
 }
 
 /// Which models to list.
@@ -277,8 +240,7 @@ async fn delete(
         if conditions.any() {
             conditions.check_view(&view(&state, id).await?)?;
         }
-        let deleted = state.context.database.delete_model(id).await?;
-        forget(&state, deleted).await
+        Ok(models::delete(&state.context.storage(), &state.context.gallery, id).await?)
     })
     .await
 }

@@ -94,8 +94,8 @@ async fn open(config: &Arc<ServerConfig>, engine: Arc<dyn Engine>) -> Result<Ser
 
 /// Loads the gallery, then cleans up now and then.
 async fn chores(context: ServiceContext, stop: CancellationToken) {
-    let ServiceContext { database, gallery, monitor, objects, .. } = context;
-    let storage = Storage { database: database.clone(), objects };
+    let storage = context.storage();
+    let ServiceContext { database, gallery, monitor, .. } = context;
     let work = async {
         match gallery.load(database.as_ref()).await {
             Ok(models) => tracing::info!(models, "the gallery is loaded"),
@@ -124,7 +124,7 @@ async fn clean_up(storage: &Storage) {
     if let Err(error) = storage.database.forget_old_replays().await {
         tracing::warn!("cleaning up: {error}");
     }
-    if let Err(error) = storage.tidy_up().await {
+    if let Err(error) = storage.tidy_up(jiff::Timestamp::now()).await {
         tracing::warn!("cleaning up: {error}");
     }
 }

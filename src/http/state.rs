@@ -11,6 +11,7 @@ use super::body::Room;
 use super::describe::Turns;
 use super::hosts::Hosts;
 use super::problem::{Code, Problem};
+use crate::app::models;
 use crate::config::Limits;
 use crate::domain::{ReplayKey, StoredFile};
 use crate::jobs::runner::ServiceContext;
@@ -115,19 +116,10 @@ pub async fn deleted(
 
 /// Removes files whose rows are gone, or never came.
 pub async fn remove_files(state: &AppState, file: StoredFile) -> Result<(), Problem> {
-    let objects = state.context.objects.clone();
-    Ok(blocking(move || objects.remove(file)).await??)
+    Ok(state.context.storage().remove(file).await?)
 }
 
 /// Takes models that the database has forgotten out of the gallery, and removes their files.
 pub async fn forget(state: &AppState, deleted: Deleted) -> Result<(), Problem> {
-    let Deleted { models, unseen } = deleted;
-    for model in &models {
-        state.context.gallery.remove(*model);
-    }
-    drop(unseen);
-    state.context.database.fold_log().await;
-    let objects = state.context.objects.clone();
-    blocking(move || models.into_iter().try_for_each(|model| objects.remove(StoredFile::Model(model)))).await??;
-    Ok(())
+    Ok(models::forget(&state.context.storage(), &state.context.gallery, deleted).await?)
 }

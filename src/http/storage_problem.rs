@@ -2,6 +2,7 @@
 
 use super::problem::{Code, Problem};
 use crate::jobs::memory::TooLarge;
+use crate::storage::inventory::StorageError;
 use crate::storage::{DatabaseError, ObjectError};
 
 impl From<DatabaseError> for Problem {
@@ -64,6 +65,16 @@ impl From<ObjectError> for Problem {
             return Problem::new(Code::Damaged, error.to_string(), hint);
         }
         if error.is_shortage() { Problem::shortage(error) } else { Problem::internal(error) }
+    }
+}
+
+impl From<StorageError> for Problem {
+    fn from(error: StorageError) -> Self {
+        match error {
+            StorageError::Objects(error) => error.into(),
+            StorageError::Database(error) => error.into(),
+            StorageError::Task(error) => Problem::internal(error),
+        }
     }
 }
 

@@ -21,6 +21,7 @@ use crate::app::live_gallery::LiveGallery;
 use crate::config::{QueueTiming, ServerConfig};
 use crate::domain::{Claimant, Finish, JobClaim, JobError, StoredFile, WorkerId};
 use crate::progress::Progress;
+use crate::storage::inventory::Storage;
 use crate::storage::{Database, DatabaseError, ObjectStore};
 
 /// How long a worker waits after the database has failed it, or when the machine is out of something.
@@ -41,6 +42,13 @@ pub struct ServiceContext {
     pub monitor: Arc<JobMonitor>,
     /// Threads, limits and clocks.
     pub config: Arc<ServerConfig>,
+}
+
+impl ServiceContext {
+    /// The database and the files.
+    pub fn storage(&self) -> Storage {
+        Storage { database: self.database.clone(), objects: self.objects.clone() }
+    }
 }
 
 impl std::fmt::Debug for ServiceContext {

@@ -41,7 +41,7 @@ impl Findings {
 
 /// Reads all files and holds them against the database.
 pub async fn examine(storage: &Storage) -> Result<Findings, StorageError> {
-    let inventory = storage.inventory().await?;
+    let inventory = storage.inventory(jiff::Timestamp::now()).await?;
     let mut findings = Findings {
         database: storage.database.integrity().await?,
         missing: inventory.missing,

@@ -116,7 +116,7 @@ impl DataFolder {
     }
 
     async fn pick_up_all(&self, max_attempts: u32) -> Result<PickedUp, OpenError> {
-        let mut found: Inventory = self.storage.inventory().await?;
+        let mut found: Inventory = self.storage.inventory(jiff::Timestamp::now()).await?;
         if self.is_from_before {
             // earlier versions did not say which files they expected
             found.arriving.append(&mut found.unknown);

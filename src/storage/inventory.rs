@@ -62,10 +62,10 @@ pub struct PickedUp {
 impl Storage {
     /// Holds the files against the database. Other processes may store and delete meanwhile: what they have just done is
     /// neither unknown nor missing.
-    pub async fn inventory(&self) -> Result<Inventory, StorageError> {
+    pub async fn inventory(&self, now: jiff::Timestamp) -> Result<Inventory, StorageError> {
         let files = self.listing().await?;
         let (known, loose) = self.database.known_files().await?;
-        let mut found = self.compare(&files, &known, &loose);
+        let mut found = self.compare(&files, &known, &loose, now);
         if !found.unknown.is_empty() || !found.missing.is_empty() {
             let later = self.listing().await?;
             found.unknown.retain(|file| later.contains(file));
@@ -74,8 +74,14 @@ impl Storage {
         Ok(found)
     }
 
-    fn compare(&self, files: &BTreeSet<StoredFile>, known: &KnownFiles, loose: &[LooseFile]) -> Inventory {
-        let (me, now) = (self.database.owner(), jiff::Timestamp::now());
+    fn compare(
+        &self,
+        files: &BTreeSet<StoredFile>,
+        known: &KnownFiles,
+        loose: &[LooseFile],
+        now: jiff::Timestamp,
+    ) -> Inventory {
+        let me = self.database.owner();
         let mut found = Inventory::default();
         for file in files.iter().copied().filter(|file| !known.knows(*file)) {
             match loose.iter().find(|entry| covers(entry.file, file)) {
@@ -115,8 +121,8 @@ impl Storage {
     }
 
     /// Removes, while a server runs, what was deleted but could not be removed then, and what was never stored after all.
-    pub async fn tidy_up(&self) -> Result<(), StorageError> {
-        let (me, now) = (self.database.owner(), jiff::Timestamp::now());
+    pub async fn tidy_up(&self, now: jiff::Timestamp) -> Result<(), StorageError> {
+        let me = self.database.owner();
         let (known, loose) = self.database.known_files().await?;
         let due = loose.into_iter().filter(|entry| entry.is_left(me, now)).map(|entry| entry.file);
         let due: Vec<StoredFile> = due.filter(|file| !known.knows(*file)).collect();
@@ -132,6 +138,11 @@ impl Storage {
     /// Moves files to the trash; answers with where they are now.
     pub async fn set_aside(&self, files: Vec<StoredFile>) -> Result<String, StorageError> {
         self.blocking(move |objects: &dyn ObjectStore| objects.set_aside(&files)).await
+    }
+
+    /// Removes what belonged to a row that is gone, or never came.
+    pub async fn remove(&self, file: StoredFile) -> Result<(), StorageError> {
+        self.blocking(move |objects: &dyn ObjectStore| objects.remove(file)).await
     }
 
     async fn listing(&self) -> Result<BTreeSet<StoredFile>, StorageError> {
@@ -152,4 +163,75 @@ impl Storage {
 /// Whether an entry about `entry` is one about `file` too.
 fn covers(entry: StoredFile, file: StoredFile) -> bool {
     entry == file || matches!((entry, file), (StoredFile::ScanSet(whole), StoredFile::Scan(set, _)) if whole == set)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::{ModelId, NewModel, SeatId};
+    use crate::storage::conformance::memory::MemoryPlace;
+    use crate::storage::conformance::{DatabasePlace, ObjectPlace};
+    use crate::storage::sqlite::testing::SqlitePlace;
+
+    fn stored(objects: &dyn ObjectStore) -> ModelId {
+        let (staged, id) = (objects.stage_model().expect("staged"), ModelId::new());
+        objects.write_asset(&staged, "report.json", b"{}").expect("written");
+        objects.keep_model(&staged, id).expect("kept");
+        id
+    }
+
+    #[tokio::test]
+    async fn a_start_leaves_alone_what_another_process_is_storing_until_that_takes_too_long() {
+        let (place, objects) = (SqlitePlace::new().await, MemoryPlace::new().open());
+        let [a, b] = [place.open(SeatId::new()).await, place.open(SeatId::new()).await];
+        let [a, b] = [a, b].map(|database| Storage { database, objects: objects.clone() });
+        let id = stored(objects.as_ref());
+        a.database.expect_files(&[StoredFile::Model(id)]).await.expect("stored");
+
+        let now = jiff::Timestamp::now();
+        let found = b.inventory(now).await.expect("held against the database");
+        assert!(found.unknown.is_empty() && found.arriving.is_empty(), "{found:?}");
+        assert_eq!(b.pick_up(found, 3).await.expect("a start"), PickedUp { jobs: 0, files: 0 });
+        b.tidy_up(now).await.expect("tidied up");
+        assert_eq!(objects.listing().expect("listed"), [StoredFile::Model(id)]);
+        let model = NewModel { id, ..NewModel::test(None) };
+        drop(a.database.create_model(&model, None).await.expect("it has its row"));
+        assert!(b.inventory(now).await.expect("held against the database").missing.is_empty());
+
+        let late = stored(objects.as_ref());
+        a.database.expect_files(&[StoredFile::Model(late)]).await.expect("stored");
+        let later = now + jiff::SignedDuration::from_hours(2);
+        let found = b.inventory(later).await.expect("held against the database");
+        assert_eq!(found.arriving, [StoredFile::Model(late)]);
+        assert_eq!(b.pick_up(found, 3).await.expect("a start"), PickedUp { jobs: 0, files: 1 });
+        assert_eq!(objects.listing().expect("listed"), [StoredFile::Model(id)]);
+    }
+
+    #[tokio::test]
+    async fn a_start_takes_what_its_seat_was_storing_and_no_row_knows() {
+        let (place, objects, seat) = (SqlitePlace::new().await, MemoryPlace::new().open(), SeatId::new());
+        let gone = Storage { database: place.open(seat).await, objects: objects.clone() };
+        let left = stored(objects.as_ref());
+        gone.database.expect_files(&[StoredFile::Model(left)]).await.expect("stored");
+        let next = Storage { database: place.open(seat).await, objects: objects.clone() };
+        let now = jiff::Timestamp::now();
+        let found = next.inventory(now).await.expect("held against the database");
+        assert_eq!(found.arriving, [StoredFile::Model(left)]);
+        assert_eq!(next.pick_up(found, 3).await.expect("a start"), PickedUp { jobs: 0, files: 1 });
+        assert_eq!(objects.listing().expect("listed"), []);
+        let (_, loose) = next.database.known_files().await.expect("read");
+        assert_eq!(loose, [], "it is forgotten");
+    }
+
+    #[tokio::test]
+    async fn a_file_that_nobody_expected_is_unknown_and_one_that_is_gone_is_missing() {
+        let (place, objects) = (SqlitePlace::new().await, MemoryPlace::new().open());
+        let storage = Storage { database: place.open(SeatId::new()).await, objects };
+        let unknown = stored(storage.objects.as_ref());
+        let model = NewModel::test(None);
+        drop(storage.database.create_model(&model, None).await.expect("stored"));
+        let found = storage.inventory(jiff::Timestamp::now()).await.expect("held against the database");
+        assert_eq!(found.unknown, [StoredFile::Model(unknown)]);
+        assert_eq!(found.missing, [StoredFile::Model(model.id)]);
+    }
 }

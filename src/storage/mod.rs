@@ -14,6 +14,8 @@
 #![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used))]
 
 pub mod checkup;
+#[cfg(test)]
+pub(crate) mod conformance;
 pub mod data_folder;
 pub mod database;
 mod error;

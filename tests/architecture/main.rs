@@ -29,8 +29,8 @@ const LAYERS: &[(&str, &[&str])] = &[
     ("machine", &[]),
     ("config", &["formats", "machine"]),
     ("telemetry", &[]),
-    // records go in and come out; of the algorithms only which versions are current, and hints as a value
-    ("storage", &["geometry", "registration", "faces", "classes", "domain"]),
+    // records go in and come out; of the algorithms only which versions are current
+    ("storage", &["geometry", "faces", "classes", "domain"]),
     // the gallery index, kept current
     ("app", &["geometry", "faces", "retrieval", "domain", "storage"]),
     (

@@ -1,12 +1,5 @@
-//! `/v1/gallery/evaluation`: how well the gallery's answers agree with its labels.
-//!
-//! - `verdicts`: a standard's scores against the label that its class has
-//! - `rankings`: each labelled model as a probe for its own class
-//! - `views`: the figures as they go over the wire; `plot`: the same as a picture
+//! `/v1/gallery/evaluation`: how well the gallery's answers agree with its labels. `views` are the figures as they go over the wire.
 
-mod plot;
-mod rankings;
-mod verdicts;
 mod views;
 
 use std::collections::BTreeMap;
@@ -21,9 +14,12 @@ use utoipa_axum::routes;
 
 use super::extract::Query;
 use super::problem::{Code, Problem};
-use super::queries::MethodView;
+use super::queries::{MethodView, unknown_standard, verified_alone};
 use super::responses;
-use super::state::{AppState, blocking};
+use super::standards::ranking;
+use super::state::AppState;
+use crate::app::evaluations::{self, EvaluationError, Labels, Question};
+use crate::domain::StoredVerdict;
 use crate::faces::standard;
 use crate::retrieval::ModelId;
 use views::Evaluation;
@@ -67,7 +63,8 @@ async fn evaluation(
     State(state): State<AppState>,
     Query(query): Query<EvaluationQuery>,
 ) -> Result<Json<Evaluation>, Problem> {
-    Ok(Json(evaluated(&state, query).await?))
+    let (asked, evaluation) = evaluated(&state, query).await?;
+    Ok(Json(Evaluation::of(&asked, evaluation)))
 }
 
 /// The evaluation as a picture: the ROC curve, and the figures of the rankings as bars.
@@ -80,53 +77,69 @@ async fn evaluation_plot(
     State(state): State<AppState>,
     Query(query): Query<EvaluationQuery>,
 ) -> Result<impl IntoResponse, Problem> {
-    let evaluation = evaluated(&state, query).await?;
-    Ok(([(header::CONTENT_TYPE, "image/svg+xml")], plot::svg(&evaluation)))
+    let (_, evaluation) = evaluated(&state, query).await?;
+    Ok(([(header::CONTENT_TYPE, "image/svg+xml")], evaluations::svg(&evaluation)))
 }
 
-async fn evaluated(state: &AppState, query: EvaluationQuery) -> Result<Evaluation, Problem> {
+/// What was asked for, as the answer shows it.
+struct Asked {
+    standard: String,
+    method: MethodView,
+}
+
+async fn evaluated(state: &AppState, query: EvaluationQuery) -> Result<(Asked, evaluations::Evaluation), Problem> {
     tokio::select! {
         evaluation = evaluate(state, query) => evaluation,
         () = state.stop.cancelled() => Err(Problem::shutting_down()),
     }
 }
 
-/// The labelled models of the gallery, ascending by id.
-type Labels = BTreeMap<ModelId, Box<str>>;
-
-async fn evaluate(state: &AppState, query: EvaluationQuery) -> Result<Evaluation, Problem> {
+async fn evaluate(state: &AppState, query: EvaluationQuery) -> Result<(Asked, evaluations::Evaluation), Problem> {
     state.context.database.settled().await;
     let name = query.standard.unwrap_or_else(|| "face".to_owned());
     let judged = match standard::by_name(&name) {
         Some(_) => None,
         // one that a user has made: as far as models are judged
-        None => Some(verdicts::of_class(state, &name, query.method).await?),
+        None => Some(scores_of_class(state, &name, query.method).await?),
     };
     let _turn = state.evaluating.clone().acquire_owned().await.map_err(Problem::internal)?;
     let method = query.method.unwrap_or_default();
-    let positive = query.label.unwrap_or_else(|| name.clone());
+    let label = query.label.unwrap_or_else(|| name.clone());
     let labels = labels(state, query.label_prefix.as_deref().unwrap_or_default())?;
-    let gallery = state.context.gallery.clone();
-    let work = move || {
-        let of_face = verdicts::scores(&gallery, "face", method.into(), &labels)?;
-        // of those only that are in the index: others have signatures of another version
-        let labels: Labels = labels.into_iter().filter(|(id, _)| of_face.contains_key(id)).collect();
-        let scores = judged.unwrap_or(of_face);
-        let verdicts = verdicts::evaluate(&name, method, &positive, &scores, &labels);
-        Ok::<_, Problem>((labels, verdicts))
-    };
-    let (labels, verdicts) = blocking(work).await??;
-    let rankings = rankings::evaluate(state, &labels).await?;
-    if verdicts.is_none() && rankings.is_none() {
+    let question = Question { method: method.into(), judged, label };
+    let (database, gallery) = (state.context.database.as_ref(), &state.context.gallery);
+    let evaluation = evaluations::run(database, gallery, labels, question).await?;
+    if evaluation.verdicts.is_none() && evaluation.rankings.is_none() {
         let detail = format!(
             "of {} labelled model(s) neither can two be told from two others by the label, nor do two share one",
-            labels.len()
+            evaluation.models
         );
         let hint = "give models labels: at least two of a class, and two of another";
         return Err(Problem::new(Code::TooFewLabels, detail, hint));
     }
-    let classes: std::collections::BTreeSet<&str> = labels.values().map(AsRef::as_ref).collect();
-    Ok(Evaluation { models: labels.len(), labels: classes.len(), verdicts, rankings })
+    Ok((Asked { standard: name, method }, evaluation))
+}
+
+/// The scores of all models that are judged against a standard that a user has made.
+async fn scores_of_class(
+    state: &AppState,
+    name: &str,
+    method: Option<MethodView>,
+) -> Result<BTreeMap<ModelId, f64>, Problem> {
+    verified_alone(name, method)?;
+    let ranking = ranking(state, name, i64::MAX as usize).await?.ok_or_else(|| unknown_standard(name))?;
+    let score = |verdict: &StoredVerdict| (verdict.model_id.number(), ranking.learned.score(verdict.residual_mm));
+    Ok(ranking.verdicts.iter().map(score).collect())
+}
+
+impl From<EvaluationError> for Problem {
+    fn from(error: EvaluationError) -> Self {
+        match error {
+            EvaluationError::NotReady(error) => error.into(),
+            EvaluationError::Database(error) => error.into(),
+            EvaluationError::Task(error) => Problem::internal(error),
+        }
+    }
 }
 
 fn labels(state: &AppState, prefix: &str) -> Result<Labels, Problem> {

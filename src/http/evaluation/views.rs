@@ -4,7 +4,9 @@ use serde::Serialize;
 use utoipa::ToSchema;
 
 use super::super::queries::MethodView;
-use crate::retrieval::measures::RankingMeasures;
+use super::Asked;
+use crate::app::evaluations::{self, ClassRankings, Rankings, VerdictFigures};
+use crate::retrieval::measures::{RankingMeasures, RocPoint};
 
 /// How well the gallery's answers agree with its labels.
 #[derive(Debug, Clone, Serialize, ToSchema)]
@@ -107,4 +109,53 @@ pub struct RankingEvaluation {
     pub figures: RankingFigures,
     /// By label; at most 100 of them.
     pub classes: Vec<ClassFigures>,
+}
+
+impl Evaluation {
+    /// The figures, beside what was asked for.
+    pub(super) fn of(asked: &Asked, evaluation: evaluations::Evaluation) -> Self {
+        let evaluations::Evaluation { models, labels, verdicts, rankings } = evaluation;
+        let verdicts = verdicts.map(|figures| VerdictEvaluation::of(asked, figures));
+        Evaluation { models, labels, verdicts, rankings: rankings.map(Into::into) }
+    }
+}
+
+impl VerdictEvaluation {
+    fn of(asked: &Asked, figures: VerdictFigures) -> Self {
+        VerdictEvaluation {
+            standard: asked.standard.clone(),
+            method: asked.method,
+            label: figures.label,
+            positives: figures.positives,
+            negatives: figures.negatives,
+            auc: figures.auc,
+            auc_interval: figures.auc_interval.to_vec(),
+            equal_error_rate: figures.equal_error_rate,
+            best_accuracy: figures.best_accuracy,
+            best_threshold: figures.best_threshold,
+            roc: figures.roc.into_iter().map(Into::into).collect(),
+        }
+    }
+}
+
+impl From<RocPoint> for RocPointView {
+    fn from(point: RocPoint) -> Self {
+        RocPointView {
+            threshold: point.threshold,
+            true_positive_rate: point.true_positive_rate,
+            false_positive_rate: point.false_positive_rate,
+        }
+    }
+}
+
+impl From<Rankings> for RankingEvaluation {
+    fn from(rankings: Rankings) -> Self {
+        let class = |class: ClassRankings| ClassFigures {
+            label: class.label.into_string(),
+            probes: class.probes,
+            figures: class.mean.into(),
+        };
+        let classes = rankings.classes.into_iter().map(class).collect();
+        RankingEvaluation { probes: rankings.probes, figures: rankings.mean.into(), classes }
+    }
 }

@@ -103,7 +103,7 @@ fn match_view(question: &Question, found: &Match, model: MatchedModel) -> MatchV
     MatchView {
         model_id: model.id.to_string(),
         name: model.name,
-        label: model.facets.label.map(String::from),
+        label: model.facets.label,
         unit: model.facets.unit.into(),
         score: found.score,
         is_match: found.is_match,

@@ -65,7 +65,7 @@ fn match_view(verdict: VerdictView, model: MatchedModel) -> MatchView {
     MatchView {
         model_id: model.id.to_string(),
         name: model.name,
-        label: model.facets.label.map(String::from),
+        label: model.facets.label,
         unit: model.facets.unit.into(),
         score: verdict.score,
         is_match: verdict.is_match,

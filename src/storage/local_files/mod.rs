@@ -130,6 +130,8 @@ pub(super) mod testing {
     use std::time::Duration;
 
     use super::*;
+    use crate::domain::StoredFile;
+    use crate::storage::conformance::ObjectPlace;
     use crate::storage::{ObjectStore, StagedFile};
 
     pub fn files() -> (LocalFiles, tempfile::TempDir) {
@@ -148,6 +150,34 @@ pub(super) mod testing {
     pub fn entries(folder: &Path) -> usize {
         fs::read_dir(folder).expect("a folder").count()
     }
+
+    struct LocalPlace {
+        folder: tempfile::TempDir,
+    }
+
+    impl ObjectPlace for LocalPlace {
+        fn new() -> Self {
+            LocalPlace { folder: tempfile::tempdir().expect("a temporary folder") }
+        }
+
+        fn open(&self) -> Arc<dyn ObjectStore> {
+            Arc::new(LocalFiles::open(self.folder.path(), Duration::ZERO).expect("nobody else has it"))
+        }
+
+        fn damage(&self, file: StoredFile, asset: Option<&str>) {
+            let mut path = self.folder.path().join(file.to_string());
+            path.extend(asset);
+            let mut content = fs::read(&path).expect("published");
+            content[0] ^= 1;
+            fs::write(&path, content).expect("changed");
+        }
+    }
+
+    mod conformance {
+        use super::LocalPlace;
+
+        crate::storage::conformance::object_conformance!(LocalPlace);
+    }
 }
 
 #[cfg(test)]
@@ -155,9 +185,9 @@ mod tests {
     use std::fs;
     use std::time::Duration;
 
-    use super::testing::{entries, files, staged};
+    use super::testing::files;
     use super::*;
-    use crate::domain::StoredFile;
+
     use crate::storage::ObjectStore;
 
     #[test]
@@ -171,32 +201,6 @@ mod tests {
         });
         LocalFiles::open(folder.path(), Duration::from_secs(10)).expect("free again after a while");
         holder.join().expect("no panic");
-    }
-
-    #[tokio::test]
-    async fn a_scan_arrives_whole_and_goes_with_its_set() {
-        let (files, _folder) = files();
-        let (set, file) = (ScanSetId::new(), FileId::new());
-        let upload = staged(&files, b"ten points").await;
-        assert_eq!(upload.bytes, 10);
-        assert_eq!(upload.checksum, blake3::hash(b"ten points").to_hex().to_string());
-        files.keep_scan(&upload, set, file).expect("kept");
-        drop(upload);
-        assert_eq!(files.read_scan(set, file).expect("there"), b"ten points");
-        files.remove(StoredFile::ScanSet(set)).expect("removed");
-        assert!(files.read_scan(set, file).is_err());
-        files.remove(StoredFile::ScanSet(set)).expect("nothing left to remove");
-    }
-
-    #[tokio::test]
-    async fn an_upload_that_is_given_up_leaves_nothing() {
-        let (files, _folder) = files();
-        let mut writer = files.receive().await.expect("staging");
-        writer.write(b"half").await.expect("written");
-        assert_eq!(entries(&files.staging_folder()), 1);
-        drop(writer);
-        drop(staged(&files, b"whole but unwanted").await);
-        assert_eq!(entries(&files.staging_folder()), 0);
     }
 
     #[tokio::test]

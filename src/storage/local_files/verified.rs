@@ -117,7 +117,7 @@ fn checked(content: Vec<u8>, asset: &AssetRecord, what: impl Fn() -> String) -> 
 
 #[cfg(test)]
 mod tests {
-    use super::super::testing::{files, staged};
+    use super::super::testing::files;
     use super::*;
     use crate::storage::ObjectStore;
 
@@ -146,15 +146,5 @@ mod tests {
         assert!(refused.to_string().contains("cloud.ply"), "{refused}");
         fs::remove_file(path).expect("removed");
         assert!(!files.check_asset(model, &asset).expect("asked"));
-    }
-
-    #[tokio::test]
-    async fn the_file_of_a_standard_is_checked_too() {
-        let (files, _folder) = files();
-        let (standard, asset) = (StandardId::new(), asset("model.ply", b"three points"));
-        files.keep_standard(&staged(&files, b"three points").await, standard, &asset.name).expect("kept");
-        assert_eq!(files.read_standard(standard, &asset).expect("sound"), b"three points");
-        fs::write(files.standards().join(standard.to_string()).join(&asset.name), "x").expect("changed");
-        assert!(matches!(files.read_standard(standard, &asset), Err(ObjectError::Damaged { .. })));
     }
 }

@@ -4,10 +4,9 @@ use sqlx::{FromRow, SqliteConnection};
 
 use super::{SqliteDatabase, damaged, files, models, now_ms, replays, scan_sets, stored_id, timestamp, to_u64};
 use crate::domain::{
-    CancelAnswer, JobBase, JobFilter, JobId, JobRecord, JobStatus, NewJob, NewScanSet, Page, PageRequest, Replay,
-    StoredFile,
+    CancelAnswer, Hints, JobBase, JobFilter, JobId, JobRecord, JobStatus, NewJob, NewScanSet, Page, PageRequest,
+    Replay, StoredFile,
 };
-use crate::registration::hints::Hints;
 use crate::storage::database::Jobs;
 use crate::storage::{DatabaseError, Deleted};
 use async_trait::async_trait;
@@ -241,87 +240,4 @@ async fn check_room(db: &mut SqliteConnection, limit: usize) -> Result<(), Datab
         return Err(DatabaseError::QueueFull { limit });
     }
     Ok(())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::super::testing;
-    use super::*;
-    use crate::domain::ScanSetId;
-    use crate::domain::options::Options;
-    use crate::storage::database::*;
-
-    fn new_job(scan_set_id: ScanSetId) -> NewJob {
-        let (options, hints) = (Options::default(), Hints::default());
-        NewJob { id: JobId::new(), scan_set_id, label: None, options, base: None, hints }
-    }
-
-    pub(crate) async fn queued(store: &SqliteDatabase, set: ScanSetId) -> JobId {
-        let job = new_job(set);
-        store.create_job(&job, None, 10, None).await.expect("queued");
-        job.id
-    }
-
-    #[tokio::test]
-    async fn the_queue_has_an_end() {
-        let (store, _folder) = testing::store().await;
-        let set = testing::scan_set(&store, &["a.ply"]).await;
-        queued(&store, set).await;
-        let job = new_job(set);
-        let refused = store.create_job(&job, None, 1, None).await.expect_err("full");
-        assert!(matches!(refused, DatabaseError::QueueFull { limit: 1 }));
-        assert!(matches!(store.job(job.id).await, Err(DatabaseError::NotFound { kind: "job", .. })));
-    }
-
-    #[tokio::test]
-    async fn a_waiting_job_is_canceled_at_once_and_can_be_retried() {
-        let (store, _folder) = testing::store().await;
-        let set = testing::scan_set(&store, &["a.ply"]).await;
-        let id = queued(&store, set).await;
-        assert_eq!(store.cancel_job(id).await.expect("canceled"), CancelAnswer::Canceled);
-        assert_eq!(store.job(id).await.expect("there").status, JobStatus::Canceled);
-        let twice = store.cancel_job(id).await.expect_err("ended");
-        assert!(matches!(twice, DatabaseError::WrongStatus { status: JobStatus::Canceled, .. }));
-        store.retry_job(id, 10).await.expect("queued again");
-        let job = store.job(id).await.expect("there");
-        assert_eq!((job.status, job.cancel_asked, job.finished_at), (JobStatus::Queued, false, None));
-    }
-
-    #[tokio::test]
-    async fn a_scan_set_in_use_is_left_alone() {
-        let (store, _folder) = testing::store().await;
-        let set = testing::scan_set(&store, &["a.ply"]).await;
-        let id = queued(&store, set).await;
-        assert!(matches!(store.delete_scan_set(set).await, Err(DatabaseError::InUse { kind: "scan set", .. })));
-        assert!(matches!(store.delete_job(id).await, Err(DatabaseError::InUse { kind: "job", .. })));
-        store.cancel_job(id).await.expect("canceled");
-        drop(store.delete_scan_set(set).await.expect("free now"));
-        assert!(matches!(store.job(id).await, Err(DatabaseError::NotFound { .. })));
-    }
-
-    #[tokio::test]
-    async fn a_replay_is_kept_with_what_it_created() {
-        let (store, _folder) = testing::store().await;
-        let set = testing::scan_set(&store, &["a.ply"]).await;
-        let job = new_job(set);
-        let key = replays_key("k", "hash");
-        let replay = Replay {
-            key: key.clone(),
-            status: 202,
-            location: "/v1/jobs/x".to_owned(),
-            body: "{}".to_owned(),
-            resource_id: job.id.to_string(),
-        };
-        store.create_job(&job, None, 10, Some(&replay)).await.expect("queued");
-        assert_eq!(store.replay(&key).await.expect("read"), Some(replay));
-        let other = store.replay(&replays_key("k", "other")).await.expect_err("another body");
-        assert!(matches!(other, DatabaseError::KeyReused { .. }));
-        store.cancel_job(job.id).await.expect("canceled");
-        drop(store.delete_job(job.id).await.expect("deleted"));
-        assert_eq!(store.replay(&key).await.expect("read"), None);
-    }
-
-    fn replays_key(key: &str, hash: &str) -> crate::domain::ReplayKey {
-        crate::domain::ReplayKey { route: "POST /v1/jobs", key: key.to_owned(), body_hash: hash.to_owned() }
-    }
 }

@@ -65,35 +65,3 @@ impl Matches for SqliteDatabase {
         rows.into_iter().map(|row| row.model().map(|model| (model.id, model.facets))).collect()
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::super::testing;
-    use super::*;
-    use crate::domain::asset::Origin;
-    use crate::domain::{NewModel, StoredSignature};
-    use crate::faces::SignatureSummary;
-    use crate::storage::database::*;
-
-    #[tokio::test]
-    async fn models_are_given_as_far_as_they_are_there() {
-        let (store, _folder) = testing::store().await;
-        let summary = SignatureSummary { version: 1, regions: 2, triangles: 3, left_out: Default::default() };
-        let signature = StoredSignature { version: 1, summary, content: vec![1, 2, 3] };
-        let described = NewModel { signature: Some(signature), ..NewModel::test(None) };
-        let bare = NewModel::test(None);
-        for model in [&described, &bare] {
-            drop(store.create_model(model, None).await.expect("stored"));
-        }
-        let facets = ModelFacets { label: Some("face".to_owned()), unit: Unit::Mm, origin: Origin::Uploaded };
-        let found = store.matched_models(&[bare.id, ModelId::new(), described.id]).await.expect("read");
-        let expected = |model: &NewModel, signature: Option<Vec<u8>>| MatchedModel {
-            id: model.id,
-            name: "uploaded".to_owned(),
-            facets: facets.clone(),
-            signature,
-        };
-        assert_eq!(found, [expected(&described, Some(vec![1, 2, 3])), expected(&bare, None)]);
-        assert_eq!(store.facets().await.expect("read"), [(described.id, facets)]);
-    }
-}

@@ -150,9 +150,9 @@ impl PageRequest {
 #[cfg(test)]
 pub(crate) mod testing {
     use super::*;
-    use crate::domain::{Claimant, FileId, FolderId, NewScanSet, ScanRecord, ScanSetId};
-    use crate::domain::{ProcessId, WorkerId};
-    use crate::storage::database::*;
+    use crate::domain::FolderId;
+    use crate::storage::conformance::DatabasePlace;
+    pub use crate::storage::conformance::{claimant, scan_set};
 
     /// A store in a folder that goes with the test.
     pub async fn store() -> (SqliteDatabase, tempfile::TempDir) {
@@ -175,23 +175,6 @@ pub(crate) mod testing {
         options.connect().await.expect("a connection")
     }
 
-    /// A worker of some process that is not the store's.
-    pub fn worker(name: &str) -> WorkerId {
-        static PROCESS: std::sync::LazyLock<ProcessId> = std::sync::LazyLock::new(ProcessId::new);
-        WorkerId { process: *PROCESS, number: name.bytes().map(usize::from).sum() }
-    }
-
-    /// A worker that is the only one, with a lease of 30 s, as much memory as it likes, and three attempts.
-    pub fn claimant(worker: &str) -> Claimant {
-        Claimant {
-            worker: self::worker(worker),
-            living: vec![self::worker(worker)],
-            lease: Duration::from_secs(30),
-            max_attempts: 3,
-            room: None,
-        }
-    }
-
     impl SqliteDatabase {
         /// Makes the database full at this many pages (at the pages it has, if that is more); `None` ends that.
         pub async fn set_most_pages(&self, pages: Option<u32>) {
@@ -206,27 +189,38 @@ pub(crate) mod testing {
         }
     }
 
-    /// A scan set with the given scan names, each of 10 points.
-    pub async fn scan_set(store: &SqliteDatabase, names: &[&str]) -> ScanSetId {
-        let set = NewScanSet {
-            id: ScanSetId::new(),
-            name: "set".to_owned(),
-            unit: crate::geometry::Unit::Mm,
-            scans: names
-                .iter()
-                .map(|name| ScanRecord {
-                    name: (*name).to_owned(),
-                    file_id: FileId::new(),
-                    points: 10,
-                    bytes: 100,
-                    checksum: "00".to_owned(),
-                    reading: None,
-                })
-                .collect(),
-            poses: None,
-        };
-        store.create_scan_set(&set, None).await.expect("stored");
-        set.id
+    /// A database file that several processes may use.
+    pub struct SqlitePlace {
+        folder: tempfile::TempDir,
+    }
+
+    impl SqlitePlace {
+        async fn database(&self) -> SqliteDatabase {
+            SqliteDatabase::open(&self.folder.path().join("test.sqlite")).await.expect("opened")
+        }
+    }
+
+    #[async_trait::async_trait]
+    impl DatabasePlace for SqlitePlace {
+        async fn new() -> Self {
+            SqlitePlace { folder: tempfile::tempdir().expect("a temporary folder") }
+        }
+
+        async fn open(&self, seat: SeatId) -> Arc<dyn Database> {
+            Arc::new(self.database().await.on_seat(seat))
+        }
+
+        async fn open_full(&self) -> Arc<dyn Database> {
+            let database = self.database().await;
+            database.set_most_pages(Some(1)).await;
+            Arc::new(database)
+        }
+    }
+
+    mod conformance {
+        use super::SqlitePlace;
+
+        crate::storage::conformance::database_conformance!(SqlitePlace);
     }
 }
 

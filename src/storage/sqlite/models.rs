@@ -172,30 +172,3 @@ pub(super) async fn id_of_job(db: &mut SqliteConnection, job: &str) -> Result<Op
         sqlx::query_scalar("SELECT id FROM model WHERE job_id = ?").bind(job).fetch_optional(db).await?;
     id.map(|text| stored_id!(ModelId, &text)).transpose()
 }
-
-#[cfg(test)]
-mod tests {
-    use super::super::testing;
-    use super::*;
-    use crate::domain::{StoredContent, StoredSignature};
-    use crate::faces::SignatureSummary;
-    use crate::storage::database::*;
-
-    #[tokio::test]
-    async fn a_model_goes_with_all_its_parts() {
-        let (store, _folder) = testing::store().await;
-        let summary = SignatureSummary { version: 1, regions: 2, triangles: 3, left_out: Default::default() };
-        let signature = StoredSignature { version: 1, summary: summary.clone(), content: vec![1, 2, 3] };
-        let model = NewModel { signature: Some(signature), ..NewModel::test(None) };
-        drop(store.create_model(&model, None).await.expect("stored"));
-        assert_eq!(store.model(model.id).await.expect("there").signature, Some(summary));
-        assert_eq!(store.assets(model.id).await.expect("read"), model.assets);
-        let whole = StoredContent::Whole(vec![1, 2, 3]);
-        assert_eq!(store.signatures_after(None, 5).await.expect("read"), [(model.id, whole)]);
-        assert!(store.signatures_after(Some(model.id), 5).await.expect("read").is_empty());
-        drop(store.delete_model(model.id).await.expect("deleted"));
-        assert!(store.assets(model.id).await.expect("read").is_empty());
-        assert!(store.signatures_after(None, 5).await.expect("read").is_empty());
-        assert!(matches!(store.delete_model(model.id).await, Err(DatabaseError::NotFound { kind: "model", .. })));
-    }
-}

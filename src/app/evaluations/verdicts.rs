@@ -2,14 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use super::super::problem::Problem;
-use super::super::queries::{MethodView, unknown_standard, verified_alone};
-use super::super::standards::ranking;
-use super::super::state::AppState;
-use super::Labels;
-use super::views::{RocPointView, VerdictEvaluation};
+use super::{Labels, VerdictFigures};
 use crate::app::live_gallery::{LiveGallery, NotReady};
-use crate::domain::StoredVerdict;
 use crate::retrieval::measures::{self, RocPoint};
 use crate::retrieval::{MatchMethod, ModelId, TopK};
 
@@ -32,26 +26,8 @@ pub fn scores(
     Ok(ranked.into_iter().map(|found| (found.model_id, found.score)).collect())
 }
 
-/// The scores of all models that are judged against a standard that a user has made.
-pub async fn of_class(
-    state: &AppState,
-    name: &str,
-    method: Option<MethodView>,
-) -> Result<BTreeMap<ModelId, f64>, Problem> {
-    verified_alone(name, method)?;
-    let ranking = ranking(state, name, i64::MAX as usize).await?.ok_or_else(|| unknown_standard(name))?;
-    let score = |verdict: &StoredVerdict| (verdict.model_id.number(), ranking.learned.score(verdict.residual_mm));
-    Ok(ranking.verdicts.iter().map(score).collect())
-}
-
 /// The figures; `None` if either class has too few models.
-pub fn evaluate(
-    standard: &str,
-    method: MethodView,
-    positive: &str,
-    scores: &BTreeMap<ModelId, f64>,
-    labels: &Labels,
-) -> Option<VerdictEvaluation> {
+pub fn evaluate(positive: &str, scores: &BTreeMap<ModelId, f64>, labels: &Labels) -> Option<VerdictFigures> {
     let of_class = |top_k: bool| -> Vec<f64> {
         let models = labels.iter().filter(|(_, label)| (label.as_ref() == positive) == top_k);
         models.filter_map(|(id, _)| scores.get(id).copied()).collect()
@@ -61,14 +37,12 @@ pub fn evaluate(
         return None;
     }
     let (best_threshold, best_accuracy) = measures::best_accuracy(&positives, &negatives)?;
-    Some(VerdictEvaluation {
-        standard: standard.to_owned(),
-        method,
+    Some(VerdictFigures {
         label: positive.to_owned(),
         positives: positives.len(),
         negatives: negatives.len(),
         auc: measures::auc(&positives, &negatives)?,
-        auc_interval: measures::auc_interval(&positives, &negatives, CONFIDENCE, RESAMPLES, SEED)?.to_vec(),
+        auc_interval: measures::auc_interval(&positives, &negatives, CONFIDENCE, RESAMPLES, SEED)?,
         equal_error_rate: measures::equal_error_rate(&positives, &negatives)?,
         best_accuracy,
         best_threshold,
@@ -77,9 +51,9 @@ pub fn evaluate(
 }
 
 /// The curve without the points that lie straight between their neighbours.
-fn corners(curve: &[RocPoint]) -> Vec<RocPointView> {
+fn corners(curve: &[RocPoint]) -> Vec<RocPoint> {
     let place = |point: &RocPoint| (point.false_positive_rate, point.true_positive_rate);
-    let mut kept: Vec<RocPointView> = Vec::new();
+    let mut kept: Vec<RocPoint> = Vec::new();
     let mut last = (0.0, 0.0);
     for (index, point) in curve.iter().enumerate() {
         let (x, y) = place(point);
@@ -89,11 +63,7 @@ fn corners(curve: &[RocPoint]) -> Vec<RocPointView> {
         });
         if !straight {
             last = (x, y);
-            kept.push(RocPointView {
-                threshold: point.threshold,
-                true_positive_rate: point.true_positive_rate,
-                false_positive_rate: point.false_positive_rate,
-            });
+            kept.push(*point);
         }
     }
     kept
@@ -108,7 +78,7 @@ mod tests {
         let scores: BTreeMap<ModelId, f64> = (0..20).map(|k| (k, (k * 7 % 20) as f64 / 20.0)).collect();
         let label = |k: ModelId| if k.is_multiple_of(3) { "face" } else { "owl" };
         let labels: Labels = (0..20).map(|k| (k, label(k).into())).collect();
-        let figures = evaluate("face", MethodView::Verified, "face", &scores, &labels).expect("two classes");
+        let figures = evaluate("face", &scores, &labels).expect("two classes");
         assert_eq!((figures.positives, figures.negatives), (7, 13));
         assert!(figures.auc_interval[0] <= figures.auc && figures.auc <= figures.auc_interval[1]);
         let end = figures.roc.last().expect("a curve");
@@ -121,6 +91,6 @@ mod tests {
         }
         assert!((area - figures.auc).abs() < 1e-12, "the corners hold the area");
         let alone: Labels = [(0, "face".into()), (1, "owl".into()), (2, "owl".into())].into();
-        assert!(evaluate("face", MethodView::Verified, "face", &scores, &alone).is_none());
+        assert!(evaluate("face", &scores, &alone).is_none());
     }
 }

@@ -2,14 +2,12 @@
 
 use std::collections::BTreeMap;
 
-use super::super::problem::Problem;
-use super::super::state::{AppState, blocking};
-use super::Labels;
-use super::views::{ClassFigures, RankingEvaluation};
+use super::{ClassRankings, EvaluationError, Labels, Rankings, off_thread};
 use crate::app::live_gallery::{LiveGallery, NotReady};
 use crate::faces::Signature;
 use crate::retrieval::measures::RankingMeasures;
 use crate::retrieval::{ModelId, TopK};
+use crate::storage::Database;
 
 /// No more models than this are asked about, spread evenly over all.
 const MOST_PROBES: usize = 500;
@@ -18,16 +16,20 @@ const MOST_CLASSES: usize = 100;
 
 /// The figures; `None` if no two models share a label. Others can use the gallery between two probes, and when the
 /// request is dropped no further one is asked about.
-pub async fn evaluate(state: &AppState, labels: &Labels) -> Result<Option<RankingEvaluation>, Problem> {
+pub async fn evaluate(
+    database: &dyn Database,
+    gallery: &LiveGallery,
+    labels: &Labels,
+) -> Result<Option<Rankings>, EvaluationError> {
     let labels = std::sync::Arc::new(labels.clone());
     let mut by_class: BTreeMap<Box<str>, Vec<RankingMeasures>> = BTreeMap::new();
     for probe in probes(&labels) {
         let id = crate::domain::ModelId::from_number(probe);
-        let content = state.context.database.signature(id).await?;
+        let content = database.signature(id).await?;
         // a model that was deleted in the meantime
         let Some(signature) = content.and_then(|content| Signature::from_bytes(&content).ok()) else { continue };
-        let (gallery, everyone) = (state.context.gallery.clone(), labels.clone());
-        let measures = blocking(move || measures(&gallery, probe, &signature, &everyone)).await??;
+        let (gallery, everyone) = (gallery.clone(), labels.clone());
+        let measures = off_thread(move || measures(&gallery, probe, &signature, &everyone)).await??;
         if let (Some(measures), Some(label)) = (measures, labels.get(&probe)) {
             by_class.entry(label.clone()).or_default().push(measures);
         }
@@ -35,11 +37,10 @@ pub async fn evaluate(state: &AppState, labels: &Labels) -> Result<Option<Rankin
     let all: Vec<RankingMeasures> = by_class.values().flatten().copied().collect();
     let Some(mean) = RankingMeasures::mean(&all) else { return Ok(None) };
     let class = |(label, measures): (Box<str>, Vec<RankingMeasures>)| {
-        let figures = RankingMeasures::mean(&measures)?.into();
-        Some(ClassFigures { label: label.into_string(), probes: measures.len(), figures })
+        Some(ClassRankings { label, probes: measures.len(), mean: RankingMeasures::mean(&measures)? })
     };
     let classes = by_class.into_iter().filter_map(class).take(MOST_CLASSES).collect();
-    Ok(Some(RankingEvaluation { probes: all.len(), figures: mean.into(), classes }))
+    Ok(Some(Rankings { probes: all.len(), mean, classes }))
 }
 
 /// The models that share their label with another, or an even choice of them.

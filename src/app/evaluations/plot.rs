@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::views::{Evaluation, RankingEvaluation, VerdictEvaluation};
+use super::{Evaluation, Rankings, VerdictFigures};
 
 /// Edge of a panel, and the room around it, pixels.
 const PANEL: f64 = 320.0;
@@ -29,7 +29,7 @@ pub fn svg(evaluation: &Evaluation) -> String {
     )
 }
 
-fn curve(out: &mut String, verdicts: &VerdictEvaluation) {
+fn curve(out: &mut String, verdicts: &VerdictFigures) {
     frame(out, MARGIN);
     let place = |x: f64, y: f64| format!("{:.1},{:.1}", MARGIN + x * PANEL, MARGIN + (1.0 - y) * PANEL);
     let points = verdicts.roc.iter().map(|point| place(point.false_positive_rate, point.true_positive_rate));
@@ -37,7 +37,7 @@ fn curve(out: &mut String, verdicts: &VerdictEvaluation) {
     let (left, right, bottom) = (MARGIN, MARGIN + PANEL, MARGIN + PANEL);
     line(out, "chance", [left, bottom, right, MARGIN]);
     let _ = write!(out, "<polyline class=\"curve\" points=\"{}\"/>", points.join(" "));
-    let [low, high] = [0, 1].map(|k| verdicts.auc_interval.get(k).copied().unwrap_or(verdicts.auc));
+    let [low, high] = verdicts.auc_interval;
     let label = escaped(&verdicts.label);
     text(
         out,
@@ -57,15 +57,15 @@ fn curve(out: &mut String, verdicts: &VerdictEvaluation) {
     );
 }
 
-fn bars(out: &mut String, rankings: &RankingEvaluation, left: f64) {
+fn bars(out: &mut String, rankings: &Rankings, left: f64) {
     frame(out, left);
-    let figures = &rankings.figures;
+    let figures = &rankings.mean;
     let bars = [
         ("NN", figures.nearest_neighbour),
         ("tier 1", figures.first_tier),
         ("tier 2", figures.second_tier),
         ("DCG", figures.discounted_cumulative_gain),
-        ("mAP", figures.mean_average_precision),
+        ("mAP", figures.average_precision),
     ];
     let step = PANEL / bars.len() as f64;
     text(out, left, MARGIN - 10.0, &format!("{} probes, {} classes", rankings.probes, rankings.classes.len()));
@@ -114,25 +114,22 @@ fn escaped(text: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::super::queries::MethodView;
-    use super::super::views::RocPointView;
     use super::*;
+    use crate::retrieval::measures::RocPoint;
 
     #[test]
     fn the_curve_runs_from_corner_to_corner_and_labels_are_text() {
-        let point = |false_positive_rate, true_positive_rate| RocPointView {
+        let point = |false_positive_rate, true_positive_rate| RocPoint {
             threshold: 0.5,
             true_positive_rate,
             false_positive_rate,
         };
-        let verdicts = VerdictEvaluation {
-            standard: "face".to_owned(),
-            method: MethodView::Verified,
+        let verdicts = VerdictFigures {
             label: "<script>".to_owned(),
             positives: 2,
             negatives: 3,
             auc: 0.75,
-            auc_interval: vec![0.5, 1.0],
+            auc_interval: [0.5, 1.0],
             equal_error_rate: 0.25,
             best_accuracy: 0.8,
             best_threshold: 0.5,

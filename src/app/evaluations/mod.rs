@@ -1,0 +1,132 @@
+//! How well the gallery's answers agree with its labels.
+//!
+//! - `verdicts`: a standard's scores against the label that its class has
+//! - `rankings`: each labelled model as a probe for its own class
+//! - `plot`: the figures as a picture
+
+mod plot;
+mod rankings;
+mod verdicts;
+
+use std::collections::BTreeMap;
+
+use super::live_gallery::{LiveGallery, NotReady};
+use crate::retrieval::measures::{RankingMeasures, RocPoint};
+use crate::retrieval::{MatchMethod, ModelId};
+use crate::storage::{Database, DatabaseError};
+
+pub use plot::svg;
+
+/// The labelled models of the gallery, ascending by id.
+pub type Labels = BTreeMap<ModelId, Box<str>>;
+
+/// What is to be evaluated.
+#[derive(Debug, Clone)]
+pub struct Question {
+    /// How models are judged against the built-in face.
+    pub method: MatchMethod,
+    /// Scores against a standard that a user has made, if that is asked about instead.
+    pub judged: Option<BTreeMap<ModelId, f64>>,
+    /// The label that counts as of the class.
+    pub label: String,
+}
+
+/// All figures.
+#[derive(Debug, Clone)]
+pub struct Evaluation {
+    /// Models with a label and a signature.
+    pub models: usize,
+    /// Different labels.
+    pub labels: usize,
+    /// `None` unless there are two models of the class and two others.
+    pub verdicts: Option<VerdictFigures>,
+    /// `None` unless two models share a label.
+    pub rankings: Option<Rankings>,
+}
+
+/// How well a standard's scores tell its class from everything else.
+#[derive(Debug, Clone)]
+pub struct VerdictFigures {
+    /// The label that counts as of the class.
+    pub label: String,
+    /// Models with that label.
+    pub positives: usize,
+    /// Models with another.
+    pub negatives: usize,
+    /// The area under the ROC curve.
+    pub auc: f64,
+    /// Its 95 % bootstrap interval.
+    pub auc_interval: [f64; 2],
+    /// Where as many positives are missed as negatives are taken for positives.
+    pub equal_error_rate: f64,
+    /// The most models that one threshold puts into their class.
+    pub best_accuracy: f64,
+    /// That threshold.
+    pub best_threshold: f64,
+    /// The corners of the curve, from the strictest threshold to the laxest.
+    pub roc: Vec<RocPoint>,
+}
+
+/// Each labelled model asked about: how well does its ranking bring its own class to the front?
+#[derive(Debug, Clone)]
+pub struct Rankings {
+    /// Models asked about.
+    pub probes: usize,
+    /// The means over all of them.
+    pub mean: RankingMeasures,
+    /// By label.
+    pub classes: Vec<ClassRankings>,
+}
+
+/// The rankings of one class.
+#[derive(Debug, Clone)]
+pub struct ClassRankings {
+    /// The label.
+    pub label: Box<str>,
+    /// Its models that were asked about.
+    pub probes: usize,
+    /// The means over them.
+    pub mean: RankingMeasures,
+}
+
+/// Why there is no evaluation.
+#[derive(Debug, thiserror::Error)]
+pub enum EvaluationError {
+    /// The index is still being loaded.
+    #[error(transparent)]
+    NotReady(#[from] NotReady),
+    /// The database.
+    #[error(transparent)]
+    Database(#[from] DatabaseError),
+    /// A task ended badly.
+    #[error("evaluating: {0}")]
+    Task(#[from] tokio::task::JoinError),
+}
+
+/// Evaluates the gallery as it is at this moment; may take minutes, and others can use it meanwhile.
+pub async fn run(
+    database: &dyn Database,
+    gallery: &LiveGallery,
+    labels: Labels,
+    question: Question,
+) -> Result<Evaluation, EvaluationError> {
+    let live = gallery.clone();
+    let work = move || {
+        let of_face = verdicts::scores(&live, "face", question.method, &labels)?;
+        // of those only that are in the index: others have signatures of another version
+        let labels: Labels = labels.into_iter().filter(|(id, _)| of_face.contains_key(id)).collect();
+        let scores = question.judged.unwrap_or(of_face);
+        let verdicts = verdicts::evaluate(&question.label, &scores, &labels);
+        Ok::<_, NotReady>((labels, verdicts))
+    };
+    let (labels, verdicts) = off_thread(work).await??;
+    let rankings = rankings::evaluate(database, gallery, &labels).await?;
+    let classes: std::collections::BTreeSet<&str> = labels.values().map(AsRef::as_ref).collect();
+    Ok(Evaluation { models: labels.len(), labels: classes.len(), verdicts, rankings })
+}
+
+/// Searches beside the async threads; what it says is of the request that asked.
+async fn off_thread<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> Result<T, tokio::task::JoinError> {
+    let span = tracing::Span::current();
+    tokio::task::spawn_blocking(move || span.in_scope(work)).await
+}
