@@ -5,9 +5,11 @@ use std::time::{Duration, Instant};
 
 use crate::common::{Mode, TestServer, config, expect_json, text};
 use reqwest::StatusCode;
+use visage::domain::{FileId, ModelId, StoredFile};
 use visage::http::{Server, StartError};
 use visage::storage::data_folder::OpenError;
 use visage::storage::database::{Files, Upkeep};
+use visage::storage::sqlite::SqliteDatabase;
 
 const LONG: Mode = Mode::Slow(Duration::from_secs(60));
 
@@ -112,19 +114,25 @@ async fn what_a_crash_left_on_disk_is_swept() {
     server.model().await;
     let folder = server.folder;
     server.handle.abort().await;
-    let lost = visage::domain::ModelId::new();
-    let half = folder.path().join("models").join(lost.to_string());
-    std::fs::create_dir(&half).expect("created");
-    std::fs::write(half.join("cloud.ply"), "half").expect("written");
-    let store =
-        visage::storage::sqlite::SqliteDatabase::open(&folder.path().join("visage.sqlite")).await.expect("opened");
-    store.expect_files(&[visage::domain::StoredFile::Model(lost)]).await.expect("it was said to come");
-    store.close().await;
-    let upload = visage::domain::FileId::new().to_string();
+    let [lost, of_others] = [ModelId::new(), ModelId::new()];
+    for model in [lost, of_others] {
+        let half = folder.path().join("models").join(model.to_string());
+        std::fs::create_dir(&half).expect("created");
+        std::fs::write(half.join("cloud.ply"), "half").expect("written");
+    }
+    let others = SqliteDatabase::open(&folder.path().join("visage.sqlite")).await.expect("opened");
+    let folder_id = others.folder_id().await.expect("read").expect("the folder has one");
+    let crashed = others.clone().on_seat(folder_id.into());
+    crashed.expect_files(&[StoredFile::Model(lost)]).await.expect("it was said to come");
+    others.expect_files(&[StoredFile::Model(of_others)]).await.expect("it was said to come");
+    others.close().await;
+    let upload = FileId::new().to_string();
     std::fs::write(folder.path().join("staging").join(upload), "half").expect("written");
     let server = TestServer::start_on(folder, |_| {}).await;
-    assert_eq!((server.files("models"), server.files("staging"), server.files("scan-sets")), (4, 0, 3));
+    assert_eq!((server.files("models"), server.files("staging"), server.files("scan-sets")), (5, 0, 3));
     assert_eq!(server.files("trash"), 1, "it is set aside");
+    let is_there = |model: ModelId| server.folder.path().join("models").join(model.to_string()).exists();
+    assert_eq!([lost, of_others].map(is_there), [false, true], "another process may still be storing it");
     let models = expect_json(server.get("/v1/models").await, StatusCode::OK).await;
     assert_eq!(models["items"].as_array().map(Vec::len), Some(1));
 }

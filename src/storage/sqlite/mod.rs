@@ -227,7 +227,7 @@ pub(crate) mod testing {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::domain::{JobId, JobKind, ModelId, ScanSetId};
+    use crate::domain::{JobId, JobKind, JobStatus, ModelId, ScanSetId};
     use crate::storage::database::*;
 
     /// The second migration was the last before jobs had kinds.
@@ -271,5 +271,40 @@ mod tests {
         drop(store.delete_job(job).await.expect("deleted"));
         let gone = store.model(model).await;
         assert!(matches!(gone, Err(DatabaseError::NotFound { .. })), "foreign keys hold again: {gone:?}");
+    }
+
+    /// The sixth migration was the last before there were seats. One process had the database then.
+    #[tokio::test]
+    async fn what_ran_before_there_were_seats_is_taken_back_at_the_first_start() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let file = folder.path().join("old.sqlite");
+        let options = SqliteConnectOptions::new().filename(&file).create_if_missing(true).foreign_keys(true);
+        let old = SqlitePoolOptions::new().max_connections(1).connect_with(options).await.expect("a new database");
+        let mut before = sqlx::migrate!("./migrations");
+        before.migrations.to_mut().truncate(6);
+        before.run(&old).await.expect("migrated");
+        let (job, model) = (JobId::new(), ModelId::new());
+        let running = "INSERT INTO job (id, kind, options, status, worker, leased_until)
+                       VALUES (?, 'evaluate', ?, 'running', 'somebody', ?)";
+        sqlx::query(running)
+            .bind(job.to_string())
+            .bind(serde_json::to_string(&crate::domain::options::Options::default()).expect("plain data"))
+            .bind(now_ms() + 30_000)
+            .execute(&old)
+            .await
+            .expect("stored");
+        sqlx::query("INSERT INTO loose_file (kind, id, is_deleted, since) VALUES ('model', ?, 0, ?)")
+            .bind(model.to_string())
+            .bind(now_ms())
+            .execute(&old)
+            .await
+            .expect("stored");
+        old.close().await;
+
+        let database = SqliteDatabase::open(&file).await.expect("brought up to date");
+        assert_eq!(database.reclaim_jobs(3).await.expect("a start"), 1);
+        assert_eq!(database.job(job).await.expect("there").status, JobStatus::Queued);
+        let (_, loose) = database.known_files().await.expect("read");
+        assert!(loose[0].is_left(database.owner(), jiff::Timestamp::now()), "{loose:?}");
     }
 }
