@@ -20,7 +20,7 @@
 //!
 //! Around them:
 //! - [`storage`]: the database and the files, each behind a trait
-//! - [`app`]: what the service can do: the searchable gallery
+//! - [`app`]: use cases: models are added and deleted, the gallery is searchable and evaluated
 //! - [`jobs`]: the durable queue and its runner
 //! - [`http`]: router, resources, problem+json
 //! - [`cli`]: the commands of the binary

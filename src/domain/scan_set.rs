@@ -3,7 +3,7 @@
 use super::{FileId, ScanSetId};
 use crate::geometry::Unit;
 
-/// One scan as the store knows it.
+/// One scan as the database knows it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ScanRecord {
     /// The user's file name; unique in its set.

@@ -102,7 +102,7 @@ impl PageQuery {
     const DEFAULT: usize = 20;
     const MOST: usize = 100;
 
-    /// The page of this list as the store wants it.
+    /// The page of this list as the database wants it.
     pub fn request(&self, list: &Fingerprint) -> Result<PageRequest, Problem> {
         let limit = self.limit.unwrap_or(Self::DEFAULT);
         if !(1..=Self::MOST).contains(&limit) {

@@ -91,7 +91,7 @@ pub struct ExamplesView {
 const MOST_EXAMPLES: usize = 1000;
 
 impl ExamplesView {
-    /// The examples as the store knows them.
+    /// The examples as the database knows them.
     pub fn examples(&self) -> Result<Examples, Problem> {
         let ids =
             |list: &[String]| list.iter().map(|text| super::models::parse_id(text)).collect::<Result<Vec<_>, _>>();

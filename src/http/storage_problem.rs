@@ -1,4 +1,4 @@
-//! What the store, the files and the memory say, as problems.
+//! What the database, the files and the memory say, as problems.
 
 use super::problem::{Code, Problem};
 use crate::jobs::memory::TooLarge;
