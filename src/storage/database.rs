@@ -97,7 +97,8 @@ pub trait Jobs {
 }
 
 /// Jobs as the workers see them. A running job belongs to the worker that claimed it until its lease runs out; every
-/// write of a worker is guarded by its id, so a worker whose job was taken over can neither finish it twice nor overwrite it.
+/// write of a worker is guarded by its id, so a worker whose job was taken over can neither finish it twice nor
+/// overwrite it.
 #[async_trait]
 pub trait JobQueue {
     /// Takes the oldest job that waits or whose worker is gone, registrations before evaluations. One that does not fit

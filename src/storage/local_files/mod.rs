@@ -157,7 +157,10 @@ pub(super) mod testing {
 
     impl ObjectPlace for LocalPlace {
         fn new() -> Self {
-            LocalPlace { folder: tempfile::tempdir().expect("a temporary folder") }
+            let folder = tempfile::tempdir().expect("a temporary folder");
+            // without its database a folder that holds something is not opened again
+            fs::write(folder.path().join("visage.sqlite"), "a database").expect("written");
+            LocalPlace { folder }
         }
 
         fn open(&self) -> Arc<dyn ObjectStore> {

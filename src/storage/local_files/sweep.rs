@@ -108,6 +108,7 @@ mod tests {
         let (ended, folder) = files();
         std::mem::forget(staged(&ended, b"half").await);
         std::mem::forget(ended.stage_model().expect("staged"));
+        fs::write(ended.database(), "a database").expect("written");
         drop(ended);
         let files = LocalFiles::open(folder.path(), std::time::Duration::ZERO).expect("free again");
         fs::write(files.staging_folder().join("site.html"), "x").expect("somebody else's");
