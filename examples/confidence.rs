@@ -58,7 +58,7 @@ impl Row {
                 };
                 (kind, cells[7], cells.get(14)?.split(',').collect())
             }
-            "row" => {
+            "row" if cells[9] == "1" => {
                 let is_even = cells[2].parse::<usize>().ok()?.is_multiple_of(2);
                 let kind = if is_even { Kind::FittedObject } else { Kind::Object };
                 (kind, cells[10], cells[14..].to_vec())

@@ -73,6 +73,7 @@ impl Collect for KNearest<'_> {
         if self.found.len() < self.k { self.max_distance2 } else { self.found[self.k - 1].distance2 }
     }
 
+    #[inline]
     fn offer(&mut self, candidate: Neighbour) {
         if self.found.len() == self.k {
             self.found.pop();

@@ -152,7 +152,6 @@ impl KdTree {
     }
 
     /// The `k` nearest points at squared distances below `max_distance2`, nearest first, into `found`.
-    #[inline]
     pub fn k_nearest(&self, query: &LocalPoint, k: usize, max_distance2: f32, found: &mut Vec<Neighbour>) {
         found.clear();
         if k > 0 {
@@ -163,7 +162,6 @@ impl KdTree {
     /// The `k` nearest points, in no order, into `found`: cheaper than [`KdTree::k_nearest`] with a good guess
     /// `guess2` of the squared distance within which they lie. `found` may serve as scratch; the answer is the same for
     /// every guess but for its order.
-    #[inline]
     pub fn k_nearest_unordered(&self, query: &LocalPoint, k: usize, guess2: f32, found: &mut Vec<Neighbour>) {
         found.clear();
         self.search(query, &mut Within { radius2: guess2, visit: |neighbour| found.push(neighbour) });
