@@ -17,18 +17,16 @@ use crate::geometry::{Motion, Surface, Unit, Vector3};
 use crate::progress::{Canceled, Progress, Stage};
 pub use crate::reconstruction::merge::ModelCloud;
 use crate::reconstruction::merge::{PosedView, merge};
+use crate::registration;
+use crate::registration::conclusion::{Circumstances, Conclusion};
 use crate::registration::global::scan_set::Registered;
 pub use crate::registration::hints::Hints;
 use crate::registration::outcome::Outcome;
-use crate::registration::quality::colour::{self, Brightness};
-use crate::registration::quality::free_space::intrusions;
-use crate::registration::quality::witness::Known;
-use crate::registration::quality::{Evidence, Finding, judge};
+use crate::registration::quality::Finding;
+use crate::registration::quality::colour::Brightness;
 use crate::registration::report::RegistrationReport;
-use crate::registration::resolution::resolution;
 use crate::registration::sensor::Sensor;
 use crate::registration::view::View;
-use crate::registration::{self, covariance};
 
 use self::start::Setting;
 pub use self::start::{PoseMatrix, Start};
@@ -123,18 +121,8 @@ pub fn run_from(
     let whole = whole.filter(|_| has_support && setting.may_be_refined(options));
     let taken = Taken { scans, views, sensors, registered };
     let settled = still::settle(&setting, &names, taken, whole, options, progress)?;
-    let Settled { taken: Taken { scans, views, sensors, registered }, held, still, moved } = settled;
+    let Settled { taken: Taken { scans, views, sensors, mut registered }, held, still, moved } = settled;
     readied.iter_mut().zip(still).for_each(|(readied, count)| readied.still = count);
-    let Registered { result, surfaces, mut placement } = registered;
-    let positions: Vec<Option<Vector3>> = sensors.iter().map(|sensor| sensor.and_then(|s| s.position())).collect();
-    let intrusions = intrusions(&views, &positions, &result.local_poses, &result.placed, surfaces.resolution);
-    let (all, at) = held.as_ref().map_or((&views, &result), |held| (&held.whole, &held.result));
-    let covariances = covariance::of_result(all, at);
-    let unit_length = resolution(all, at);
-    let colours = colour::agreement(&views, &brightness_of(&scans), &result, unit_length);
-    let stands_still = moved.is_some();
-    let known = Known { covariances: &covariances, intrusions: &intrusions, colours: &colours, stands_still };
-    placement.hear(known.witnesses(&views, &result), &result.placed);
     let mut findings: Vec<Finding> = readied
         .iter()
         .zip(&names)
@@ -143,18 +131,21 @@ pub fn run_from(
         .collect();
     findings.extend(holders.into_iter().map(|(all, part)| merged_cloud(&names[all], &names[part])));
     let said = setting.hinted(&names, &views);
-    let relative = |i: usize, j: usize| placement.relative(&result, &views, i, j);
+    let relative = |i: usize, j: usize| registered.placement.relative(&registered.result, &views, i, j);
     let said = hints::report(&said, relative, &names, &mut findings);
-    let verdict = judge(&Evidence {
-        confidences: placement.confidences(),
-        intrusions: &intrusions,
-        moved: moved.as_deref(),
-        covariances: &covariances,
-        unit: unit_length,
-        colours: &colours,
-        findings: &findings,
-        ..Evidence::of_surfaces(&names, &result, &surfaces)
-    });
+    let positions: Vec<Option<Vector3>> = sensors.iter().map(|sensor| sensor.and_then(|s| s.position())).collect();
+    let Conclusion { covariances, verdict } = registered.conclude(
+        &views,
+        &names,
+        &Circumstances {
+            positions: &positions,
+            brightness: &brightness_of(&scans),
+            held: held.as_ref().map(|held| (held.whole.as_slice(), &held.result)),
+            moved: moved.as_deref(),
+            findings: &findings,
+        },
+    );
+    let Registered { result, placement, .. } = registered;
     let report = RegistrationReport::new(options.method, unit.name(), &names, &views, &result, &covariances, verdict);
 
     let merged = merge_views(&scans, &views, &sensors, &result, options, progress)?;

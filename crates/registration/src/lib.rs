@@ -10,6 +10,7 @@
 //! - [`pairwise`], [`averaging`], [`joint`]: from poses nearby
 //! - [`global`]: from the scans alone; [`hints`], [`hinted`]: what a person says of them
 //! - [`covariance`], [`quality`], [`objective`]: how well each pose is known; the verdict; figures of merit
+//! - [`conclusion`]: all that is known, weighed at the end
 //! - [`report`]: what is said of all of it
 //! - [`register`]: all of that in one call
 
@@ -21,6 +22,7 @@ pub use visage_geometry as geometry;
 pub mod averaging;
 pub mod candidates;
 pub mod cleaning;
+pub mod conclusion;
 pub mod covariance;
 pub mod global;
 pub mod hinted;

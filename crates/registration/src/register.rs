@@ -5,14 +5,12 @@ use rayon::prelude::*;
 use visage_geometry::progress::{Canceled, Progress};
 use visage_geometry::{Motion, Surface, Vector3};
 
-use crate::covariance;
+use crate::conclusion::Circumstances;
 use crate::global::scan_set::{Registered, Set};
 use crate::hinted::Hinted;
 use crate::method::Method;
 use crate::outcome::MethodOptions;
-use crate::quality::free_space::intrusions;
-use crate::quality::witness::Known;
-use crate::quality::{Evidence, Verdict, judge};
+use crate::quality::Verdict;
 use crate::sensor::Sensor;
 use crate::view::{UnusableScan, View};
 
@@ -105,30 +103,18 @@ pub fn register(
     let set = Set { names: &names, views: &views, given: &given, sensors: &sensors, hinted: &hinted };
     let options = MethodOptions::default();
     let refine = |views: &[View], poses: &[Motion]| method.register(views, poses, &options, progress);
-    Ok(judged(&views, &names, set.register(&refine, progress)?))
-}
-
-fn judged(views: &[View], names: &[String], registered: Registered) -> Registration {
-    let Registered { result, surfaces, mut placement } = registered;
+    let mut registered = set.register(&refine, progress)?;
     let positions: Vec<Option<Vector3>> =
-        views.iter().map(|view| view.sensor.and_then(|sensor| sensor.position())).collect();
-    let intrusions = intrusions(views, &positions, &result.local_poses, &result.placed, surfaces.resolution);
-    let covariances = covariance::of_result(views, &result);
-    let colours = vec![None; views.len()];
-    let known = Known { covariances: &covariances, intrusions: &intrusions, colours: &colours, stands_still: false };
-    placement.hear(known.witnesses(views, &result), &result.placed);
-    let verdict = judge(&Evidence {
-        confidences: placement.confidences(),
-        intrusions: &intrusions,
-        covariances: &covariances,
-        ..Evidence::of_surfaces(names, &result, &surfaces)
-    });
+        sensors.iter().map(|sensor| sensor.and_then(|sensor| sensor.position())).collect();
+    let circumstances = Circumstances { positions: &positions, ..Circumstances::default() };
+    let verdict = registered.conclude(&views, &names, &circumstances).verdict;
+    let Registered { result, placement, .. } = registered;
     let poses = views.iter().zip(result.local_poses.iter().zip(&result.placed));
-    Registration {
+    Ok(Registration {
         world_from_scan: poses.map(|(view, (pose, placed))| placed.then(|| view.scan_pose(pose))).collect(),
         confidences: placement.confidences().map(<[f64]>::to_vec),
         verdict,
-    }
+    })
 }
 
 #[cfg(test)]
