@@ -75,7 +75,7 @@ fn measure(index: usize, seed: u64) -> String {
     let hinted = Hinted::default();
     let set = Set { names: &names, views: &views, given: &given, sensors: &sensors, hinted: &hinted };
     let progress = Progress::silent();
-    let refine_options = MethodOptions { min_overlap: 0.5, range_accuracy: None, max_rounds: 20 };
+    let refine_options = MethodOptions::default();
     let refine = |views: &[View], poses: &[Motion]| Method::Joint.register(views, poses, &refine_options, &progress);
     let Ok(placement) = place(&set, &refine, &progress) else { return String::new() };
 

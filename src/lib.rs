@@ -1,7 +1,7 @@
 //! visage registers batches of 3D range scans into one model and finds faces among the models it keeps.
 //!
-//! Modules are layers and point one way; the map is `docs/ARCHITECTURE.md`, the equations are tied to
-//! their functions in `docs/ALGORITHM.md`.
+//! The algorithms are crates of their own and stand here under one roof. Modules are layers and point one way; the map is
+//! `docs/ARCHITECTURE.md`, the equations are tied to their functions in `docs/ALGORITHM.md`.
 //!
 //! Pure (no HTTP, SQL, files, clock or async; parallel inside the caller's rayon pool):
 //! - [`geometry`]: clouds, meshes, rigid motions, neighbours, normals, thinning

@@ -55,7 +55,7 @@ impl Truth {
     }
 
     fn register(&self, initial: &[Motion]) -> Registered {
-        let options = MethodOptions { min_overlap: 0.5, range_accuracy: None, max_rounds: 20 };
+        let options = MethodOptions::default();
         let result = Method::Joint.register(&self.views, initial, &options, &Progress::silent()).expect("not canceled");
         let names: Vec<String> = (0..self.views.len()).map(|view| format!("scan {view}")).collect();
         let spacing = common_spacing(&self.views);

@@ -46,7 +46,7 @@ pub(super) async fn put_poses(
 /// Set the initial poses of a scan set by a pose file of any format.
 ///
 /// A Stanford `.conf`, JSON `{"scan name": 4x4}` or `{"poses": {...}}`, or text blocks of a name and 4 rows. The
-/// format is told by the content, whatever the `Content-Type`. A pose maps its scan into the world frame; matrices are
+/// format is recognised by the content, whatever the `Content-Type`. A pose maps its scan into the world frame; matrices are
 /// row-major.
 #[utoipa::path(
     put, path = "/v1/scan-sets/{id}/pose-file", tag = TAG, operation_id = "putPoseFile",

@@ -1,4 +1,4 @@
-//! Whether a registration fits into memory, told by the points of its scans before it begins. A job that does not fit
+//! Whether a registration fits into memory, estimated from the points of its scans before it begins. A job that does not fit
 //! would take the whole server down with it, again at each attempt.
 
 use crate::domain::Room;

@@ -278,7 +278,7 @@ pub trait Files {
     async fn forget_loose(&self, files: &[StoredFile]) -> Result<(), DatabaseError>;
 }
 
-/// What is asked of the database as a whole.
+/// The database as a whole: whether it is there, sound and writable, and its end.
 #[async_trait]
 pub trait Upkeep {
     /// Who uses it through this handle: jobs are claimed and files expected in its name.

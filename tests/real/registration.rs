@@ -129,7 +129,7 @@ fn register_only(loaded: &Loaded, set: &StanfordSet, method: Method, level: &str
     let initial: BTreeMap<String, Motion> = read_poses(&file).into_iter().collect();
     let initial: Vec<Motion> =
         loaded.names.iter().zip(&loaded.views).map(|(name, view)| view.local_pose(&initial[name])).collect();
-    let options = MethodOptions { min_overlap: 0.5, range_accuracy: None, max_rounds: 20 };
+    let options = MethodOptions::default();
     method.register(&loaded.views, &initial, &options, &Progress::silent()).expect("not canceled")
 }
 
@@ -235,7 +235,7 @@ fn simulated_heads_are_placed_within_half_a_millimetre_of_the_truth() {
             let views: Vec<View> = truth.iter().map(|(scan, _)| read_view(&folder.join(scan))).collect();
             let initial: Vec<Motion> =
                 truth.iter().zip(&views).map(|((scan, _), view)| view.local_pose(&start[scan])).collect();
-            let options = MethodOptions { min_overlap: 0.5, range_accuracy: None, max_rounds: 20 };
+            let options = MethodOptions::default();
             let result = method.register(&views, &initial, &options, &Progress::silent()).expect("not canceled");
             let poses: Vec<Motion> =
                 views.iter().zip(&result.local_poses).map(|(view, pose)| view.scan_pose(pose)).collect();

@@ -133,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn the_foremost_points_are_those_that_vary_most_and_rule_out_what_is_far() {
+    fn the_points_taken_are_those_that_vary_most_and_they_rule_out_what_is_far() {
         let mut rows = DenseRows::default();
         (0..50).for_each(|k| rows.push(Some(&face(0.7 * f64::from(k), 0))));
         let partial_distance = PartialDistances::of(&rows, &(0..50).collect::<Vec<u32>>());

@@ -1,6 +1,6 @@
 //! A search's pass over a part of the gallery, which measures few of its models.
 //!
-//! Two sure faces are told by their dense distance alone. Most distances are known to be too great by three bounds, each
+//! Two sure faces are compared by their dense distance alone. Most distances are known to be too great by three bounds, each
 //! closer and dearer than the one before: by PCA codes, by the points at which faces differ most, by all points ([`super::face_order`],
 //! [`super::dense_rows`]). What is no sure face is kept for later if its score may be great enough.
 
@@ -17,7 +17,7 @@ const BLOCK: usize = if cfg!(test) { 32 } else { 1024 };
 const HAIR: f64 = 1e-12;
 
 impl Probe {
-    /// Offers all of a part that are told by their dense signatures; adds where the others are that have a chance.
+    /// Offers all of a part that are compared by their dense signatures; adds where the others are that have a chance.
     pub fn scan(&self, segments: &[LiveSegment], which: usize, found: &mut Found, others: &mut Vec<Address>) {
         if let Some(dense) = &self.dense {
             self.scan_faces(dense, segments, which, found);
@@ -58,13 +58,13 @@ impl Probe {
         }
     }
 
-    /// How many of a segment's faces are told by their dense signatures alone: the first ones.
+    /// How many of a segment's faces are compared by their dense signatures alone: the first ones.
     fn sure_faces(&self, segment: &Segment) -> usize {
         let is_sure = |place: &u32| Weights::are_sure(self.face_score, segment.face_scores[*place as usize]);
         self.dense.as_ref().map_or(0, |_| segment.faces.places.partition_point(is_sure))
     }
 
-    /// Offers a model that is told by its dense signature alone.
+    /// Offers a model that is compared by its dense signature alone.
     fn offer_face(&self, segments: &[LiveSegment], (which, place): Address, found: &mut Found) {
         let segment = &segments[which].segment;
         let weights = self.weights(&segments[which], place);
@@ -72,7 +72,7 @@ impl Probe {
         found.offer(segment.ids[place as usize], (which, place), weights.likeness(distance_mm, 0.0));
     }
 
-    /// The places of the models that are not told by their dense signatures alone and whose score may be `least`.
+    /// The places of the models that are not compared by their dense signatures alone and whose score may be `least`.
     fn unsure_places(&self, live: &LiveSegment, least: f64) -> Vec<u32> {
         let (scores, faces) = (&live.segment.face_scores, &live.segment.faces);
         let may_come_in = |place: &u32| self.weights(live, *place).likeness(Some(0.0), 1.0) >= least;
@@ -91,7 +91,7 @@ impl Probe {
         unsure.filter(|place| live.is_alive(*place) && may_come_in(place)).collect()
     }
 
-    /// Whether a model is told by its dense signature alone: it and the probe are faces for sure.
+    /// Whether a model is compared by its dense signature alone: it and the probe are faces for sure.
     fn is_told(&self, live: &LiveSegment, place: u32) -> bool {
         let score = live.segment.face_scores[place as usize];
         Weights::are_sure(self.face_score, score) && self.dense.is_some() && !live.segment.dense.is_missing(place)

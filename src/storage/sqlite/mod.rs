@@ -1,7 +1,7 @@
 //! One SQLite file: the only module that knows SQL.
 //!
-//! A file implements a trait of [`database`](crate::storage::database), under the same name; `upkeep` holds what is
-//! asked of the database as a whole, `writing` transactions, full disks and locks.
+//! A file implements a trait of [`database`](crate::storage::database), under the same name; `upkeep` is about the
+//! database as a whole, `writing` about transactions, full disks and locks.
 //!
 //! There is one writing connection and a few read-only ones, on a write-ahead log. Writes of several
 //! statements take the write lock at their start (`BEGIN IMMEDIATE`): a transaction that begins by reading

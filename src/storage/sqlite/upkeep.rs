@@ -1,4 +1,4 @@
-//! What is asked of the database as a whole.
+//! The database as a whole: whether it is there, sound and writable, and its end.
 
 use std::sync::Arc;
 

@@ -97,7 +97,7 @@ fn recipe(method: Method) -> Option<Recipe> {
 }
 
 fn register(method: Method, views: &[View], initial: &[Motion]) -> anyhow::Result<Outcome> {
-    let options = MethodOptions { min_overlap: 0.5, range_accuracy: None, max_rounds: 20 };
+    let options = MethodOptions::default();
     let progress = Progress::silent();
     Ok(match recipe(method) {
         Some(recipe) => averaging::register(&recipe, views, initial, &options, &progress)?,

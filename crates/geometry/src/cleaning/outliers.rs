@@ -30,7 +30,7 @@ const ENDS: f64 = 0.02;
 /// The grid goes beyond the bulk by this share of its extent.
 const MARGIN: f64 = 0.25;
 
-/// What is left of a scan without strays.
+/// What is left of a scan without outliers.
 pub struct Body {
     grid: Grid,
     indexed: IndexedPoints,
@@ -44,7 +44,7 @@ impl Body {
     }
 }
 
-/// The surfels of `rest` without strays; `None` if there are none.
+/// The surfels of `rest` without outliers; `None` if there are none.
 pub fn main_body(coarse: &CoarseScan, rest: &[usize]) -> Option<Body> {
     let total: f64 = rest.iter().map(|surfel| f64::from(coarse.counts[*surfel])).sum();
     let grid = Grid::new(coarse, rest, (PIECE * total).max(AMPLE * total / rest.len() as f64))?;

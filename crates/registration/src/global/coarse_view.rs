@@ -25,7 +25,7 @@ pub struct CoarseView {
     pub inner: Vec<u32>,
     /// Where the scanner stood.
     pub sensor: Sensor,
-    /// How clear the scanner's side is: 0 (a coin toss) to 1 (told by the file or plain to see).
+    /// How clear the scanner's side is: 0 (a coin toss) to 1 (given by the file or plain to see).
     pub side_clarity: f64,
     /// The largest distance of a surfel from the view's centroid.
     pub radius: f64,
@@ -40,12 +40,12 @@ const NORMAL_REACH: f64 = 1.2;
 /// A surfel lies on a rim if the mean of its neighbourhood is farther off than this share of its radius: half a disc
 /// has its mean at 0.42.
 const RIM_OFFSET: f32 = 0.3;
-/// Side of the cells of a depth picture, in edges.
-const SIGHT_CELL: f64 = 1.3;
+/// Side of the cells of a depth image, in edges.
+const DEPTH_CELL: f64 = 1.3;
 /// Voxels with less than this share of the median number of points, or with a neighbourhood of less than the second
-/// share, are strays.
-const STRAY_VOXEL: f64 = 0.1;
-const STRAY_AROUND: f64 = 0.2;
+/// share, are outliers.
+const OUTLIER_VOXEL: f64 = 0.1;
+const OUTLIER_AROUND: f64 = 0.2;
 
 impl CoarseView {
     /// Reduces a view with surfels of one voxel of edge `edge`; `sensor` if the file or the caller told it.
@@ -68,7 +68,7 @@ impl CoarseView {
         }
         let inner: Vec<u32> = (0..is_inner.len() as u32).filter(|index| is_inner[*index as usize]).collect();
         let radius = centroids.iter().map(|c| nalgebra::Vector3::from(*c).norm()).fold(0.0f32, f32::max).into();
-        let mut depth_image = DepthImage::new(&centroids, &sensor, SIGHT_CELL * edge);
+        let mut depth_image = DepthImage::new(&centroids, &sensor, DEPTH_CELL * edge);
         // a scanner that looks all the way round has its picture end where its rays do, not where an object does
         if sensor.is_round(view.points()) {
             depth_image.crop();
@@ -118,7 +118,7 @@ impl Fitted {
 /// points, but no more cells.
 const CELL: f64 = 0.25;
 
-/// The means of the voxels with the surface there, strays left out.
+/// The means of the voxels with the surface there, outliers left out.
 fn supported(view: &View, edge: f64, reach: f32) -> (Vec<LocalPoint>, Vec<Fitted>) {
     let cells = thin(view.points(), (CELL * edge) as f32);
     let voxels = thin(&cells.centroids, edge as f32);
@@ -132,23 +132,23 @@ fn supported(view: &View, edge: f64, reach: f32) -> (Vec<LocalPoint>, Vec<Fitted
         .map(|(center, _)| (center, fit(&indexed, &cells.counts, &center, reach)))
         .collect();
     let around: Vec<u32> = fitted.iter().map(|f| f.1.cells as u32).collect();
-    let least_around = STRAY_AROUND * typical_count(&around);
+    let least_around = OUTLIER_AROUND * typical_count(&around);
     fitted.into_iter().filter(|(_, f)| f.cells as f64 >= least_around).unzip()
 }
 
-/// How many voxels of this edge hold more of a scan than strays.
+/// How many voxels of this edge hold more of a scan than outliers.
 pub fn count_voxels(points: &[LocalPoint], edge: f64) -> usize {
     let counts = thin(points, edge as f32).counts;
     let least = least_in_voxel(&counts);
     counts.iter().filter(|count| f64::from(**count) >= least).count()
 }
 
-/// Voxels with fewer points are strays.
+/// Voxels with fewer points are outliers.
 fn least_in_voxel(counts: &[u32]) -> f64 {
-    STRAY_VOXEL * typical_count(counts)
+    OUTLIER_VOXEL * typical_count(counts)
 }
 
-/// The count of the voxel that the median point lies in: voxels of strays may be many, but hold few points.
+/// The count of the voxel that the median point lies in: voxels of outliers may be many, but hold few points.
 fn typical_count(counts: &[u32]) -> f64 {
     let mut sorted = counts.to_vec();
     sorted.sort_unstable_by(|a, b| b.cmp(a));
@@ -185,9 +185,9 @@ mod tests {
         let of_sheet = count_voxels(&points, 5.0);
         let anywhere = |k: u32, prime: u32| (k * prime % 4_001) as f32 * 0.05;
         points.extend((1..4_001).map(|k| [anywhere(k, 1_231), anywhere(k, 2_111), anywhere(k, 3_137)]));
-        let with_strays = count_voxels(&points, 5.0);
+        let with_outliers = count_voxels(&points, 5.0);
         assert!(thin(&points, 5.0).counts.len() > 2 * of_sheet);
-        assert!((0.9..1.05).contains(&(with_strays as f64 / of_sheet as f64)), "{of_sheet} {with_strays}");
+        assert!((0.9..1.05).contains(&(with_outliers as f64 / of_sheet as f64)), "{of_sheet} {with_outliers}");
     }
 
     fn view(points: impl IntoIterator<Item = Point3>) -> View {

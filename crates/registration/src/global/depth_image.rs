@@ -8,7 +8,7 @@ use visage_geometry::neighbours::LocalPoint;
 /// seen, so it speaks against nothing.
 const MOST_CELLS: f32 = 1024.0;
 
-/// A depth picture of a view: for each cell across the line of sight, how near the nearest surface is.
+/// A depth image of a view: for each cell across the line of sight, how near the nearest surface is.
 #[derive(Debug, Clone)]
 pub struct DepthImage {
     /// Rows: across, upward, towards the scanner.

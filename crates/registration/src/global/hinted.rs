@@ -24,8 +24,8 @@ use visage_geometry::progress::{Canceled, Progress};
 
 /// Surfels of a view that are queried of picked points.
 const SAMPLES: usize = 400;
-/// Drawn onto the surface, picked places may come apart by this many edges more.
-const DRAWN: f64 = 3.0;
+/// Refined on the surface, picked places may come apart by this many edges more.
+const REFINED: f64 = 3.0;
 /// Picked points are followed if this share of the surfels agrees,
 const LEAST_OVERLAP: f64 = 0.02;
 /// this share of what was said: more speaks for them than against,
@@ -103,7 +103,7 @@ fn followed(coarse_set: &CoarseSet, hypotheses: &[PairHypothesis], pair: &Picked
     let (a, b) = (&coarse_set.coarse_views[i], &coarse_set.coarse_views[j]);
     let picked = pair.fit.a_from_b;
     let refined = align(a, b, &picked, coarse_set.edge);
-    let stays = pair.distances(&refined).0 <= pair.tolerance.max(pair.fit.rms + DRAWN * coarse_set.edge);
+    let stays = pair.distances(&refined).0 <= pair.tolerance.max(pair.fit.rms + REFINED * coarse_set.edge);
     let i_from_j = if stays { refined } else { picked };
     let hypothesis = PairHypothesis { i, j, i_from_j, evidence: verify(a, b, &i_from_j, coarse_set.edge, SAMPLES) };
     let touches =

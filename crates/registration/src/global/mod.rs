@@ -65,7 +65,7 @@ const EDGE_FACTOR: f64 = 1.7;
 /// Motions of a pair that are refined on the surface.
 const PROPOSALS: usize = 32;
 /// Of these the ones that take part further.
-const LINKS: usize = 5;
+const HYPOTHESES: usize = 5;
 /// Surfels of a view that are queried whether a motion is right.
 const SAMPLES: usize = 400;
 
@@ -312,6 +312,6 @@ fn best_of_pair(
     };
     let mut hypotheses: Vec<PairHypothesis> = motions.iter().map(hypothesis).collect();
     hypotheses.sort_by(|a, b| b.score().total_cmp(&a.score()));
-    hypotheses.truncate(LINKS);
+    hypotheses.truncate(HYPOTHESES);
     hypotheses
 }

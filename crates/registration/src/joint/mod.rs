@@ -46,7 +46,7 @@ pub struct Pass {
     pub last_distance: f64,
     /// A step that moves nothing farther (in spacings) ends the pass.
     pub settled: f64,
-    /// Before its last steps only every so-manieth surfel asks.
+    /// Before its last steps only one in so many surfels is queried.
     pub query_stride: usize,
     /// Pairs that a view gets even if they overlap less.
     pub min_degree: usize,

@@ -21,7 +21,7 @@ pub struct RefineOptions {
     pub max_steps: usize,
     /// Steps that move no surfel farther than this end it.
     pub settled: f64,
-    /// Until a step moves none farther than ten times that, only every so-manieth surfel asks.
+    /// Until a step moves none farther than ten times that, only one in so many surfels is queried.
     pub query_stride: usize,
 }
 

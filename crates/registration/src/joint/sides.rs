@@ -1,6 +1,6 @@
 //! From which side each view's surface was seen, read off the scans where nobody told.
 //!
-//! The axis is told by how densely points lie on the surface. A range scan looks the same from behind, but between it and
+//! The axis is found by how densely points lie on the surface. A range scan looks the same from behind, but between it and
 //! its scanner there was nothing: the rest of the object lies behind it.
 
 use rayon::prelude::*;

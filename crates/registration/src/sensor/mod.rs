@@ -1,4 +1,4 @@
-//! Where the scanner stood: told by the file or the caller, else read off the scan itself.
+//! Where the scanner stood: given by the file or the caller, else read off the scan itself.
 //!
 //! Rays leave a scanner evenly spread, so how densely points lie on a surface says how it was turned to the scanner.
 

@@ -28,7 +28,7 @@ impl Candidate {
     }
 }
 
-/// The best `most` that stand at places of their own, told by the standard's `corners`: many triangles lead to the same one.
+/// The best `most` that stand at places of their own, judged by the standard's `corners`: many triangles lead to the same one.
 /// None is `hopeless` times worse than the best. Ties by order.
 pub(crate) fn distinct<T: AsRef<Candidate>>(
     mut fitted: Vec<T>,
