@@ -1,6 +1,6 @@
 //! visage registers batches of 3D range scans into one model and finds faces among the models it keeps.
 //!
-//! The algorithms are crates of their own and stand here under one roof. Modules are layers and point one way; the map is
+//! Its layers are crates, which stand here under one roof; this one is the command line. They point one way; the map is
 //! `docs/ARCHITECTURE.md`, the equations are tied to their functions in `docs/ALGORITHM.md`.
 //!
 //! Pure (no HTTP, SQL, files, clock or async; parallel inside the caller's rayon pool):
@@ -24,24 +24,20 @@
 //! - [`jobs`]: the durable queue and its runner
 //! - [`http`]: router, resources, problem+json
 //! - [`cli`]: the commands of the binary
-//! - [`config`], [`telemetry`], [`machine`]: settings, logs, memory
+//! - [`config`], [`machine`], [`telemetry`]: settings, memory, logs
 
-pub mod app;
 pub mod cli;
-pub mod config;
-pub mod domain;
-pub mod http;
-pub mod jobs;
-pub mod machine;
-pub mod pipeline;
-pub mod storage;
 pub mod telemetry;
 
+pub use visage_domain as domain;
 pub use visage_formats as formats;
 pub use visage_gallery as retrieval;
 pub use visage_geometry as geometry;
 pub use visage_geometry::progress;
+pub use visage_http as http;
+pub use visage_pipeline as pipeline;
 pub use visage_registration as registration;
+pub use visage_service::{app, config, jobs, machine, storage};
 pub use visage_shape::{classes, faces, saliency};
 pub use visage_surface as reconstruction;
 pub use visage_synthetic as synthetic;

@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use crate::formats::{Content, Format, poses};
+use visage_formats::{Content, Format, poses};
 
 /// Where a model comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -109,7 +109,7 @@ assets! {
     /// The same in Stanford's format, where that can hold it.
     PosesConf = "poses.conf", poses::CONF.media_type, Poses, signature: false;
     /// The merged cloud of the placed scans.
-    Cloud = "cloud.ply", crate::formats::ply::FORMAT.media_type, Cloud, signature: true;
+    Cloud = "cloud.ply", visage_formats::ply::FORMAT.media_type, Cloud, signature: true;
     /// What the registration found out, and what it took.
     Report = "report.json", JSON, Report, signature: false;
 }
@@ -167,7 +167,7 @@ impl Asset {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::formats::surface_endings;
+    use visage_formats::surface_endings;
 
     #[test]
     fn every_name_is_found_again_and_a_result_is_no_upload() {
@@ -197,10 +197,10 @@ mod tests {
     #[test]
     fn surfaces_are_sent_as_the_table_of_formats_says() {
         for asset in Asset::of(Origin::Uploaded) {
-            let format = crate::formats::check_name(&asset.name()).expect("a format that is read");
+            let format = visage_formats::check_name(&asset.name()).expect("a format that is read");
             assert_eq!(asset.media_type(), format.media_type);
         }
-        assert_eq!(Asset::Cloud.media_type(), Asset::UploadedCloud(&crate::formats::pcd::FORMAT).media_type());
+        assert_eq!(Asset::Cloud.media_type(), Asset::UploadedCloud(&visage_formats::pcd::FORMAT).media_type());
         assert_eq!(Asset::Report.media_type(), "application/json");
     }
 

@@ -1,7 +1,7 @@
 //! What is to be looked at again, and verdicts.
 
 use super::{ModelId, StandardId};
-use crate::classes::Found;
+use visage_shape::classes::Found;
 
 /// A model that has something to be made anew.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::options::Options;
 use super::{JobId, JobKind, JobStatus, ModelId, ScanSetId};
-use crate::registration::hints::Hints;
+use visage_registration::hints::Hints;
 
 /// Why a job failed: for programs (`code`) and for people (the rest).
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize, serde::Deserialize, utoipa::ToSchema)]

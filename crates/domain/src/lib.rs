@@ -26,8 +26,6 @@ mod signature;
 mod standard;
 mod stored_file;
 
-/// What a person said of the scans of a job.
-pub use crate::registration::hints::Hints;
 pub use evaluation::{Backlog, Outdated, StoredVerdict};
 pub use ids::{FileId, FolderId, JobId, ModelId, ProcessId, ScanSetId, SeatId, StandardId};
 pub use job::{CancelAnswer, JobBase, JobError, JobFilter, JobRecord, NewJob};
@@ -42,3 +40,5 @@ pub use scan_set::{NewScanSet, PoseFile, PutScan, ScanRecord, ScanSetRecord, sor
 pub use signature::{StoredContent, StoredSignature};
 pub use standard::{Examples, NewStandard, StandardRecord};
 pub use stored_file::{KnownFiles, LooseFile, StoredFile};
+/// What a person said of the scans of a job.
+pub use visage_registration::hints::Hints;

@@ -1,9 +1,9 @@
 //! Models: what they are made of, and their files.
 
-use super::asset::Origin;
+use super::asset::{Asset, Origin};
 use super::{JobId, ModelId, ScanSetId, StoredSignature};
-use crate::faces::SignatureSummary;
-use crate::geometry::Unit;
+use visage_geometry::Unit;
+use visage_shape::faces::SignatureSummary;
 
 /// One file of a model.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -106,10 +106,10 @@ pub struct MatchedModel {
     pub signature: Option<Vec<u8>>,
 }
 
-#[cfg(test)]
 impl NewModel {
-    /// A small model, of the given job or uploaded.
-    pub(crate) fn test(origin: Option<(JobId, ScanSetId)>) -> NewModel {
+    /// A small model, of the given job or uploaded: for tests of what keeps models.
+    #[doc(hidden)]
+    pub fn example(origin: Option<(JobId, ScanSetId)>) -> NewModel {
         NewModel {
             id: ModelId::new(),
             origin,
@@ -118,7 +118,7 @@ impl NewModel {
             unit: Unit::Mm,
             points: 7,
             quality: None,
-            assets: vec![AssetRecord { name: "report.json".to_owned(), bytes: 2, checksum: "00".to_owned() }],
+            assets: vec![AssetRecord { name: Asset::Report.name().into_owned(), bytes: 2, checksum: "00".to_owned() }],
             reading: None,
             signature: None,
         }

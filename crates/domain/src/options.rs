@@ -5,8 +5,8 @@ use std::fmt;
 
 use serde_json::Value;
 
-use crate::geometry::MAX_COORDINATE;
-pub use crate::registration::method::Method;
+use visage_geometry::MAX_COORDINATE;
+pub use visage_registration::method::Method;
 
 /// One option.
 pub struct JobOption {
@@ -190,8 +190,8 @@ macro_rules! options {
         }
 
         /// Every option, in the order in which people should read about them.
-        pub const $table: &[$crate::domain::options::JobOption] = &[$(
-            $crate::domain::options::JobOption {
+        pub const $table: &[$crate::options::JobOption] = &[$(
+            $crate::options::JobOption {
                 name: stringify!($name),
                 kind: $kind,
                 default: || {
@@ -202,11 +202,11 @@ macro_rules! options {
             },
         )*];
 
-        impl $crate::domain::options::Declared for $options {
-            const TABLE: &'static [$crate::domain::options::JobOption] = $table;
+        impl $crate::options::Declared for $options {
+            const TABLE: &'static [$crate::options::JobOption] = $table;
 
-            fn check(&self) -> Result<(), $crate::domain::options::OptionError> {
-                use $crate::domain::options::Numbers;
+            fn check(&self) -> Result<(), $crate::options::OptionError> {
+                use $crate::options::Numbers;
                 let numbers = [$(self.$name.numbers()),*];
                 $table.iter().zip(numbers).try_for_each(|(option, numbers)| option.check(&numbers))
             }
@@ -276,8 +276,8 @@ impl Scale {
 }
 
 /// Options with a line of their own, for tests of what is made of a table.
-#[cfg(test)]
-pub(crate) mod dummy {
+#[doc(hidden)]
+pub mod dummy {
     use super::*;
 
     options! {

@@ -1,7 +1,7 @@
 //! Scan sets: the ordered scans of one object and their pose file.
 
 use super::{FileId, ScanSetId};
-use crate::geometry::Unit;
+use visage_geometry::Unit;
 
 /// One scan as the database knows it.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -1,6 +1,6 @@
 //! Signatures as they are stored.
 
-use crate::faces::{Signature, SignatureSummary};
+use visage_shape::faces::{Signature, SignatureSummary};
 
 /// A signature as it is stored.
 #[derive(Debug, Clone, PartialEq)]

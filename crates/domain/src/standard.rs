@@ -1,8 +1,8 @@
 //! Standards made by users: the classes, and the examples marked for them.
 
 use super::{AssetRecord, ModelId, StandardId};
-use crate::classes::{Annotation, Class};
-use crate::geometry::Unit;
+use visage_geometry::Unit;
+use visage_shape::classes::{Annotation, Class};
 
 /// A standard that is to be stored.
 #[derive(Debug, Clone)]

@@ -15,7 +15,7 @@ use super::problem::{Code, Problem};
 use super::responses;
 use super::schemas::{FileContent, Poses, SurfaceFile};
 use super::state::AppState;
-use crate::domain::asset::Asset;
+use visage_domain::asset::Asset;
 
 /// How much is read from disk at a time.
 const CHUNK: usize = 256 << 10;

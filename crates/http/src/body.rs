@@ -23,7 +23,7 @@ use tokio::time::{Instant, Sleep};
 
 use super::problem::{Code, Problem};
 use super::state::AppState;
-use crate::config::EdgeLimits;
+use visage_service::config::EdgeLimits;
 
 /// How much of a refused body is still read: a client that is cut off in the middle of sending often does not see the
 /// answer.

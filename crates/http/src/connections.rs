@@ -17,7 +17,7 @@ use tokio::task::JoinSet;
 use tokio_io_timeout::TimeoutStream;
 use tokio_util::sync::CancellationToken;
 
-use crate::config::EdgeLimits;
+use visage_service::config::EdgeLimits;
 
 /// The most bytes of a request's head.
 const HEAD_BYTES: usize = 32 << 10;

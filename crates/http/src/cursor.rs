@@ -5,7 +5,7 @@ use base64::Engine;
 use base64::engine::general_purpose::URL_SAFE_NO_PAD;
 
 use super::problem::{Code, Problem};
-use crate::retrieval::Rank;
+use visage_gallery::Rank;
 
 /// Tells one question from another.
 pub type Fingerprint = [u8; 8];

@@ -12,11 +12,11 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use super::problem::Problem;
 use super::state::{AppState, blocking};
 use super::upload::UploadedFile;
-use crate::faces::Signature;
-use crate::geometry::{Surface, Unit};
-use crate::jobs::engine::Engine;
-use crate::progress::{Progress, ProgressSink, Stage};
-use crate::telemetry::panic_message;
+use visage_geometry::progress::{Progress, ProgressSink, Stage};
+use visage_geometry::{Surface, Unit};
+use visage_service::jobs::engine::Engine;
+use visage_service::panics::panic_message;
+use visage_shape::faces::Signature;
 
 /// Larger files count as large: they take more than a second or two.
 const LARGE: u64 = 8 << 20;

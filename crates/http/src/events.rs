@@ -14,7 +14,7 @@ use super::jobs::{TAG, look_up, parse_id};
 use super::problem::Problem;
 use super::responses;
 use super::state::AppState;
-use crate::domain::JobId;
+use visage_domain::JobId;
 
 /// The least time between two events.
 const PACE: Duration = Duration::from_millis(200);

@@ -9,7 +9,7 @@ use super::body::read_body;
 use super::cursor::{self, Fingerprint};
 use super::problem::{Code, Problem};
 use super::state::AppState;
-use crate::domain::PageRequest;
+use visage_domain::PageRequest;
 
 /// Path parameters.
 pub struct Path<T>(pub T);

@@ -5,7 +5,7 @@ use utoipa::ToSchema;
 
 use super::problem::{Code, Problem};
 use super::schemas::{NamedPair, PickedPair, Point};
-use crate::pipeline::Hints;
+use visage_pipeline::Hints;
 
 /// What a person says of the scans where machines can't tell. Everything is in the scans' own frames and unit.
 #[derive(Deserialize, ToSchema)]

@@ -14,7 +14,7 @@ use axum::response::{IntoResponse, Response};
 use tower_http::csrf::{ConfigError, CsrfLayer, ProtectionError};
 
 use super::problem::{Code, Problem};
-use crate::config::{Host, HostName};
+use visage_service::config::{Host, HostName};
 
 const HINT: &str = "call the service by its address or by localhost; other names have to be allowed when it is started: \
                     visage serve --host NAME";

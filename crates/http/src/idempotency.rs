@@ -5,7 +5,7 @@ use axum::response::{IntoResponse, Response};
 
 use super::problem::Problem;
 use super::state::{AppState, Occupied};
-use crate::domain::{Replay, ReplayKey};
+use visage_domain::{Replay, ReplayKey};
 
 /// The answer to a POST that created something.
 #[derive(Debug, Clone)]

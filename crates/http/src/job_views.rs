@@ -9,8 +9,8 @@ use super::hint_views::HintsView;
 use super::option_views::OptionsView;
 use super::scan_set_views::UnitView;
 use super::schemas::{self, ShortText};
-use crate::domain::{JobError, JobId, JobKind, JobRecord, JobStatus, NewJob};
-use crate::pipeline::{Hints, Options};
+use visage_domain::{JobError, JobId, JobKind, JobRecord, JobStatus, NewJob};
+use visage_pipeline::{Hints, Options};
 
 /// What is to be done.
 #[derive(Debug, Clone, Deserialize, ToSchema)]

@@ -22,15 +22,15 @@ use super::scan_sets::{form_rules, from_form, keep_files, parse_id as parse_scan
 use super::state::{AppState, deleted, forget, uninterrupted};
 use super::upload::{self, UploadedFile};
 use super::{cursor, events, extract, hint_views, job_views, models, names, responses};
-use crate::domain::asset::Asset;
-use crate::domain::options::{Declared, Options};
-use crate::domain::{
+use visage_domain::asset::Asset;
+use visage_domain::options::{Declared, Options};
+use visage_domain::{
     FileId, JobBase, JobFilter, JobId, JobKind, JobRecord, JobStatus, ModelId, NewJob, NewScanSet, PoseFile,
     ScanRecord, ScanSetId,
 };
-use crate::jobs::admission;
-use crate::jobs::memory::Budget;
-use crate::storage::DatabaseError;
+use visage_service::jobs::admission;
+use visage_service::jobs::memory::Budget;
+use visage_service::storage::DatabaseError;
 
 pub(super) const TAG: &str = "jobs";
 const PARTS: &[&str] = &["poses", "options", "hints", "label", "name", "unit"];

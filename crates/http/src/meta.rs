@@ -13,8 +13,8 @@ use super::problem::Problem;
 use super::responses;
 use super::standards::MOST_STANDARDS;
 use super::state::AppState;
-use crate::app::live_gallery::NotReady;
-use crate::domain::options::OPTIONS;
+use visage_domain::options::OPTIONS;
+use visage_service::app::live_gallery::NotReady;
 
 const TAG: &str = "service";
 
@@ -165,8 +165,8 @@ async fn info(State(state): State<AppState>) -> Result<Json<Info>, Problem> {
         versions: Versions {
             visage: env!("CARGO_PKG_VERSION"),
             api: "v1",
-            signature: crate::faces::Signature::VERSION,
-            class: crate::classes::Class::VERSION,
+            signature: visage_shape::faces::Signature::VERSION,
+            class: visage_shape::classes::Class::VERSION,
         },
         limits: LimitsView {
             upload_bytes: limits.upload_bytes,
@@ -190,12 +190,12 @@ async fn info(State(state): State<AppState>) -> Result<Json<Info>, Problem> {
             standards: MOST_STANDARDS,
         },
         job_options: infos(OPTIONS),
-        file_formats: crate::formats::surface_endings(),
+        file_formats: visage_formats::surface_endings(),
         units: ["mm", "cm", "m", "in", "unknown"],
         load: Load {
             queued_jobs,
             running_jobs,
-            searchable_models: state.context.gallery.ask(crate::retrieval::Gallery::len).ok(),
+            searchable_models: state.context.gallery.ask(visage_gallery::Gallery::len).ok(),
             stale_signatures: backlog.stale_signatures,
             missing_verdicts: backlog.missing_verdicts,
             standards: backlog.standards,

@@ -7,9 +7,9 @@ use super::reading_view::ReadingView;
 use super::scan_set_views::UnitView;
 use super::schemas::{self, ShortText};
 use super::verdicts::VerdictView;
-use crate::domain::asset::Asset;
-use crate::domain::{AssetRecord, ModelId, ModelRecord};
-use crate::faces::{LeftOut, SignatureSummary};
+use visage_domain::asset::Asset;
+use visage_domain::{AssetRecord, ModelId, ModelRecord};
+use visage_shape::faces::{LeftOut, SignatureSummary};
 
 /// What a signature holds.
 #[derive(Debug, Clone, Serialize, ToSchema)]

@@ -18,12 +18,12 @@ use super::state::{AppState, blocking, deleted, uninterrupted};
 use super::upload::{self, Form, FormRules};
 use super::verdicts::{self, VerdictView};
 use super::{assets, cursor, describe, names, reading_view, responses};
-use crate::app::models::{self, Upload};
-use crate::domain::asset::Asset;
-use crate::domain::{AssetRecord, ModelFilter, ModelId, ModelRecord, NewModel};
-use crate::formats::Reading;
-use crate::geometry::Surface;
-use crate::storage::DatabaseError;
+use visage_domain::asset::Asset;
+use visage_domain::{AssetRecord, ModelFilter, ModelId, ModelRecord, NewModel};
+use visage_formats::Reading;
+use visage_geometry::Surface;
+use visage_service::app::models::{self, Upload};
+use visage_service::storage::DatabaseError;
 
 pub(super) const TAG: &str = "models";
 const RULES: FormRules = FormRules { files: &["model"], most_files: 1, texts: &["label", "name", "unit"] };

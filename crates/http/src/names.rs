@@ -1,7 +1,7 @@
 //! Names that users give. They are shown and compared, never used as paths; still, nothing odd comes in.
 
 use super::problem::{Code, Problem};
-use crate::formats::{self, Format};
+use visage_formats::Format;
 
 /// The longest file name, in bytes: what file systems allow.
 const LONGEST_FILE_NAME: usize = 255;
@@ -42,7 +42,7 @@ pub fn surface_file_name(name: &str) -> Result<String, Problem> {
 
 /// The format of a scan or model, by its file name.
 pub fn surface_format(name: &str) -> Result<&'static Format, Problem> {
-    formats::check_name(name).map_err(|error| Problem::unreadable(name, &error))
+    visage_formats::check_name(name).map_err(|error| Problem::unreadable(name, &error))
 }
 
 /// A name or label: short, in one line.
@@ -56,7 +56,7 @@ pub fn text(field: &str, value: &str) -> Result<String, Problem> {
 }
 
 /// A unit of length.
-pub fn unit(value: &str) -> Result<crate::geometry::Unit, Problem> {
+pub fn unit(value: &str) -> Result<visage_geometry::Unit, Problem> {
     value.parse().map_err(|reason: String| {
         Problem::new(Code::InvalidField, format!("unit: {reason}"), "send mm, cm, m, in or unknown, or leave it out")
     })

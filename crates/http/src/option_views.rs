@@ -6,7 +6,7 @@ use utoipa::openapi::{ObjectBuilder, OneOfBuilder, Ref, RefOr, Schema, Type};
 use utoipa::{Number, PartialSchema, ToSchema};
 
 use super::schemas::{choice, list, null, number, text};
-use crate::domain::options::{JobOption, Kind, OPTIONS};
+use visage_domain::options::{JobOption, Kind, OPTIONS};
 
 /// One option as `GET /v1/info` describes it.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, ToSchema)]
@@ -137,9 +137,9 @@ fn sentence(help: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::domain::options::Declared;
-    use crate::domain::options::dummy::WithDummy;
     use serde_json::json;
+    use visage_domain::options::Declared;
+    use visage_domain::options::dummy::WithDummy;
 
     fn value(schema: impl serde::Serialize) -> Value {
         serde_json::to_value(schema).expect("plain data")

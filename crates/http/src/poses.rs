@@ -13,8 +13,8 @@ use super::scan_set_views::PosesView;
 use super::scan_sets::{TAG, fit_poses, parse_id};
 use super::schemas::{FileContent, Poses};
 use super::state::AppState;
-use crate::domain::asset::Asset;
-use crate::domain::{PoseFile, ScanSetRecord};
+use visage_domain::asset::Asset;
+use visage_domain::{PoseFile, ScanSetRecord};
 
 /// Set the initial poses of a scan set.
 ///

@@ -7,13 +7,13 @@ use axum::http::StatusCode;
 use axum::http::header::{self, HeaderName, HeaderValue};
 use axum::response::{IntoResponse, Response};
 
-use crate::app::live_gallery::NotReady;
-use crate::classes::ClassError;
-use crate::domain::options::OptionError;
-use crate::faces::DescribeError;
-use crate::formats::{FormatError, surface_names};
-use crate::jobs::admission::AdmissionError;
-use crate::pipeline::PipelineError;
+use visage_domain::options::OptionError;
+use visage_formats::{FormatError, surface_names};
+use visage_pipeline::PipelineError;
+use visage_service::app::live_gallery::NotReady;
+use visage_service::jobs::admission::AdmissionError;
+use visage_shape::classes::ClassError;
+use visage_shape::faces::DescribeError;
 
 macro_rules! codes {
     ($($variant:ident = $name:literal, $status:ident, $title:literal;)*) => {
@@ -350,7 +350,7 @@ impl Problem {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::storage::DatabaseError;
+    use visage_service::storage::DatabaseError;
 
     #[test]
     fn codes_are_unique_and_are_errors() {

@@ -3,7 +3,7 @@
 use serde::Serialize;
 use utoipa::ToSchema;
 
-use crate::formats::Dropped;
+use visage_formats::Dropped;
 
 /// What of a file was not taken, because it can't be used; everything else was.
 #[derive(Debug, Clone, Serialize, ToSchema)]

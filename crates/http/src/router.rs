@@ -20,7 +20,7 @@ use super::problem::{Code, Problem, ProblemBody};
 use super::schemas::SurfaceFile;
 use super::state::AppState;
 use super::{access_log, body, evaluation, hosts, jobs, meta, models, queries, scan_sets, standards};
-use crate::telemetry::panic_message;
+use visage_service::panics::panic_message;
 
 const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
 

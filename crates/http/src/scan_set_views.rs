@@ -7,9 +7,9 @@ use super::names;
 use super::problem::Problem;
 use super::reading_view::ReadingView;
 use super::schemas::{self, ScanName, ShortText};
-use crate::domain::{NewScanSet, PoseFile, ScanRecord, ScanSetId, ScanSetRecord};
-use crate::geometry::Unit;
-use crate::jobs::admission::{self, PoseFit};
+use visage_domain::{NewScanSet, PoseFile, ScanRecord, ScanSetId, ScanSetRecord};
+use visage_geometry::Unit;
+use visage_service::jobs::admission::{self, PoseFit};
 
 /// A unit of length.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]

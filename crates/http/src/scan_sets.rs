@@ -17,9 +17,9 @@ use super::scan_set_views::{NewScanSetBody, ScanSetForm, ScanSetList, ScanSetVie
 use super::state::{AppState, blocking, deleted, forget, remove_files, uninterrupted};
 use super::upload::{self, CheckedScan, Form, FormRules, UploadedFile};
 use super::{cursor, names, poses, reading_view, responses, scans};
-use crate::domain::{FileId, NewScanSet, PoseFile, ScanRecord, ScanSetId, StoredFile, sort_naturally};
-use crate::jobs::admission::{self, PoseFit};
-use crate::storage::DatabaseError;
+use visage_domain::{FileId, NewScanSet, PoseFile, ScanRecord, ScanSetId, StoredFile, sort_naturally};
+use visage_service::jobs::admission::{self, PoseFit};
+use visage_service::storage::DatabaseError;
 
 pub(super) const TAG: &str = "scan sets";
 const PARTS: &[&str] = &["poses", "name", "unit"];

@@ -14,7 +14,7 @@ use super::schemas::{FileContent, ScanName};
 use super::state::{AppState, deleted, remove_files, uninterrupted};
 use super::upload::{self, UploadedFile};
 use super::{digest, names, responses};
-use crate::domain::{PutScan, ScanSetId, StoredFile};
+use visage_domain::{PutScan, ScanSetId, StoredFile};
 
 /// What a body is held against, as the contract describes it.
 #[derive(utoipa::IntoParams)]

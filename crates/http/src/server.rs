@@ -13,13 +13,13 @@ use super::connections::{self, Connections};
 use super::hosts::Hosts;
 use super::router::{self, RouterError};
 use super::state::AppState;
-use crate::app::live_gallery::LiveGallery;
-use crate::config::ServerConfig;
-use crate::jobs::engine::{Engine, PipelineEngine};
-use crate::jobs::monitor::JobMonitor;
-use crate::jobs::runner::{Runner, ServiceContext};
-use crate::storage::data_folder::{DataFolder, OpenError};
-use crate::storage::inventory::Storage;
+use visage_service::app::live_gallery::LiveGallery;
+use visage_service::config::ServerConfig;
+use visage_service::jobs::engine::{Engine, PipelineEngine};
+use visage_service::jobs::monitor::JobMonitor;
+use visage_service::jobs::runner::{Runner, ServiceContext};
+use visage_service::storage::data_folder::{DataFolder, OpenError};
+use visage_service::storage::inventory::Storage;
 
 /// How often answers kept for repeated requests are cleaned up.
 const CLEAN_UP: Duration = Duration::from_secs(3600);

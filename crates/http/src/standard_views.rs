@@ -8,11 +8,11 @@ use utoipa::ToSchema;
 use super::problem::{Code, Problem};
 use super::scan_set_views::UnitView;
 use super::schemas::{self, Corners, Landmarks};
-use crate::classes::limit::Learned;
-use crate::classes::{Annotation, CornerChoice, CornerKind, Landmark, SelectiveTriangle};
-use crate::domain::{Examples, JobId, ModelId, StandardId, StandardRecord};
-use crate::faces::judgement::MATCH_SCORE;
-use crate::geometry::Point3;
+use visage_domain::{Examples, JobId, ModelId, StandardId, StandardRecord};
+use visage_geometry::Point3;
+use visage_shape::classes::limit::Learned;
+use visage_shape::classes::{Annotation, CornerChoice, CornerKind, Landmark, SelectiveTriangle};
+use visage_shape::faces::judgement::MATCH_SCORE;
 
 /// What the surface does at a corner.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize, ToSchema)]

@@ -20,12 +20,11 @@ use super::standard_views::{
 use super::state::{AppState, blocking, deleted, remove_files, uninterrupted};
 use super::upload::{self, Form, FormRules, UploadedFile};
 use super::{describe, names, responses};
-use crate::classes::limit::{self, Learned};
-use crate::domain::asset::Asset;
-use crate::domain::{AssetRecord, Examples, NewStandard, StandardId, StandardRecord, StoredFile, StoredVerdict};
-use crate::faces::standard::by_name;
-use crate::retrieval;
-use crate::storage::DatabaseError;
+use visage_domain::asset::Asset;
+use visage_domain::{AssetRecord, Examples, NewStandard, StandardId, StandardRecord, StoredFile, StoredVerdict};
+use visage_service::storage::DatabaseError;
+use visage_shape::classes::limit::{self, Learned};
+use visage_shape::faces::standard::by_name;
 
 const TAG: &str = "standards";
 const RULES: FormRules = FormRules {
@@ -185,7 +184,7 @@ async fn list(State(state): State<AppState>) -> Result<Json<StandardList>, Probl
 
 fn built_in() -> Result<Vec<AnyStandard>, Problem> {
     let view = |value| serde_json::from_value::<Box<BuiltInView>>(value).map(AnyStandard::BuiltIn);
-    retrieval::standards().into_iter().map(|value| view(value).map_err(Problem::internal)).collect()
+    visage_gallery::standards().into_iter().map(|value| view(value).map_err(Problem::internal)).collect()
 }
 
 async fn view(state: &AppState, standard: &StandardRecord) -> Result<StandardView, Problem> {

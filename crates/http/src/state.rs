@@ -11,11 +11,11 @@ use super::body::Room;
 use super::describe::Turns;
 use super::hosts::Hosts;
 use super::problem::{Code, Problem};
-use crate::app::models;
-use crate::config::Limits;
-use crate::domain::{ReplayKey, StoredFile};
-use crate::jobs::runner::ServiceContext;
-use crate::storage::Deleted;
+use visage_domain::{ReplayKey, StoredFile};
+use visage_service::app::models;
+use visage_service::config::Limits;
+use visage_service::jobs::runner::ServiceContext;
+use visage_service::storage::Deleted;
 
 /// The state of the service. Cheap to clone.
 #[derive(Clone)]

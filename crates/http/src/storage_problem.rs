@@ -1,9 +1,9 @@
 //! What the database, the files and the memory say, as problems.
 
 use super::problem::{Code, Problem};
-use crate::jobs::memory::TooLarge;
-use crate::storage::inventory::StorageError;
-use crate::storage::{DatabaseError, ObjectError};
+use visage_service::jobs::memory::TooLarge;
+use visage_service::storage::inventory::StorageError;
+use visage_service::storage::{DatabaseError, ObjectError};
 
 impl From<DatabaseError> for Problem {
     fn from(error: DatabaseError) -> Self {

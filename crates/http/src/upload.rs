@@ -10,10 +10,10 @@ use super::multipart::{Part, Parts};
 use super::names;
 use super::problem::{Code, Problem};
 use super::state::{AppState, blocking};
-use crate::config::Limits;
-use crate::formats::{self, Dropped, Reading};
-use crate::geometry::Surface;
-use crate::storage::{StagedFile, StagedWriter};
+use visage_formats::{Dropped, Reading};
+use visage_geometry::Surface;
+use visage_service::config::Limits;
+use visage_service::storage::{StagedFile, StagedWriter};
 
 /// How much of a part's name an error shows.
 const SHOWN_NAME: usize = 64;
@@ -209,8 +209,8 @@ pub async fn read(state: &AppState, file: UploadedFile) -> Result<(UploadedFile,
     blocking(move || {
         let _permit = permit;
         let bytes = objects.read_staged(&file.staged)?;
-        let reading =
-            formats::read(&file.name, &bytes, &limits).map_err(|error| Problem::unreadable(&file.name, &error))?;
+        let reading = visage_formats::read(&file.name, &bytes, &limits)
+            .map_err(|error| Problem::unreadable(&file.name, &error))?;
         Ok((file, reading))
     })
     .await?

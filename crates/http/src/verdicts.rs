@@ -10,12 +10,12 @@ use super::queries::MethodView;
 use super::schemas::{Corners, Landmarks};
 use super::standards;
 use super::state::AppState;
-use crate::classes::Found;
-use crate::classes::limit::{self, Learned};
-use crate::domain::{ModelRecord, StandardRecord, StoredVerdict};
-use crate::faces::{MatchMethod, Signature, Standard, judge, judgement, standard, verification};
-use crate::geometry::Point3;
-use crate::retrieval::{Comparison, Evidence, Reason, SAME_PERSON_MM};
+use visage_domain::{ModelRecord, StandardRecord, StoredVerdict};
+use visage_gallery::{Comparison, Evidence, Reason, SAME_PERSON_MM};
+use visage_geometry::Point3;
+use visage_shape::classes::Found;
+use visage_shape::classes::limit::{self, Learned};
+use visage_shape::faces::{MatchMethod, Signature, Standard, judge, judgement, standard, verification};
 
 /// Named places: `{"nose_tip": [x, y, z], ...}`. Right and left are the subject's own.
 pub type Places = BTreeMap<String, Vec<f64>>;

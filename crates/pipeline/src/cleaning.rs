@@ -3,10 +3,10 @@
 use rayon::prelude::*;
 
 use super::{NamedScan, Options, PipelineError, sensor_of};
-use crate::progress::Progress;
-use crate::registration::cleaning::{LeftOut, clean};
-use crate::registration::sensor::Sensor;
-use crate::registration::view::View;
+use visage_geometry::progress::Progress;
+use visage_registration::cleaning::{LeftOut, clean};
+use visage_registration::sensor::Sensor;
+use visage_registration::view::View;
 
 /// Takes what is not the object out of the scans and their views; says what, scan by scan.
 pub(super) fn clean_scans(

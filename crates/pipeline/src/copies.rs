@@ -2,10 +2,10 @@
 
 use super::start::Setting;
 use super::{NamedScan, PipelineError, RegisteredModel};
-use crate::geometry::{Motion, se3};
-use crate::progress::Progress;
-use crate::registration::cleaning::copies;
-use crate::registration::view::View;
+use visage_geometry::progress::Progress;
+use visage_geometry::{Motion, se3};
+use visage_registration::cleaning::copies;
+use visage_registration::view::View;
 
 /// A scan that has the points of another one.
 #[derive(Debug, Clone, PartialEq)]

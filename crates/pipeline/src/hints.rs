@@ -4,11 +4,11 @@
 use rayon::prelude::*;
 
 use super::{NamedScan, PipelineError};
-use crate::geometry::{Motion, Point3};
-use crate::registration::hinted::{Hinted, PickedPair};
-use crate::registration::hints::{HintError, Hints};
-use crate::registration::quality::Finding;
-use crate::registration::view::MIN_POINTS;
+use visage_geometry::{Motion, Point3};
+use visage_registration::hinted::{Hinted, PickedPair};
+use visage_registration::hints::{HintError, Hints};
+use visage_registration::quality::Finding;
+use visage_registration::view::MIN_POINTS;
 
 /// The code of hints that can't be used.
 pub(super) const CODE: &str = "invalid_hints";

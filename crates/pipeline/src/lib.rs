@@ -10,23 +10,22 @@ mod supports;
 
 use std::collections::BTreeMap;
 
-use crate::domain::options::{Declared, OptionError};
-pub use crate::domain::options::{Method, Options, Scale};
-use crate::faces::{self, DescribeError, Signature};
-use crate::geometry::{Motion, Surface, Unit, Vector3};
-use crate::progress::{Canceled, Progress, Stage};
-pub use crate::reconstruction::merge::ModelCloud;
-use crate::reconstruction::merge::{PosedView, merge};
-use crate::registration;
-use crate::registration::conclusion::{Circumstances, Conclusion};
-use crate::registration::global::scan_set::Registered;
-pub use crate::registration::hints::Hints;
-use crate::registration::outcome::Outcome;
-use crate::registration::quality::Finding;
-use crate::registration::quality::colour::Brightness;
-use crate::registration::report::RegistrationReport;
-use crate::registration::sensor::Sensor;
-use crate::registration::view::View;
+use visage_domain::options::{Declared, OptionError};
+pub use visage_domain::options::{Method, Options, Scale};
+use visage_geometry::progress::{Canceled, Progress, Stage};
+use visage_geometry::{Motion, Surface, Unit, Vector3};
+use visage_registration::conclusion::{Circumstances, Conclusion};
+use visage_registration::global::scan_set::Registered;
+pub use visage_registration::hints::Hints;
+use visage_registration::outcome::Outcome;
+use visage_registration::quality::Finding;
+use visage_registration::quality::colour::Brightness;
+use visage_registration::report::RegistrationReport;
+use visage_registration::sensor::Sensor;
+use visage_registration::view::View;
+use visage_shape::faces::{self, DescribeError, Signature};
+pub use visage_surface::merge::ModelCloud;
+use visage_surface::merge::{PosedView, merge};
 
 use self::start::Setting;
 pub use self::start::{PoseMatrix, Start};
@@ -109,7 +108,7 @@ pub fn run_from(
     readied.iter_mut().zip(left_by_regions).for_each(|(readied, count)| readied.regions = count);
     let copied = copies::take_out(&mut scans, &mut views, &mut readied, &mut setting, progress)?;
     let names: Vec<String> = scans.iter().map(|scan| scan.name.clone()).collect();
-    let holders = registration::cleaning::copies::holders(&views, progress)?;
+    let holders = visage_registration::cleaning::copies::holders(&views, progress)?;
     let whole = (!options.keep_all).then(|| views.clone());
     let left_out =
         (!options.keep_all).then(|| cleaning::clean_scans(&mut scans, &mut views, options, progress)).transpose()?;

@@ -4,13 +4,13 @@
 use rayon::prelude::*;
 
 use super::{NamedScan, Options, PipelineError};
-use crate::geometry::coincidence::{Coincidence, copy_distance, without_copies};
-use crate::geometry::viewpoint::{self, Facets};
-use crate::geometry::{Cloud, Point3};
-use crate::progress::{Progress, Stage};
-use crate::registration::cleaning::LeftOut;
-use crate::registration::sensor::Sensor;
-use crate::registration::view::{UnusableScan, View};
+use visage_geometry::coincidence::{Coincidence, copy_distance, without_copies};
+use visage_geometry::progress::{Progress, Stage};
+use visage_geometry::viewpoint::{self, Facets};
+use visage_geometry::{Cloud, Point3};
+use visage_registration::cleaning::LeftOut;
+use visage_registration::sensor::Sensor;
+use visage_registration::view::{UnusableScan, View};
 
 /// What was found out about a scan on the way.
 #[derive(Debug, Clone, Default, PartialEq)]

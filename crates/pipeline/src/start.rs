@@ -3,18 +3,18 @@
 use std::collections::BTreeMap;
 
 use super::{Method, NamedScan, Options, PipelineError, Scale, bad_option, sensor_of};
-use crate::geometry::{Motion, se3};
-use crate::progress::{Canceled, Progress, Stage};
-use crate::registration::global::placement::place;
-use crate::registration::global::report::PlacementReport;
-use crate::registration::global::scan_set::{Registered, Set};
-use crate::registration::hinted::Hinted;
-use crate::registration::hints::Hints;
-use crate::registration::joint;
-use crate::registration::outcome::{MethodOptions, Outcome};
-use crate::registration::quality::Surfaces;
-use crate::registration::sensor::Sensor;
-use crate::registration::view::View;
+use visage_geometry::progress::{Canceled, Progress, Stage};
+use visage_geometry::{Motion, se3};
+use visage_registration::global::placement::place;
+use visage_registration::global::report::PlacementReport;
+use visage_registration::global::scan_set::{Registered, Set};
+use visage_registration::hinted::Hinted;
+use visage_registration::hints::Hints;
+use visage_registration::joint;
+use visage_registration::outcome::{MethodOptions, Outcome};
+use visage_registration::quality::Surfaces;
+use visage_registration::sensor::Sensor;
+use visage_registration::view::View;
 
 /// A pose as a 4x4 row-major matrix `[s R, t]`; the scale s is 1 unless scales were sought.
 pub type PoseMatrix = [[f64; 4]; 4];

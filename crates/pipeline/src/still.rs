@@ -5,14 +5,14 @@ use rayon::prelude::*;
 use super::start::{Sensors, Setting};
 use super::supports::{Held, Set};
 use super::{NamedScan, Options, PipelineError};
-use crate::geometry::{Motion, Vector3};
-use crate::progress::Progress;
-use crate::registration::global::scan_set::Registered;
-use crate::registration::quality::Quality;
-use crate::registration::quality::sharpness::is_sharp;
-use crate::registration::resolution::resolution;
-use crate::registration::sensor::standing_still::from_one_place;
-use crate::registration::view::View;
+use visage_geometry::progress::Progress;
+use visage_geometry::{Motion, Vector3};
+use visage_registration::global::scan_set::Registered;
+use visage_registration::quality::Quality;
+use visage_registration::quality::sharpness::is_sharp;
+use visage_registration::resolution::resolution;
+use visage_registration::sensor::standing_still::from_one_place;
+use visage_registration::view::View;
 
 /// Scans and how they were registered.
 pub(super) struct Taken {

@@ -6,14 +6,14 @@
 
 use super::start::Setting;
 use super::{NamedScan, Options, PipelineError};
-use crate::geometry::Motion;
-use crate::progress::Progress;
-use crate::registration::global::scan_set::Registered;
-use crate::registration::outcome::{MethodOptions, Outcome};
-use crate::registration::quality::Surfaces;
-use crate::registration::quality::sharpness::{is_sharp, sharpness};
-use crate::registration::resolution::resolution;
-use crate::registration::view::View;
+use visage_geometry::Motion;
+use visage_geometry::progress::Progress;
+use visage_registration::global::scan_set::Registered;
+use visage_registration::outcome::{MethodOptions, Outcome};
+use visage_registration::quality::Surfaces;
+use visage_registration::quality::sharpness::{is_sharp, sharpness};
+use visage_registration::resolution::resolution;
+use visage_registration::view::View;
 
 /// Scans without their supports, and how they are registered.
 pub(super) struct Set<'a> {

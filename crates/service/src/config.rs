@@ -6,7 +6,7 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use crate::formats::ReadLimits;
+use visage_formats::ReadLimits;
 
 pub use self::host_name::{Host, HostName, NoHostName};
 

@@ -18,11 +18,11 @@ use super::queries::{MethodView, unknown_standard, verified_alone};
 use super::responses;
 use super::standards::ranking;
 use super::state::AppState;
-use crate::app::evaluations::{self, EvaluationError, Labels, Question};
-use crate::domain::StoredVerdict;
-use crate::faces::standard;
-use crate::retrieval::ModelId;
 use views::Evaluation;
+use visage_domain::StoredVerdict;
+use visage_gallery::ModelId;
+use visage_service::app::evaluations::{self, EvaluationError, Labels, Question};
+use visage_shape::faces::standard;
 
 const TAG: &str = "queries";
 /// With more labelled models than this the gallery is evaluated label by label.

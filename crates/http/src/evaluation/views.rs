@@ -5,8 +5,8 @@ use utoipa::ToSchema;
 
 use super::super::queries::MethodView;
 use super::Asked;
-use crate::app::evaluations::{self, ClassRankings, Rankings, VerdictFigures};
-use crate::retrieval::measures::{RankingMeasures, RocPoint};
+use visage_gallery::measures::{RankingMeasures, RocPoint};
+use visage_service::app::evaluations::{self, ClassRankings, Rankings, VerdictFigures};
 
 /// How well the gallery's answers agree with its labels.
 #[derive(Debug, Clone, Serialize, ToSchema)]

@@ -9,10 +9,10 @@ use super::super::verdicts::{ExplanationView, VerdictView, places};
 use super::class;
 use super::question::{About, ClassVerdict, Question};
 use super::views::{MatchView, QueryAnswer};
-use crate::domain::{MatchedModel, ModelId};
-use crate::faces::judgement::MATCH_SCORE;
-use crate::faces::{MatchMethod, Signature, standard};
-use crate::retrieval::{Evidence, Match, PROBE_MATCH_SCORE, Reason, compare, triangle_match_score};
+use visage_domain::{MatchedModel, ModelId};
+use visage_gallery::{Evidence, Match, PROBE_MATCH_SCORE, Reason, compare, triangle_match_score};
+use visage_shape::faces::judgement::MATCH_SCORE;
+use visage_shape::faces::{MatchMethod, Signature, standard};
 
 /// The answer of the gallery as it is at this moment.
 pub async fn answer(state: &AppState, question: Question) -> Result<QueryAnswer, Problem> {

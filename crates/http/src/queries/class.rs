@@ -10,9 +10,9 @@ use super::super::state::AppState;
 use super::super::verdicts::VerdictView;
 use super::question::{Question, unknown_standard};
 use super::views::{MatchView, QueryAnswer};
-use crate::domain::{MatchedModel, ModelId, StoredVerdict};
-use crate::faces::judgement::MATCH_SCORE;
-use crate::retrieval::Rank;
+use visage_domain::{MatchedModel, ModelId, StoredVerdict};
+use visage_gallery::Rank;
+use visage_shape::faces::judgement::MATCH_SCORE;
 
 /// The models judged so far, best first.
 pub async fn answer(state: &AppState, question: &Question, name: &str) -> Result<QueryAnswer, Problem> {

@@ -10,14 +10,14 @@ use super::super::{describe, names};
 use super::terms::{RawTerms, Terms};
 use super::triangle::AskedTriangle;
 use super::views::{MethodView, QueryBody};
-use crate::classes::limit::Learned;
-use crate::classes::{Class, Found};
-use crate::domain::{ModelId, StandardRecord};
-use crate::faces::Signature;
-use crate::faces::standard::{self, Standard};
-use crate::geometry::{Surface, Unit};
-use crate::retrieval::{Catalogue, Gallery, Match, MatchMethod, Rank, TopK};
-use crate::storage::DatabaseError;
+use visage_domain::{ModelId, StandardRecord};
+use visage_gallery::{Catalogue, Gallery, Match, MatchMethod, Rank, TopK};
+use visage_geometry::{Surface, Unit};
+use visage_service::storage::DatabaseError;
+use visage_shape::classes::limit::Learned;
+use visage_shape::classes::{Class, Found};
+use visage_shape::faces::Signature;
+use visage_shape::faces::standard::{self, Standard};
 
 /// The form by which an uploaded probe is asked about.
 pub const RULES: FormRules = FormRules {

@@ -7,7 +7,7 @@ use super::super::extract::parse_json;
 use super::super::problem::{Code, Problem};
 use super::super::scan_set_views::UnitView;
 use super::super::upload::Form;
-use crate::retrieval::{Filter, Source};
+use visage_gallery::{Filter, Source};
 
 /// Matches in one answer.
 const MOST_MATCHES: usize = 1000;
@@ -202,6 +202,6 @@ mod tests {
         let none = FilterView { labels: Some(Vec::new()), ..FilterView::default() };
         assert!(none.checked().is_err());
         let some = FilterView { units: Some(vec![UnitView::Mm]), ..FilterView::default() };
-        assert_eq!(some.checked().expect("sound").units, [crate::geometry::Unit::Mm]);
+        assert_eq!(some.checked().expect("sound").units, [visage_geometry::Unit::Mm]);
     }
 }

@@ -2,8 +2,8 @@
 
 use super::super::problem::{Code, Problem};
 use super::views::{ToldTriangle, TriangleView};
-use crate::faces::{Standard, Triangle};
-use crate::geometry::{Point3, Unit, Vector3};
+use visage_geometry::{Point3, Unit, Vector3};
+use visage_shape::faces::{Standard, Triangle};
 
 /// A triangle that can be asked about.
 #[derive(Debug, Clone, PartialEq)]

@@ -10,7 +10,7 @@ use super::super::scan_set_views::UnitView;
 use super::super::schemas::{self, Corners, Landmarks, Point};
 use super::super::verdicts::{ExplanationView, Places, ReasonView, VerdictView};
 use super::terms::FilterView;
-use crate::retrieval::MatchMethod;
+use visage_gallery::MatchMethod;
 
 /// How models are judged against a standard.
 #[derive(Debug, Clone, Copy, Default, Serialize, Deserialize, ToSchema)]

@@ -8,12 +8,12 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard, Rw
 
 use rayon::prelude::*;
 
-use crate::domain::asset::Origin;
-use crate::domain::{ModelFacets, ModelId, StoredContent};
-use crate::faces::Signature;
-use crate::retrieval::gallery::FULL_SEGMENT;
-use crate::retrieval::{Catalogue, Facets, Gallery, IndexedModel, Source};
 use crate::storage::{Database, DatabaseError};
+use visage_domain::asset::Origin;
+use visage_domain::{ModelFacets, ModelId, StoredContent};
+use visage_gallery::gallery::FULL_SEGMENT;
+use visage_gallery::{Catalogue, Facets, Gallery, IndexedModel, Source};
+use visage_shape::faces::Signature;
 
 /// Signatures that are read at once.
 const PAGE: usize = 4096;
@@ -331,11 +331,11 @@ fn entry(id: ModelId, content: &StoredContent) -> Option<IndexedModel> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::domain::{NewModel, StoredSignature};
-    use crate::faces::signature::example::example;
-    use crate::retrieval::TopK;
     use crate::storage::database::Models;
     use crate::storage::sqlite::testing;
+    use visage_domain::{NewModel, StoredSignature};
+    use visage_gallery::TopK;
+    use visage_shape::faces::signature::example::example;
 
     #[tokio::test]
     async fn it_is_ready_only_when_loaded() {
@@ -354,7 +354,7 @@ mod tests {
     fn models(count: usize) -> Vec<NewModel> {
         let signature = example(0.3, 5);
         let stored = StoredSignature::from(&signature);
-        (0..count).map(|_| NewModel { signature: Some(stored.clone()), ..NewModel::test(None) }).collect()
+        (0..count).map(|_| NewModel { signature: Some(stored.clone()), ..NewModel::example(None) }).collect()
     }
 
     #[tokio::test]

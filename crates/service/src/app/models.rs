@@ -1,10 +1,10 @@
 //! Finished models come into the gallery, and leave it.
 
 use super::live_gallery::LiveGallery;
-use crate::domain::{ModelId, NewModel, Replay, StoredFile};
-use crate::faces::Signature;
 use crate::storage::inventory::{Storage, StorageError};
 use crate::storage::{Deleted, ObjectStore, StagedFile};
+use visage_domain::{ModelId, NewModel, Replay, StoredFile};
+use visage_shape::faces::Signature;
 
 /// An uploaded model that is described but has no place yet.
 #[derive(Debug)]
@@ -71,18 +71,18 @@ pub async fn forget(storage: &Storage, gallery: &LiveGallery, deleted: Deleted) 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::domain::SeatId;
-    use crate::faces::signature::example::example;
-    use crate::retrieval::Gallery;
     use crate::storage::conformance::memory::MemoryPlace;
     use crate::storage::conformance::{DatabasePlace, ObjectPlace};
     use crate::storage::sqlite::testing::SqlitePlace;
+    use visage_domain::SeatId;
+    use visage_gallery::Gallery;
+    use visage_shape::faces::signature::example::example;
 
     async fn upload(storage: &Storage) -> Upload {
         let mut writer = storage.objects.receive().await.expect("staging");
         writer.write(b"a mesh").await.expect("written");
         let (file, signature) = (writer.finish().await.expect("arrived"), example(0.3, 5));
-        Upload { model: NewModel { signature: Some((&signature).into()), ..NewModel::test(None) }, file, signature }
+        Upload { model: NewModel { signature: Some((&signature).into()), ..NewModel::example(None) }, file, signature }
     }
 
     #[tokio::test]

@@ -2,11 +2,11 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::domain::PoseFile;
-use crate::domain::asset::Asset;
-use crate::formats::{FormatError, poses};
-use crate::geometry::Motion;
-use crate::pipeline::{Hints, MIN_SCANS, Method, Options, PipelineError, Start};
+use visage_domain::PoseFile;
+use visage_domain::asset::Asset;
+use visage_formats::{FormatError, poses};
+use visage_geometry::Motion;
+use visage_pipeline::{Hints, MIN_SCANS, Method, Options, PipelineError, Start};
 
 /// Why a scan set can't be registered.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -274,7 +274,7 @@ mod tests {
             .replace("[[1,0,0,0],[0,1,0,0],[0,0,1,0]", "[[2,0,0,0],[0,2,0,0],[0,0,2,0]")
             .into_bytes();
         assert_eq!(refused(&scaled, &Options::default()), "scaled_pose");
-        let options = Options { scale: crate::pipeline::Scale::PerView, ..Options::default() };
+        let options = Options { scale: visage_pipeline::Scale::PerView, ..Options::default() };
         let plan = plan(&scans, Some(&scaled), None, &options, &Hints::default()).expect("scales are allowed");
         assert_eq!(plan.start.scales["a.ply"], 2.0);
     }

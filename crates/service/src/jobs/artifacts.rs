@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 
 use serde_json::Value;
 
-use crate::domain::asset::Asset;
-use crate::formats::{self, Dropped};
-use crate::geometry::se3;
-use crate::pipeline::{PoseMatrix, RegisteredModel};
+use visage_domain::asset::Asset;
+use visage_formats::Dropped;
+use visage_geometry::se3;
+use visage_pipeline::{PoseMatrix, RegisteredModel};
 
 /// Where something ran and what it took: `report.run`. Apart from the result, since it differs from run to run.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
@@ -46,7 +46,7 @@ impl RunFacts {
         RunFacts {
             job_id,
             version: env!("CARGO_PKG_VERSION"),
-            signature_version: crate::faces::Signature::VERSION,
+            signature_version: visage_shape::faces::Signature::VERSION,
             threads,
             seconds,
             peak_memory_bytes: crate::machine::peak_memory_bytes(),
@@ -107,10 +107,10 @@ fn content(
     run: impl Fn() -> RunFacts,
 ) -> Result<Option<Vec<u8>>, serde_json::Error> {
     Ok(match asset {
-        Asset::Poses => Some(formats::poses::write_matrices(&outcome.matrices).into_bytes()),
+        Asset::Poses => Some(visage_formats::poses::write_matrices(&outcome.matrices).into_bytes()),
         Asset::PosesConf => poses_conf(outcome).map(String::into_bytes),
         Asset::Cloud => {
-            outcome.cloud.as_ref().map(|merged| formats::ply::write_cloud(&merged.cloud, Some(&merged.views)))
+            outcome.cloud.as_ref().map(|merged| visage_formats::ply::write_cloud(&merged.cloud, Some(&merged.views)))
         }
         Asset::Report => Some(report_json(&outcome.report, &run())?),
         Asset::UploadedMesh(_) | Asset::UploadedCloud(_) | Asset::Annotated(_) => None,
@@ -124,14 +124,14 @@ fn poses_conf(outcome: &RegisteredModel) -> Option<String> {
     let is_scaled = |matrix: &PoseMatrix| se3::from_rows(matrix).is_err();
     let holds =
         |(name, matrix): &(String, Option<PoseMatrix>)| !(has_blank(name) || matrix.as_ref().is_some_and(is_scaled));
-    outcome.matrices.iter().all(holds).then(|| formats::poses::write_conf(&outcome.poses))
+    outcome.matrices.iter().all(holds).then(|| visage_formats::poses::write_conf(&outcome.poses))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::Motion;
     use serde_json::json;
+    use visage_geometry::Motion;
 
     fn outcome(name: &str, scale: f64) -> RegisteredModel {
         let pose = Motion::identity();

@@ -1,10 +1,10 @@
 //! The seam between the service and the algorithms.
 
-use crate::classes::{Annotation, Class, ClassError, Found};
-use crate::faces::{self, DescribeError, Signature};
-use crate::geometry::{Surface, Unit};
-use crate::pipeline::{self, NamedScan, Options, PipelineError, RegisteredModel, Start};
-use crate::progress::Progress;
+use visage_geometry::progress::Progress;
+use visage_geometry::{Surface, Unit};
+use visage_pipeline::{NamedScan, Options, PipelineError, RegisteredModel, Start};
+use visage_shape::classes::{Annotation, Class, ClassError, Found};
+use visage_shape::faces::{self, DescribeError, Signature};
 
 /// What the service asks of the algorithms. Calls block, run inside a rayon pool, and may panic: the caller copes.
 pub trait Engine: Send + Sync + 'static {
@@ -57,7 +57,7 @@ impl Engine for PipelineEngine {
         options: &Options,
         progress: &Progress,
     ) -> Result<RegisteredModel, PipelineError> {
-        pipeline::run_from(scans, start, unit, options, progress)
+        visage_pipeline::run_from(scans, start, unit, options, progress)
     }
 
     fn describe(&self, surface: &Surface, unit: Unit, progress: &Progress) -> Result<Signature, DescribeError> {

@@ -11,15 +11,14 @@ use tokio::runtime::Handle;
 use super::engine::Engine;
 use super::work::{WorkError, stored};
 use crate::app::live_gallery::LiveGallery;
-use crate::classes::{Class, ClassError, limit};
 use crate::config::Limits;
-use crate::domain::asset::Asset;
-use crate::domain::{ModelId, ModelRecord, Outdated, StandardId, StandardRecord, StoredSignature, StoredVerdict};
-use crate::faces::{DescribeError, Signature};
-use crate::formats;
-use crate::geometry::Surface;
-use crate::progress::{Progress, Stage};
 use crate::storage::{Database, DatabaseError, ObjectError, ObjectStore};
+use visage_domain::asset::Asset;
+use visage_domain::{ModelId, ModelRecord, Outdated, StandardId, StandardRecord, StoredSignature, StoredVerdict};
+use visage_geometry::Surface;
+use visage_geometry::progress::{Progress, Stage};
+use visage_shape::classes::{Class, ClassError, limit};
+use visage_shape::faces::{DescribeError, Signature};
 
 /// Models that are asked for at a time.
 const BATCH: usize = 32;
@@ -103,7 +102,7 @@ impl Evaluation {
             }
             read => read?,
         };
-        let surface = match formats::read_surface(&standard.asset.name, &bytes, &self.limits.read_limits()) {
+        let surface = match visage_formats::read_surface(&standard.asset.name, &bytes, &self.limits.read_limits()) {
             Ok(surface) => surface,
             Err(error) => {
                 tracing::warn!(standard = standard.name, "a standard can't be made anew: {error}");
@@ -146,7 +145,7 @@ impl Evaluation {
             let Some(asset) = assets.iter().find(|asset| asset.name == name) else { continue };
             match self.objects.read_asset(model.id, asset) {
                 Ok(Some(bytes)) => {
-                    let surface = formats::read_surface(&name, &bytes, &self.limits.read_limits());
+                    let surface = visage_formats::read_surface(&name, &bytes, &self.limits.read_limits());
                     return Ok(surface.map_err(|error| error.to_string()));
                 }
                 Ok(None) => {}

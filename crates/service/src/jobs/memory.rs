@@ -1,7 +1,7 @@
 //! Whether a registration fits into memory, estimated from the points of its scans before it begins. A job that does not fit
 //! would take the whole server down with it, again at each attempt.
 
-use crate::domain::Room;
+use visage_domain::Room;
 
 /// The most bytes that a registration takes at its peak for each point of its scans. Measured: 120 to 140 with plain
 /// points, 200 with normals and colours (`docs/PERFORMANCE.md`); the rest is room for what a set may have beyond

@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use tokio::sync::{Notify, watch};
 
 use super::tracker::Tracker;
-use crate::domain::{JobId, JobKind, JobRecord, JobStatus, WorkerId};
+use visage_domain::{JobId, JobKind, JobRecord, JobStatus, WorkerId};
 
 /// Why a running job is to stop.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -199,7 +199,7 @@ impl Drop for Entry {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::domain::{Owner, SeatId};
+    use visage_domain::{Owner, SeatId};
 
     #[test]
     fn the_first_reason_counts() {

@@ -19,10 +19,10 @@ use super::monitor::{Entry, JobMonitor, StopReason};
 use super::work::{Made, Work, WorkError, pooled};
 use crate::app::live_gallery::LiveGallery;
 use crate::config::{QueueTiming, ServerConfig};
-use crate::domain::{Claimant, Finish, JobClaim, JobError, StoredFile, WorkerId};
-use crate::progress::Progress;
 use crate::storage::inventory::Storage;
 use crate::storage::{Database, DatabaseError, ObjectStore};
+use visage_domain::{Claimant, Finish, JobClaim, JobError, StoredFile, WorkerId};
+use visage_geometry::progress::Progress;
 
 /// How long a worker waits after the database has failed it, or when the machine is out of something.
 const PAUSE_AFTER_ERROR: Duration = Duration::from_secs(1);
@@ -269,7 +269,7 @@ impl Worker {
     /// One heartbeat: extends the lease, writes the progress, reads the cancel flag.
     async fn beat(&self, claim: &JobClaim, entry: &Entry) {
         let now = entry.tracker.snapshot();
-        let stage = now.stage.map(crate::progress::Stage::name);
+        let stage = now.stage.map(visage_geometry::progress::Stage::name);
         let beat = self.context.database.heartbeat(claim, self.timing().lease, stage, now.progress, &now.stage_seconds);
         match beat.await {
             Ok(Some(true)) => entry.stop.raise(StopReason::Canceled),

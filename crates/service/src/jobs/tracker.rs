@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
-use crate::progress::{ProgressSink, Stage};
+use visage_geometry::progress::{ProgressSink, Stage};
 
 /// Progress that is smaller than this is not worth telling anybody.
 const STEP: f64 = 0.005;

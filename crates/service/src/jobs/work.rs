@@ -13,14 +13,14 @@ use super::engine::Engine;
 use super::tracker::Tracker;
 use super::{admission, artifacts};
 use crate::config::Limits;
-use crate::domain::asset::Asset;
-use crate::domain::{AssetRecord, JobError, JobRecord, ModelId, NewModel, ScanRecord, ScanSetRecord, StoredFile};
-use crate::faces::Signature;
-use crate::formats::{self, Dropped};
-use crate::pipeline::{NamedScan, PipelineError, RegisteredModel};
-use crate::progress::{Canceled, Progress, Stage};
+use crate::panics::panic_message;
 use crate::storage::{Database, DatabaseError, ObjectError, ObjectStore, StagedModel};
-use crate::telemetry::panic_message;
+use visage_domain::asset::Asset;
+use visage_domain::{AssetRecord, JobError, JobRecord, ModelId, NewModel, ScanRecord, ScanSetRecord, StoredFile};
+use visage_formats::Dropped;
+use visage_geometry::progress::{Canceled, Progress, Stage};
+use visage_pipeline::{NamedScan, PipelineError, RegisteredModel};
+use visage_shape::faces::Signature;
 
 /// Everything one job needs.
 pub(super) struct Work {
@@ -214,7 +214,7 @@ impl Work {
             let message = format!("the stored file of scan {} is not what was uploaded", scan.name);
             return Err(failed("damaged_scan", message, Some(scan.name.clone()), "upload the scan again"));
         }
-        let reading = formats::read(&scan.name, &bytes, &self.limits.read_limits()).map_err(|error| {
+        let reading = visage_formats::read(&scan.name, &bytes, &self.limits.read_limits()).map_err(|error| {
             failed("unreadable_scan", error.to_string(), Some(scan.name.clone()), "upload a sound file of the scan")
         })?;
         Ok((NamedScan { name: scan.name.clone(), surface: reading.surface }, reading.dropped))

@@ -2,7 +2,7 @@
 
 use super::inventory::{Storage, StorageError};
 use super::{ObjectError, ObjectStore};
-use crate::domain::{ModelId, PageRequest, StoredContent, StoredFile};
+use visage_domain::{ModelId, PageRequest, StoredContent, StoredFile};
 
 /// Rows that are asked for at a time.
 const PAGE: usize = 500;

@@ -10,7 +10,7 @@ use super::inventory::{Inventory, PickedUp, Storage, StorageError};
 use super::local_files::{FolderError, LocalFiles};
 use super::sqlite::SqliteDatabase;
 use super::{DatabaseError, ObjectError};
-use crate::domain::FolderId;
+use visage_domain::FolderId;
 
 /// Why a data folder can't be used.
 #[derive(Debug, thiserror::Error)]

@@ -12,13 +12,13 @@ use std::time::Duration;
 use async_trait::async_trait;
 
 use super::{DatabaseError, Deleted, Unseen};
-use crate::classes::Class;
-use crate::domain::{
+use visage_domain::{
     AssetRecord, Backlog, CancelAnswer, Claimant, Examples, FileId, Finish, JobClaim, JobFilter, JobId, JobRecord,
     KnownFiles, LooseFile, MatchedModel, ModelFacets, ModelFilter, ModelId, ModelRecord, NewJob, NewModel, NewScanSet,
     NewStandard, Outdated, Owner, Page, PageRequest, PoseFile, PutScan, Replay, ReplayKey, ScanRecord, ScanSetId,
     ScanSetRecord, StandardId, StandardRecord, StoredContent, StoredFile, StoredSignature, StoredVerdict,
 };
+use visage_shape::classes::Class;
 
 /// A database: everything that the service keeps besides files.
 pub trait Database:

@@ -2,7 +2,7 @@
 
 use std::error::Error;
 
-use crate::domain::{JobId, JobStatus};
+use visage_domain::{JobId, JobStatus};
 
 /// Why the database did not do what it was asked.
 #[derive(Debug, thiserror::Error)]

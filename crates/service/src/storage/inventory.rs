@@ -10,7 +10,7 @@ use std::sync::Arc;
 use tokio::task::JoinError;
 
 use super::{Database, DatabaseError, ObjectError, ObjectStore};
-use crate::domain::{KnownFiles, LooseFile, StoredFile};
+use visage_domain::{KnownFiles, LooseFile, StoredFile};
 
 /// Why files and database could not be held against each other.
 #[derive(Debug, thiserror::Error)]
@@ -168,10 +168,10 @@ fn covers(entry: StoredFile, file: StoredFile) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::domain::{ModelId, NewModel, SeatId};
     use crate::storage::conformance::memory::MemoryPlace;
     use crate::storage::conformance::{DatabasePlace, ObjectPlace};
     use crate::storage::sqlite::testing::SqlitePlace;
+    use visage_domain::{ModelId, NewModel, SeatId};
 
     fn stored(objects: &dyn ObjectStore) -> ModelId {
         let (staged, id) = (objects.stage_model().expect("staged"), ModelId::new());
@@ -194,7 +194,7 @@ mod tests {
         assert_eq!(b.pick_up(found, 3).await.expect("a start"), PickedUp { jobs: 0, files: 0 });
         b.tidy_up(now).await.expect("tidied up");
         assert_eq!(objects.listing().expect("listed"), [StoredFile::Model(id)]);
-        let model = NewModel { id, ..NewModel::test(None) };
+        let model = NewModel { id, ..NewModel::example(None) };
         drop(a.database.create_model(&model, None).await.expect("it has its row"));
         assert!(b.inventory(now).await.expect("held against the database").missing.is_empty());
 
@@ -228,7 +228,7 @@ mod tests {
         let (place, objects) = (SqlitePlace::new().await, MemoryPlace::new().open());
         let storage = Storage { database: place.open(SeatId::new()).await, objects };
         let unknown = stored(storage.objects.as_ref());
-        let model = NewModel::test(None);
+        let model = NewModel::example(None);
         drop(storage.database.create_model(&model, None).await.expect("stored"));
         let found = storage.inventory(jiff::Timestamp::now()).await.expect("held against the database");
         assert_eq!(found.unknown, [StoredFile::Model(unknown)]);

@@ -14,7 +14,7 @@ use std::sync::Arc;
 use async_trait::async_trait;
 use tokio::io::{AsyncRead, AsyncSeek};
 
-use crate::domain::{AssetRecord, FileId, ModelId, ScanRecord, ScanSetId, StandardId, StoredFile};
+use visage_domain::{AssetRecord, FileId, ModelId, ScanRecord, ScanSetId, StandardId, StoredFile};
 
 /// How long what was set aside is kept.
 pub const TRASH_DAYS: u32 = 30;

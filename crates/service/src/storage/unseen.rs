@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use tokio::sync::{OwnedRwLockReadGuard, RwLock};
 
-use crate::domain::ModelId;
+use visage_domain::ModelId;
 
 /// Changes of the index that are under way: for backends.
 #[derive(Debug, Clone, Default)]

@@ -11,9 +11,9 @@ mod verdicts;
 use std::collections::BTreeMap;
 
 use super::live_gallery::{LiveGallery, NotReady};
-use crate::retrieval::measures::{RankingMeasures, RocPoint};
-use crate::retrieval::{MatchMethod, ModelId};
 use crate::storage::{Database, DatabaseError};
+use visage_gallery::measures::{RankingMeasures, RocPoint};
+use visage_gallery::{MatchMethod, ModelId};
 
 pub use plot::svg;
 

@@ -115,7 +115,7 @@ fn escaped(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::retrieval::measures::RocPoint;
+    use visage_gallery::measures::RocPoint;
 
     #[test]
     fn the_curve_runs_from_corner_to_corner_and_labels_are_text() {

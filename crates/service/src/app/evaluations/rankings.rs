@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 
 use super::{ClassRankings, EvaluationError, Labels, Rankings, off_thread};
 use crate::app::live_gallery::{LiveGallery, NotReady};
-use crate::faces::Signature;
-use crate::retrieval::measures::RankingMeasures;
-use crate::retrieval::{ModelId, TopK};
 use crate::storage::Database;
+use visage_gallery::measures::RankingMeasures;
+use visage_gallery::{ModelId, TopK};
+use visage_shape::faces::Signature;
 
 /// No more models than this are asked about, spread evenly over all.
 const MOST_PROBES: usize = 500;
@@ -24,7 +24,7 @@ pub async fn evaluate(
     let labels = std::sync::Arc::new(labels.clone());
     let mut by_class: BTreeMap<Box<str>, Vec<RankingMeasures>> = BTreeMap::new();
     for probe in probes(&labels) {
-        let id = crate::domain::ModelId::from_number(probe);
+        let id = visage_domain::ModelId::from_number(probe);
         let content = database.signature(id).await?;
         // a model that was deleted in the meantime
         let Some(signature) = content.and_then(|content| Signature::from_bytes(&content).ok()) else { continue };

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use super::{Labels, VerdictFigures};
 use crate::app::live_gallery::{LiveGallery, NotReady};
-use crate::retrieval::measures::{self, RocPoint};
-use crate::retrieval::{MatchMethod, ModelId, TopK};
+use visage_gallery::measures::{self, RocPoint};
+use visage_gallery::{MatchMethod, ModelId, TopK};
 
 /// Of each class at least so many, or there is nothing to tell apart.
 const LEAST_MODELS: usize = 2;

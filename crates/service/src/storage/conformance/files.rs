@@ -1,13 +1,13 @@
 //! Which files rows know, and which are on their way.
 
 use super::{DatabasePlace, scan_set};
-use crate::domain::{NewModel, SeatId, StoredFile};
+use visage_domain::{NewModel, SeatId, StoredFile};
 
 pub async fn everything_stored_is_known(place: &impl DatabasePlace) {
     let db = place.open(SeatId::new()).await;
     let db = db.as_ref();
     let set = scan_set(db, &["a.ply", "b.ply"]).await;
-    let model = NewModel::test(None);
+    let model = NewModel::example(None);
     drop(db.create_model(&model, None).await.expect("stored"));
     let (known, _) = db.known_files().await.expect("read");
     assert!(known.knows(StoredFile::ScanSet(set)));
@@ -19,7 +19,7 @@ pub async fn everything_stored_is_known(place: &impl DatabasePlace) {
 pub async fn a_file_is_loose_before_it_has_a_row_and_after(place: &impl DatabasePlace) {
     let db = place.open(SeatId::new()).await;
     let db = db.as_ref();
-    let model = NewModel::test(None);
+    let model = NewModel::example(None);
     let file = StoredFile::Model(model.id);
     let loose = async || {
         let (_, loose) = db.known_files().await.expect("read");
@@ -38,7 +38,7 @@ pub async fn a_file_is_loose_before_it_has_a_row_and_after(place: &impl Database
 pub async fn a_file_on_its_way_has_an_owner(place: &impl DatabasePlace) {
     let seat = SeatId::new();
     let [a, b] = [place.open(seat).await, place.open(SeatId::new()).await];
-    let model = NewModel::test(None);
+    let model = NewModel::example(None);
     let file = StoredFile::Model(model.id);
     a.expect_files(&[file]).await.expect("stored");
     let next = place.open(seat).await;

@@ -1,12 +1,12 @@
 //! Jobs as the API sees them, and evaluations.
 
 use super::{DatabasePlace, claimant, new_job, scan_set};
-use crate::domain::{
+use crate::storage::{Database, DatabaseError};
+use visage_domain::{
     Backlog, CancelAnswer, Finish, JobId, JobStatus, ModelId, NewModel, Outdated, Replay, ReplayKey, ScanSetId, SeatId,
     StoredSignature,
 };
-use crate::faces::{Signature, SignatureSummary};
-use crate::storage::{Database, DatabaseError};
+use visage_shape::faces::{Signature, SignatureSummary};
 
 async fn queued(db: &dyn Database, set: ScanSetId) -> JobId {
     let job = new_job(set);
@@ -102,7 +102,7 @@ pub async fn old_signatures_are_a_backlog_until_they_are_made_anew(place: &impl 
     let db = db.as_ref();
     let summary = SignatureSummary { version: 1, regions: 2, triangles: 3, left_out: Default::default() };
     let old = StoredSignature { version: 1, summary: summary.clone(), content: vec![1] };
-    let model = NewModel { signature: Some(old), ..NewModel::test(None) };
+    let model = NewModel { signature: Some(old), ..NewModel::example(None) };
     drop(db.create_model(&model, None).await.expect("stored"));
     assert_eq!(db.backlog().await.expect("read").stale_signatures, 1);
     let outdated = Outdated { model_id: model.id, signature: true, standards: Vec::new() };

@@ -7,10 +7,10 @@ use std::sync::{Arc, Mutex, MutexGuard, Weak};
 use async_trait::async_trait;
 
 use super::ObjectPlace;
-use crate::domain::{AssetRecord, FileId, ModelId, ScanRecord, ScanSetId, StandardId, StoredFile};
 use crate::storage::{
     AssetReader, ObjectError, ObjectStore, StagedFile, StagedModel, StagedWriter, Staging, TRASH_DAYS,
 };
+use visage_domain::{AssetRecord, FileId, ModelId, ScanRecord, ScanSetId, StandardId, StoredFile};
 
 /// The name of the one file of a scan, and of an upload.
 const ONLY: &str = "";

@@ -16,8 +16,8 @@ use std::time::Duration;
 use async_trait::async_trait;
 
 use super::{Database, ObjectStore};
-use crate::domain::options::Options;
-use crate::domain::{
+use visage_domain::options::Options;
+use visage_domain::{
     Claimant, FileId, JobId, NewJob, NewScanSet, ProcessId, ScanRecord, ScanSetId, SeatId, StoredFile, WorkerId,
 };
 
@@ -131,7 +131,7 @@ pub async fn scan_set(db: &dyn Database, names: &[&str]) -> ScanSetId {
         checksum: "00".to_owned(),
         reading: None,
     };
-    let (scans, unit) = (names.iter().map(scan).collect(), crate::geometry::Unit::Mm);
+    let (scans, unit) = (names.iter().map(scan).collect(), visage_geometry::Unit::Mm);
     let set = NewScanSet { id: ScanSetId::new(), name: "set".to_owned(), unit, scans, poses: None };
     db.create_scan_set(&set, None).await.expect("stored");
     set.id

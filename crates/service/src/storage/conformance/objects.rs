@@ -3,8 +3,8 @@
 use tokio::io::{AsyncReadExt, AsyncSeekExt};
 
 use super::ObjectPlace;
-use crate::domain::{AssetRecord, FileId, ModelId, ScanRecord, ScanSetId, StandardId, StoredFile};
 use crate::storage::{ObjectError, ObjectStore, StagedFile, TRASH_DAYS};
+use visage_domain::{AssetRecord, FileId, ModelId, ScanRecord, ScanSetId, StandardId, StoredFile};
 
 async fn staged(objects: &dyn ObjectStore, content: &[u8]) -> StagedFile {
     let mut writer = objects.receive().await.expect("staging");

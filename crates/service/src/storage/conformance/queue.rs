@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use super::{DatabasePlace, claimant, new_job, scan_set, worker};
-use crate::domain::{CancelAnswer, Claimant, Finish, JobClaim, JobId, JobStatus, NewModel, Room, SeatId};
 use crate::storage::{Database, DatabaseError};
+use visage_domain::{CancelAnswer, Claimant, Finish, JobClaim, JobId, JobStatus, NewModel, Room, SeatId};
 
 const LEASE: Duration = Duration::from_secs(30);
 const EXPIRED: Duration = Duration::ZERO;
@@ -97,7 +97,7 @@ pub async fn a_stop_that_was_asked_for_beats_success(place: &impl DatabasePlace)
     let taken = claim(db, "w", LEASE).await.expect("waits");
     assert_eq!(db.cancel_job(id).await.expect("asked"), CancelAnswer::Asked);
     assert_eq!(db.heartbeat(&taken, LEASE, None, 0.1, &NONE).await.expect("asked"), Some(true));
-    let model = NewModel::test(Some((id, taken.job.scan_set_id.expect("a registration"))));
+    let model = NewModel::example(Some((id, taken.job.scan_set_id.expect("a registration"))));
     let succeeded = Finish::Succeeded(Some(Box::new(model)));
     assert!(db.finish_job(&taken, &succeeded).await.expect("asked").is_none());
     assert!(db.finish_job(&taken, &Finish::Canceled).await.expect("asked").is_some());
@@ -119,7 +119,7 @@ pub async fn success_stores_the_model_with_the_job(place: &impl DatabasePlace) {
     let db = db.as_ref();
     let id = queued(db).await;
     let taken = claim(db, "w", LEASE).await.expect("waits");
-    let model = NewModel::test(Some((id, taken.job.scan_set_id.expect("a registration"))));
+    let model = NewModel::example(Some((id, taken.job.scan_set_id.expect("a registration"))));
     let succeeded = Finish::Succeeded(Some(Box::new(model.clone())));
     assert!(db.finish_job(&taken, &succeeded).await.expect("stored").is_some());
     let job = db.job(id).await.expect("there");

@@ -4,14 +4,14 @@ use std::future::poll_fn;
 use std::task::Poll;
 
 use super::{DatabasePlace, scan_set};
-use crate::domain::asset::Origin;
-use crate::domain::{
+use crate::storage::DatabaseError;
+use visage_domain::asset::Origin;
+use visage_domain::{
     FileId, MatchedModel, ModelFacets, ModelId, NewModel, NewScanSet, PageRequest, PoseFile, PutScan, ScanRecord,
     ScanSetId, SeatId, StoredContent, StoredSignature,
 };
-use crate::faces::SignatureSummary;
-use crate::geometry::Unit;
-use crate::storage::DatabaseError;
+use visage_geometry::Unit;
+use visage_shape::faces::SignatureSummary;
 
 fn scan(name: &str) -> ScanRecord {
     let (file_id, checksum) = (FileId::new(), "ab".to_owned());
@@ -63,7 +63,7 @@ pub async fn a_model_goes_with_all_its_parts(place: &impl DatabasePlace) {
     let db = db.as_ref();
     let summary = SignatureSummary { version: 1, regions: 2, triangles: 3, left_out: Default::default() };
     let signature = StoredSignature { version: 1, summary: summary.clone(), content: vec![1, 2, 3] };
-    let model = NewModel { signature: Some(signature), ..NewModel::test(None) };
+    let model = NewModel { signature: Some(signature), ..NewModel::example(None) };
     drop(db.create_model(&model, None).await.expect("stored"));
     assert_eq!(db.model(model.id).await.expect("there").signature, Some(summary));
     assert_eq!(db.assets(model.id).await.expect("read"), model.assets);
@@ -81,8 +81,8 @@ pub async fn models_are_given_as_far_as_they_are_there(place: &impl DatabasePlac
     let db = db.as_ref();
     let summary = SignatureSummary { version: 1, regions: 2, triangles: 3, left_out: Default::default() };
     let signature = StoredSignature { version: 1, summary, content: vec![1, 2, 3] };
-    let described = NewModel { signature: Some(signature), ..NewModel::test(None) };
-    let bare = NewModel::test(None);
+    let described = NewModel { signature: Some(signature), ..NewModel::example(None) };
+    let bare = NewModel::example(None);
     for model in [&described, &bare] {
         drop(db.create_model(model, None).await.expect("stored"));
     }
@@ -101,7 +101,7 @@ pub async fn models_are_given_as_far_as_they_are_there(place: &impl DatabasePlac
 pub async fn a_query_waits_for_what_is_committed_but_not_in_the_index(place: &impl DatabasePlace) {
     let db = place.open(SeatId::new()).await;
     db.settled().await;
-    let unseen = db.create_model(&NewModel::test(None), None).await.expect("stored");
+    let unseen = db.create_model(&NewModel::example(None), None).await.expect("stored");
     let mut query = std::pin::pin!(db.settled());
     let waits = poll_fn(|context| Poll::Ready(query.as_mut().poll(context).is_pending())).await;
     assert!(waits, "the index does not know the model yet");

@@ -7,8 +7,8 @@ use async_trait::async_trait;
 
 use super::staged::LocalWriter;
 use super::{LocalFiles, doing, gone, private, sync_folder};
-use crate::domain::{AssetRecord, FileId, ModelId, ScanRecord, ScanSetId, StandardId, StoredFile};
 use crate::storage::{AssetReader, ObjectError, ObjectStore, Reserve, StagedFile, StagedModel, StagedWriter};
+use visage_domain::{AssetRecord, FileId, ModelId, ScanRecord, ScanSetId, StandardId, StoredFile};
 
 #[async_trait]
 impl ObjectStore for LocalFiles {

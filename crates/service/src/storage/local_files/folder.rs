@@ -6,8 +6,8 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use super::{LocalFiles, doing, listing, private};
-use crate::domain::FolderId;
 use crate::storage::ObjectError;
+use visage_domain::FolderId;
 
 /// How often a lock that is held is tried again.
 const LOCK_POLL: Duration = Duration::from_millis(20);
@@ -221,7 +221,7 @@ mod tests {
         files.put_folder_id(FolderId::new()).expect("written");
         drop(files);
         drop(open(folder.path()).expect("nothing is lost"));
-        let model = folder.path().join("models").join(crate::domain::ModelId::new().to_string());
+        let model = folder.path().join("models").join(visage_domain::ModelId::new().to_string());
         fs::create_dir(&model).expect("created");
         for database in ["empty", "missing"] {
             let refused = open(folder.path()).expect_err("its database is lost");

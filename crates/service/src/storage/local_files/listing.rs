@@ -4,7 +4,7 @@ use std::fs;
 use std::io;
 use std::path::Path;
 
-use crate::domain::{FileId, ModelId, ScanSetId, StandardId, StoredFile};
+use visage_domain::{FileId, ModelId, ScanSetId, StandardId, StoredFile};
 
 /// The folders that hold files under ids.
 pub(super) const FOLDERS: [&str; 5] = ["staging", "scan-sets", "models", "standards", "trash"];

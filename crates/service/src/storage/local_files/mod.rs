@@ -35,8 +35,8 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use crate::domain::{FileId, ScanSetId};
 use crate::storage::{ObjectError, Reserve};
+use visage_domain::{FileId, ScanSetId};
 
 pub use folder::FolderError;
 pub use reserve::DiskReserve;
@@ -130,9 +130,9 @@ pub(super) mod testing {
     use std::time::Duration;
 
     use super::*;
-    use crate::domain::StoredFile;
     use crate::storage::conformance::ObjectPlace;
     use crate::storage::{ObjectStore, StagedFile};
+    use visage_domain::StoredFile;
 
     pub fn files() -> (LocalFiles, tempfile::TempDir) {
         let folder = tempfile::tempdir().expect("a temporary folder");

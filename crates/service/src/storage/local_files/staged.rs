@@ -9,8 +9,8 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use async_trait::async_trait;
 
 use super::{doing, listing};
-use crate::domain::FileId;
 use crate::storage::{ObjectError, StagedFile, StagedWriter, Staging};
+use visage_domain::FileId;
 
 /// The folder in which they are, under ids.
 #[derive(Debug)]

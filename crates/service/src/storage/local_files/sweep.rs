@@ -6,8 +6,8 @@ use std::io;
 use std::path::PathBuf;
 
 use super::{LocalFiles, doing, gone, listing, private, sync_folder};
-use crate::domain::{FileId, ScanSetId, StoredFile};
 use crate::storage::{ObjectError, TRASH_DAYS};
+use visage_domain::{FileId, ScanSetId, StoredFile};
 
 impl LocalFiles {
     /// Everything in the folder that has an id of ours. Blocks.
@@ -65,8 +65,8 @@ impl LocalFiles {
 mod tests {
     use super::super::testing::{entries, files, staged};
     use super::*;
-    use crate::domain::{ModelId, StandardId};
     use crate::storage::ObjectStore;
+    use visage_domain::{ModelId, StandardId};
 
     #[tokio::test]
     async fn what_is_set_aside_keeps_its_place_and_goes_after_a_while() {

@@ -8,8 +8,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::SystemTime;
 
 use super::{LocalFiles, doing};
-use crate::domain::{AssetRecord, ModelId, ScanRecord, ScanSetId, StandardId};
 use crate::storage::ObjectError;
+use visage_domain::{AssetRecord, ModelId, ScanRecord, ScanSetId, StandardId};
 
 /// So many files are remembered as sound before all are forgotten.
 const REMEMBERED: usize = 4096;

@@ -6,13 +6,13 @@
 use sqlx::{FromRow, SqliteConnection};
 
 use super::{SqliteDatabase, damaged, jobs, replays, stored_id, to_i64, to_u64};
-use crate::classes::Class;
-use crate::domain::options::Options;
-use crate::domain::{Backlog, JobId, JobRecord, ModelId, Outdated, Replay, StandardId, StoredVerdict};
-use crate::faces::Signature;
 use crate::storage::DatabaseError;
 use crate::storage::database::Evaluations;
 use async_trait::async_trait;
+use visage_domain::options::Options;
+use visage_domain::{Backlog, JobId, JobRecord, ModelId, Outdated, Replay, StandardId, StoredVerdict};
+use visage_shape::classes::Class;
+use visage_shape::faces::Signature;
 
 /// Evaluations that have succeeded are kept for a while.
 const EVALUATIONS_KEPT: i64 = 50;

@@ -3,35 +3,33 @@
 use sqlx::{FromRow, SqliteConnection};
 
 use super::{SqliteDatabase, now_ms, stored_id};
-use crate::domain::{KnownFiles, LooseFile, Owner, StoredFile};
 use crate::storage::DatabaseError;
 use crate::storage::database::Files;
 use async_trait::async_trait;
+use visage_domain::{KnownFiles, LooseFile, Owner, StoredFile};
 
-impl StoredFile {
-    fn kind(self) -> &'static str {
-        match self {
-            StoredFile::ScanSet(_) => "scan_set",
-            StoredFile::Scan(..) => "scan",
-            StoredFile::Model(_) => "model",
-            StoredFile::Standard(_) => "standard",
-        }
+fn kind_of(file: StoredFile) -> &'static str {
+    match file {
+        StoredFile::ScanSet(_) => "scan_set",
+        StoredFile::Scan(..) => "scan",
+        StoredFile::Model(_) => "model",
+        StoredFile::Standard(_) => "standard",
     }
+}
 
-    fn id(self) -> String {
-        match self {
-            StoredFile::ScanSet(id) => id.to_string(),
-            StoredFile::Scan(_, id) => id.to_string(),
-            StoredFile::Model(id) => id.to_string(),
-            StoredFile::Standard(id) => id.to_string(),
-        }
+fn id_of(file: StoredFile) -> String {
+    match file {
+        StoredFile::ScanSet(id) => id.to_string(),
+        StoredFile::Scan(_, id) => id.to_string(),
+        StoredFile::Model(id) => id.to_string(),
+        StoredFile::Standard(id) => id.to_string(),
     }
+}
 
-    fn scan_set(self) -> Option<String> {
-        match self {
-            StoredFile::Scan(set, _) => Some(set.to_string()),
-            _ => None,
-        }
+fn scan_set_of(file: StoredFile) -> Option<String> {
+    match file {
+        StoredFile::Scan(set, _) => Some(set.to_string()),
+        _ => None,
     }
 }
 
@@ -109,8 +107,8 @@ impl Files for SqliteDatabase {
 /// A file has its row now; part of the transaction that stores that.
 pub(super) async fn settle(db: &mut SqliteConnection, file: StoredFile) -> Result<(), DatabaseError> {
     sqlx::query("DELETE FROM loose_file WHERE kind = ? AND id = ?")
-        .bind(file.kind())
-        .bind(file.id())
+        .bind(kind_of(file))
+        .bind(id_of(file))
         .execute(db)
         .await?;
     Ok(())
@@ -126,9 +124,9 @@ async fn insert_loose(db: &mut SqliteConnection, file: StoredFile, owner: Option
     let columns = "INSERT OR REPLACE INTO loose_file (kind, id, scan_set_id, is_deleted, since, seat, process)
                    VALUES (?, ?, ?, ?, ?, ?, ?)";
     sqlx::query(columns)
-        .bind(file.kind())
-        .bind(file.id())
-        .bind(file.scan_set())
+        .bind(kind_of(file))
+        .bind(id_of(file))
+        .bind(scan_set_of(file))
         .bind(owner.is_none())
         .bind(now_ms())
         .bind(owner.map(|owner| owner.seat.to_string()))

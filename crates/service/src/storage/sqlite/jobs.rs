@@ -2,14 +2,16 @@
 
 use sqlx::{FromRow, SqliteConnection};
 
-use super::{SqliteDatabase, damaged, files, models, now_ms, replays, scan_sets, stored_id, timestamp, to_u64};
-use crate::domain::{
-    CancelAnswer, Hints, JobBase, JobFilter, JobId, JobRecord, JobStatus, NewJob, NewScanSet, Page, PageRequest,
-    Replay, StoredFile,
+use super::{
+    SqliteDatabase, damaged, files, models, now_ms, replays, scan_sets, sql_limit, stored_id, timestamp, to_u64,
 };
 use crate::storage::database::Jobs;
 use crate::storage::{DatabaseError, Deleted};
 use async_trait::async_trait;
+use visage_domain::{
+    CancelAnswer, Hints, JobBase, JobFilter, JobId, JobRecord, JobStatus, NewJob, NewScanSet, Page, PageRequest,
+    Replay, StoredFile,
+};
 
 /// A row of `job` joined with the id of its model.
 #[derive(FromRow)]
@@ -125,7 +127,7 @@ impl Jobs for SqliteDatabase {
         .bind(page.before.as_deref())
         .bind(filter.status.map(JobStatus::name))
         .bind(filter.scan_set_id.map(|id| id.to_string()))
-        .bind(page.sql_limit())
+        .bind(sql_limit(page))
         .fetch_all(&self.readers)
         .await?;
         let records = rows.into_iter().map(JobRow::record).collect::<Result<Vec<_>, _>>()?;

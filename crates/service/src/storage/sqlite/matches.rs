@@ -2,13 +2,14 @@
 
 use sqlx::FromRow;
 
+use super::signatures::checked;
 use super::{SqliteDatabase, damaged, stored_id};
-use crate::domain::asset::Origin;
-use crate::domain::{MatchedModel, ModelFacets, ModelId, StoredContent};
-use crate::geometry::Unit;
 use crate::storage::DatabaseError;
 use crate::storage::database::Matches;
 use async_trait::async_trait;
+use visage_domain::asset::Origin;
+use visage_domain::{MatchedModel, ModelFacets, ModelId, StoredContent};
+use visage_geometry::Unit;
 
 #[derive(FromRow)]
 struct Row {
@@ -26,7 +27,7 @@ impl Row {
         let unit: Unit = self.unit.parse().map_err(|reason: String| damaged("a unit", reason))?;
         let origin = if self.uploaded { Origin::Uploaded } else { Origin::Registered };
         let id = stored_id!(ModelId, &self.id)?;
-        let signature = match self.content.map(|content| StoredContent::checked(content, self.checksum.as_deref())) {
+        let signature = match self.content.map(|content| checked(content, self.checksum.as_deref())) {
             Some(StoredContent::Damaged) => {
                 tracing::error!(model.id = %id, "the stored signature is damaged; the next start has it made anew");
                 None

@@ -27,8 +27,8 @@ use std::time::Duration;
 use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePool, SqlitePoolOptions, SqliteSynchronous};
 
 use super::unseen::Changes;
-use crate::domain::{Owner, PageRequest, SeatId};
 use crate::storage::{Database, DatabaseError, NoReserve, Reserve};
+use visage_domain::{Owner, PageRequest, SeatId};
 
 /// Connections that read at the same time.
 const READERS: u32 = 4;
@@ -135,24 +135,22 @@ fn to_u64(count: i64) -> u64 {
 /// A stored id.
 macro_rules! stored_id {
     ($kind:ident, $text:expr) => {
-        $crate::domain::$kind::parse($text).ok_or_else(|| $crate::storage::sqlite::damaged("an id", $text))
+        visage_domain::$kind::parse($text).ok_or_else(|| $crate::storage::sqlite::damaged("an id", $text))
     };
 }
 use stored_id;
 
-impl PageRequest {
-    /// One row more than is shown tells whether there is a next page.
-    fn sql_limit(&self) -> i64 {
-        to_i64(self.limit as u64 + 1)
-    }
+/// One row more than is shown tells whether there is a next page.
+fn sql_limit(page: &PageRequest) -> i64 {
+    to_i64(page.limit as u64 + 1)
 }
 
 #[cfg(test)]
 pub(crate) mod testing {
     use super::*;
-    use crate::domain::FolderId;
     use crate::storage::conformance::DatabasePlace;
     pub use crate::storage::conformance::{claimant, scan_set};
+    use visage_domain::FolderId;
 
     /// A store in a folder that goes with the test.
     pub async fn store() -> (SqliteDatabase, tempfile::TempDir) {
@@ -227,8 +225,8 @@ pub(crate) mod testing {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::domain::{JobId, JobKind, JobStatus, ModelId, ScanSetId};
     use crate::storage::database::*;
+    use visage_domain::{JobId, JobKind, JobStatus, ModelId, ScanSetId};
 
     /// The second migration was the last before jobs had kinds.
     #[tokio::test]
@@ -246,7 +244,7 @@ mod tests {
             .execute(&old)
             .await
             .expect("stored");
-        let options = serde_json::to_string(&crate::domain::options::Options::default()).expect("plain data");
+        let options = serde_json::to_string(&visage_domain::options::Options::default()).expect("plain data");
         sqlx::query("INSERT INTO job (id, scan_set_id, options, status) VALUES (?, ?, ?, 'succeeded')")
             .bind(job.to_string())
             .bind(set.to_string())
@@ -288,7 +286,7 @@ mod tests {
                        VALUES (?, 'evaluate', ?, 'running', 'somebody', ?)";
         sqlx::query(running)
             .bind(job.to_string())
-            .bind(serde_json::to_string(&crate::domain::options::Options::default()).expect("plain data"))
+            .bind(serde_json::to_string(&visage_domain::options::Options::default()).expect("plain data"))
             .bind(now_ms() + 30_000)
             .execute(&old)
             .await

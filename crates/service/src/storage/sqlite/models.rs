@@ -2,11 +2,11 @@
 
 use sqlx::{FromRow, SqliteConnection};
 
-use super::{SqliteDatabase, damaged, evaluations, files, replays, signatures, stored_id, to_i64, to_u64};
-use crate::domain::{AssetRecord, ModelFilter, ModelId, ModelRecord, NewModel, Page, PageRequest, Replay, StoredFile};
+use super::{SqliteDatabase, damaged, evaluations, files, replays, signatures, sql_limit, stored_id, to_i64, to_u64};
 use crate::storage::database::Models;
 use crate::storage::{DatabaseError, Deleted, Unseen};
 use async_trait::async_trait;
+use visage_domain::{AssetRecord, ModelFilter, ModelId, ModelRecord, NewModel, Page, PageRequest, Replay, StoredFile};
 
 #[derive(FromRow)]
 struct ModelRow {
@@ -82,7 +82,7 @@ impl Models for SqliteDatabase {
         .bind(page.before.as_deref())
         .bind(filter.label.as_deref())
         .bind(filter.scan_set_id.map(|id| id.to_string()))
-        .bind(page.sql_limit())
+        .bind(sql_limit(page))
         .fetch_all(&self.readers)
         .await?;
         let records = rows.into_iter().map(ModelRow::record).collect::<Result<Vec<_>, _>>()?;

@@ -10,10 +10,10 @@ use sqlx::SqliteConnection;
 
 use super::jobs::JobRow;
 use super::{SqliteDatabase, damaged, models, now_ms, to_i64, to_u64};
-use crate::domain::{Claimant, Finish, JobClaim, JobError, Room, WorkerId};
 use crate::storage::database::JobQueue;
 use crate::storage::{DatabaseError, Unseen};
 use async_trait::async_trait;
+use visage_domain::{Claimant, Finish, JobClaim, JobError, Room, WorkerId};
 
 #[async_trait]
 impl JobQueue for SqliteDatabase {

@@ -5,10 +5,10 @@ use std::time::Duration;
 use sqlx::{FromRow, SqliteConnection};
 
 use super::{SqliteDatabase, now_ms};
-use crate::domain::{Replay, ReplayKey};
 use crate::storage::DatabaseError;
 use crate::storage::database::Replays;
 use async_trait::async_trait;
+use visage_domain::{Replay, ReplayKey};
 
 /// How long a repeated request gets its first answer.
 const KEEP: Duration = Duration::from_secs(24 * 3600);

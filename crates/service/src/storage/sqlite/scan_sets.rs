@@ -2,14 +2,14 @@
 
 use sqlx::{FromRow, SqliteConnection};
 
-use super::{SqliteDatabase, damaged, files, models, replays, stored_id, to_i64, to_u64};
-use crate::domain::{
-    FileId, NewScanSet, Page, PageRequest, PoseFile, PutScan, Replay, ScanRecord, ScanSetId, ScanSetRecord, StoredFile,
-    sort_naturally,
-};
+use super::{SqliteDatabase, damaged, files, models, replays, sql_limit, stored_id, to_i64, to_u64};
 use crate::storage::database::ScanSets;
 use crate::storage::{DatabaseError, Deleted};
 use async_trait::async_trait;
+use visage_domain::{
+    FileId, NewScanSet, Page, PageRequest, PoseFile, PutScan, Replay, ScanRecord, ScanSetId, ScanSetRecord, StoredFile,
+    sort_naturally,
+};
 
 #[derive(FromRow)]
 struct SetRow {
@@ -84,7 +84,7 @@ impl ScanSets for SqliteDatabase {
         let rows: Vec<SetRow> =
             sqlx::query_as("SELECT * FROM scan_set WHERE ?1 IS NULL OR id < ?1 ORDER BY id DESC LIMIT ?2")
                 .bind(page.before.as_deref())
-                .bind(page.sql_limit())
+                .bind(sql_limit(page))
                 .fetch_all(&mut *tx)
                 .await?;
         let mut records = Vec::with_capacity(rows.len());

@@ -3,23 +3,22 @@
 use sqlx::SqliteConnection;
 
 use super::{SqliteDatabase, damaged, stored_id, to_i64};
-use crate::domain::{ModelId, StoredContent, StoredSignature};
 use crate::storage::database::Signatures;
 use crate::storage::{DatabaseError, Unseen};
 use async_trait::async_trait;
+use visage_domain::{ModelId, StoredContent, StoredSignature};
 
 /// The version of a signature that turned out to be damaged: it is of no operator, and so it is made anew.
 const DAMAGED: u32 = 0;
 /// Checksums of signatures from before there were any, made in one transaction.
 const AT_ONCE: i64 = 1000;
 
-impl StoredContent {
-    pub(super) fn checked(content: Vec<u8>, checksum: Option<&str>) -> Self {
-        // without one it is from before, and the start has filled it in by now
-        match checksum {
-            Some(checksum) if checksum != checksum_of(&content) => StoredContent::Damaged,
-            _ => StoredContent::Whole(content),
-        }
+/// Bytes held against their checksum.
+pub(super) fn checked(content: Vec<u8>, checksum: Option<&str>) -> StoredContent {
+    // without one it is from before, and the start has filled it in by now
+    match checksum {
+        Some(checksum) if checksum != checksum_of(&content) => StoredContent::Damaged,
+        _ => StoredContent::Whole(content),
     }
 }
 
@@ -35,7 +34,7 @@ impl Signatures for SqliteDatabase {
                 .bind(id.to_string())
                 .fetch_optional(&self.readers)
                 .await?;
-        match row.map(|(content, checksum)| StoredContent::checked(content, checksum.as_deref())) {
+        match row.map(|(content, checksum)| checked(content, checksum.as_deref())) {
             None => Ok(None),
             Some(StoredContent::Whole(content)) => Ok(Some(content)),
             Some(StoredContent::Damaged) => Err(damaged("a signature", format!("its checksum differs (model {id})"))),
@@ -54,10 +53,10 @@ impl Signatures for SqliteDatabase {
         .bind(to_i64(limit as u64))
         .fetch_all(&self.readers)
         .await?;
-        let checked = |(id, content, checksum): (String, Vec<u8>, Option<String>)| {
-            Ok((stored_id!(ModelId, &id)?, StoredContent::checked(content, checksum.as_deref())))
+        let record = |(id, content, checksum): (String, Vec<u8>, Option<String>)| {
+            Ok((stored_id!(ModelId, &id)?, checked(content, checksum.as_deref())))
         };
-        rows.into_iter().map(checked).collect()
+        rows.into_iter().map(record).collect()
     }
 
     async fn renew_signature(&self, id: ModelId, signature: &StoredSignature) -> Result<Option<Unseen>, DatabaseError> {
@@ -141,14 +140,14 @@ pub(super) async fn insert(
 mod tests {
     use super::super::testing;
     use super::*;
-    use crate::domain::NewModel;
-    use crate::faces::{Signature, SignatureSummary};
     use crate::storage::database::*;
+    use visage_domain::NewModel;
+    use visage_shape::faces::{Signature, SignatureSummary};
 
     fn signed() -> NewModel {
         let summary = SignatureSummary { version: 1, regions: 2, triangles: 3, left_out: Default::default() };
         let signature = StoredSignature { version: Signature::VERSION, summary, content: vec![1, 2, 3] };
-        NewModel { signature: Some(signature), ..NewModel::test(None) }
+        NewModel { signature: Some(signature), ..NewModel::example(None) }
     }
 
     #[tokio::test]

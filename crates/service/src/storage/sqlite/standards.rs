@@ -3,11 +3,11 @@
 use sqlx::{FromRow, SqliteConnection};
 
 use super::{SqliteDatabase, damaged, evaluations, files, replays, stored_id, to_i64, to_u64};
-use crate::classes::Class;
-use crate::domain::{AssetRecord, Examples, JobId, NewStandard, Replay, StandardId, StandardRecord, StoredFile};
 use crate::storage::DatabaseError;
 use crate::storage::database::{Standards, Upkeep};
 use async_trait::async_trait;
+use visage_domain::{AssetRecord, Examples, JobId, NewStandard, Replay, StandardId, StandardRecord, StoredFile};
+use visage_shape::classes::Class;
 
 #[derive(FromRow)]
 struct StandardRow {

@@ -5,9 +5,9 @@ use std::sync::Arc;
 use async_trait::async_trait;
 
 use super::{SqliteDatabase, now_ms, stored_id};
-use crate::domain::{FolderId, Owner};
 use crate::storage::DatabaseError;
 use crate::storage::database::Upkeep;
+use visage_domain::{FolderId, Owner};
 
 #[async_trait]
 impl Upkeep for SqliteDatabase {

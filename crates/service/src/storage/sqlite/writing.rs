@@ -137,13 +137,13 @@ mod tests {
 
     use super::super::testing;
     use super::*;
-    use crate::domain::{Finish, JobError, JobId, JobStatus, NewJob, NewModel, NewScanSet, ScanSetId};
-    use crate::geometry::Unit;
     use crate::storage::Reserve;
     use crate::storage::database::*;
+    use visage_domain::{Finish, JobError, JobId, JobStatus, NewJob, NewModel, NewScanSet, ScanSetId};
+    use visage_geometry::Unit;
 
     fn large_set() -> NewScanSet {
-        let poses = crate::domain::PoseFile { name: "poses".to_owned(), content: vec![7; 100_000] };
+        let poses = visage_domain::PoseFile { name: "poses".to_owned(), content: vec![7; 100_000] };
         NewScanSet {
             id: ScanSetId::new(),
             name: "set".to_owned(),
@@ -228,7 +228,7 @@ mod tests {
 
         reserve.has_space.store(true, Ordering::Relaxed);
         store.check_writable().await.expect("there is space");
-        drop(store.create_model(&NewModel::test(None), None).await.expect("stored"));
+        drop(store.create_model(&NewModel::example(None), None).await.expect("stored"));
     }
 
     #[tokio::test]

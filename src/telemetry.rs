@@ -5,6 +5,8 @@ use std::io::IsTerminal;
 use tracing_subscriber::EnvFilter;
 use tracing_subscriber::fmt::format::FmtSpan;
 
+use visage_service::panics::panic_message;
+
 /// How log lines are written.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, clap::ValueEnum)]
 pub enum LogFormat {
@@ -59,27 +61,9 @@ fn log_panic(panic: &std::panic::PanicHookInfo<'_>) {
     tracing::error!(place, thread = thread.name().unwrap_or("unnamed"), "panic: {}", panic_message(panic.payload()));
 }
 
-/// The text of a panic, as far as it has one.
-pub fn panic_message(payload: &(dyn std::any::Any + Send)) -> &str {
-    payload
-        .downcast_ref::<&str>()
-        .copied()
-        .or_else(|| payload.downcast_ref::<String>().map(String::as_str))
-        .unwrap_or("no message")
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn panics_of_both_kinds_have_a_text() {
-        let formatted = std::panic::catch_unwind(|| panic!("number {}", 7)).expect_err("it panics");
-        assert_eq!(panic_message(&*formatted), "number 7");
-        let literal = std::panic::catch_unwind(|| panic!("plain")).expect_err("it panics");
-        assert_eq!(panic_message(&*literal), "plain");
-        assert_eq!(panic_message(&5_u8), "no message");
-    }
 
     #[test]
     fn a_wrong_filter_is_named() {

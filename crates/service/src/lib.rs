@@ -1,0 +1,15 @@
+//! The service behind its HTTP edge: what is kept, what can be done with it, and work that takes long.
+//!
+//! - [`storage`]: the database and the files, each behind a trait
+//! - [`app`]: use cases: models are added and deleted, the gallery is searchable and evaluated
+//! - [`jobs`]: the durable queue and its runner
+//! - [`config`], [`machine`], [`panics`]: settings, memory, what a panic said
+//!
+//! Rooms point one way, `jobs -> app -> storage`; `tests/architecture/` of the workspace holds them.
+
+pub mod app;
+pub mod config;
+pub mod jobs;
+pub mod machine;
+pub mod panics;
+pub mod storage;
