@@ -3,8 +3,9 @@
 //! What is missing is read off the tables, so an evaluation that is broken off goes on where it stood, and what comes
 //! meanwhile (a model, a standard) is seen by it too.
 
-use sqlx::{FromRow, SqliteConnection};
+use sqlx::SqliteConnection;
 
+use super::rows::row;
 use super::{SqliteDatabase, damaged, jobs, replays, stored_id, to_i64, to_u64};
 use crate::storage::DatabaseError;
 use crate::storage::database::Evaluations;
@@ -17,13 +18,14 @@ use visage_shape::faces::Signature;
 /// Evaluations that have succeeded are kept for a while.
 const EVALUATIONS_KEPT: i64 = 50;
 
-#[derive(FromRow)]
-struct VerdictRow {
-    standard_id: String,
-    model_id: String,
-    residual_mm: f64,
-    found: Option<String>,
-    reason: Option<String>,
+row! {
+    struct VerdictRow {
+        standard_id: String,
+        model_id: String,
+        residual_mm: f64,
+        found: Option<String>,
+        reason: Option<String>,
+    }
 }
 
 impl VerdictRow {

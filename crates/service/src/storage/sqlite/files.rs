@@ -1,7 +1,8 @@
 //! Which files belong to the database, and which may be on disk though no row knows them.
 
-use sqlx::{FromRow, SqliteConnection};
+use sqlx::SqliteConnection;
 
+use super::rows::row;
 use super::{SqliteDatabase, now_ms, stored_id};
 use crate::storage::DatabaseError;
 use crate::storage::database::Files;
@@ -33,15 +34,16 @@ fn scan_set_of(file: StoredFile) -> Option<String> {
     }
 }
 
-#[derive(FromRow)]
-struct LooseRow {
-    kind: String,
-    id: String,
-    scan_set_id: Option<String>,
-    is_deleted: bool,
-    since: i64,
-    seat: Option<String>,
-    process: Option<String>,
+row! {
+    struct LooseRow {
+        kind: String,
+        id: String,
+        scan_set_id: Option<String>,
+        is_deleted: bool,
+        since: i64,
+        seat: Option<String>,
+        process: Option<String>,
+    }
 }
 
 impl LooseRow {

@@ -1,7 +1,8 @@
 //! Jobs as the API sees them: create, look up, list, cancel, retry, delete.
 
-use sqlx::{FromRow, SqliteConnection};
+use sqlx::SqliteConnection;
 
+use super::rows::row;
 use super::{
     SqliteDatabase, damaged, files, models, now_ms, replays, scan_sets, sql_limit, stored_id, timestamp, to_u64,
 };
@@ -13,27 +14,28 @@ use visage_domain::{
     Replay, StoredFile,
 };
 
-/// A row of `job` joined with the id of its model.
-#[derive(FromRow)]
-pub(super) struct JobRow {
-    id: String,
-    kind: String,
-    scan_set_id: Option<String>,
-    label: Option<String>,
-    options: String,
-    status: String,
-    stage: Option<String>,
-    progress: f64,
-    stage_seconds: String,
-    attempts: u32,
-    cancel_asked: bool,
-    error: Option<String>,
-    base_model_id: Option<String>,
-    base_poses: Option<Vec<u8>>,
-    hints: Option<String>,
-    model_id: Option<String>,
-    started_at: Option<i64>,
-    finished_at: Option<i64>,
+row! {
+    /// A row of `job` joined with the id of its model.
+    pub(super) struct JobRow {
+        id: String,
+        kind: String,
+        scan_set_id: Option<String>,
+        label: Option<String>,
+        options: String,
+        status: String,
+        stage: Option<String>,
+        progress: f64,
+        stage_seconds: String,
+        attempts: u32,
+        cancel_asked: bool,
+        error: Option<String>,
+        base_model_id: Option<String>,
+        base_poses: Option<Vec<u8>>,
+        hints: Option<String>,
+        model_id: Option<String>,
+        started_at: Option<i64>,
+        finished_at: Option<i64>,
+    }
 }
 
 impl JobRow {

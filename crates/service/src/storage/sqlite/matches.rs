@@ -1,7 +1,6 @@
 //! What queries need of stored models besides the index: facets to filter by, and what an answer shows.
 
-use sqlx::FromRow;
-
+use super::rows::row;
 use super::signatures::checked;
 use super::{SqliteDatabase, damaged, stored_id};
 use crate::storage::DatabaseError;
@@ -11,15 +10,16 @@ use visage_domain::asset::Origin;
 use visage_domain::{MatchedModel, ModelFacets, ModelId, StoredContent};
 use visage_geometry::Unit;
 
-#[derive(FromRow)]
-struct Row {
-    id: String,
-    name: String,
-    label: Option<String>,
-    unit: String,
-    uploaded: bool,
-    content: Option<Vec<u8>>,
-    checksum: Option<String>,
+row! {
+    struct Row {
+        id: String,
+        name: String,
+        label: Option<String>,
+        unit: String,
+        uploaded: bool,
+        content: Option<Vec<u8>>,
+        checksum: Option<String>,
+    }
 }
 
 impl Row {

@@ -11,9 +11,11 @@ mod evaluations;
 mod files;
 mod jobs;
 mod matches;
+mod migrations;
 mod models;
 mod queue;
 mod replays;
+mod rows;
 mod scan_sets;
 mod signatures;
 mod standards;
@@ -104,7 +106,7 @@ async fn migrate_checked(pool: &SqlitePool) -> Result<(), DatabaseError> {
     if let Some(damage) = found.into_iter().find(|line| line != "ok") {
         return Err(DatabaseError::Corrupt { found: damage });
     }
-    sqlx::migrate!("./migrations").run(pool).await.map_err(|error| DatabaseError::Migration(Box::new(error)))
+    migrations::migrator().run(pool).await.map_err(|error| DatabaseError::Migration(Box::new(error)))
 }
 
 /// Milliseconds since 1970, as the tables keep times.
@@ -235,7 +237,7 @@ mod tests {
         let file = folder.path().join("old.sqlite");
         let options = SqliteConnectOptions::new().filename(&file).create_if_missing(true).foreign_keys(true);
         let old = SqlitePoolOptions::new().max_connections(1).connect_with(options).await.expect("a new database");
-        let mut before = sqlx::migrate!("./migrations");
+        let mut before = migrations::migrator();
         before.migrations.to_mut().truncate(2);
         before.run(&old).await.expect("migrated");
         let (set, job, model) = (ScanSetId::new(), JobId::new(), ModelId::new());
@@ -278,7 +280,7 @@ mod tests {
         let file = folder.path().join("old.sqlite");
         let options = SqliteConnectOptions::new().filename(&file).create_if_missing(true).foreign_keys(true);
         let old = SqlitePoolOptions::new().max_connections(1).connect_with(options).await.expect("a new database");
-        let mut before = sqlx::migrate!("./migrations");
+        let mut before = migrations::migrator();
         before.migrations.to_mut().truncate(6);
         before.run(&old).await.expect("migrated");
         let (job, model) = (JobId::new(), ModelId::new());

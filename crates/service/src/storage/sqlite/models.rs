@@ -1,25 +1,27 @@
 //! Models: what they are made of, their files and their signatures.
 
-use sqlx::{FromRow, SqliteConnection};
+use sqlx::SqliteConnection;
 
+use super::rows::row;
 use super::{SqliteDatabase, damaged, evaluations, files, replays, signatures, sql_limit, stored_id, to_i64, to_u64};
 use crate::storage::database::Models;
 use crate::storage::{DatabaseError, Deleted, Unseen};
 use async_trait::async_trait;
 use visage_domain::{AssetRecord, ModelFilter, ModelId, ModelRecord, NewModel, Page, PageRequest, Replay, StoredFile};
 
-#[derive(FromRow)]
-struct ModelRow {
-    id: String,
-    job_id: Option<String>,
-    scan_set_id: Option<String>,
-    name: String,
-    label: Option<String>,
-    unit: String,
-    points: i64,
-    quality: Option<String>,
-    reading: Option<String>,
-    summary: Option<String>,
+row! {
+    struct ModelRow {
+        id: String,
+        job_id: Option<String>,
+        scan_set_id: Option<String>,
+        name: String,
+        label: Option<String>,
+        unit: String,
+        points: i64,
+        quality: Option<String>,
+        reading: Option<String>,
+        summary: Option<String>,
+    }
 }
 
 impl ModelRow {

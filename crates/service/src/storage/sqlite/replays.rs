@@ -2,8 +2,9 @@
 
 use std::time::Duration;
 
-use sqlx::{FromRow, SqliteConnection};
+use sqlx::SqliteConnection;
 
+use super::rows::row;
 use super::{SqliteDatabase, now_ms};
 use crate::storage::DatabaseError;
 use crate::storage::database::Replays;
@@ -13,13 +14,14 @@ use visage_domain::{Replay, ReplayKey};
 /// How long a repeated request gets its first answer.
 const KEEP: Duration = Duration::from_secs(24 * 3600);
 
-#[derive(FromRow)]
-struct Row {
-    body_hash: String,
-    status: u16,
-    location: String,
-    body: String,
-    resource_id: String,
+row! {
+    struct Row {
+        body_hash: String,
+        status: u16,
+        location: String,
+        body: String,
+        resource_id: String,
+    }
 }
 
 #[async_trait]

@@ -1,7 +1,8 @@
 //! Scan sets: their scans and their pose file.
 
-use sqlx::{FromRow, SqliteConnection};
+use sqlx::SqliteConnection;
 
+use super::rows::row;
 use super::{SqliteDatabase, damaged, files, models, replays, sql_limit, stored_id, to_i64, to_u64};
 use crate::storage::database::ScanSets;
 use crate::storage::{DatabaseError, Deleted};
@@ -11,23 +12,25 @@ use visage_domain::{
     sort_naturally,
 };
 
-#[derive(FromRow)]
-struct SetRow {
-    id: String,
-    name: String,
-    unit: String,
-    poses_name: Option<String>,
-    poses: Option<Vec<u8>>,
+row! {
+    struct SetRow {
+        id: String,
+        name: String,
+        unit: String,
+        poses_name: Option<String>,
+        poses: Option<Vec<u8>>,
+    }
 }
 
-#[derive(FromRow)]
-struct ScanRow {
-    name: String,
-    file_id: String,
-    points: i64,
-    bytes: i64,
-    checksum: String,
-    reading: Option<String>,
+row! {
+    struct ScanRow {
+        name: String,
+        file_id: String,
+        points: i64,
+        bytes: i64,
+        checksum: String,
+        reading: Option<String>,
+    }
 }
 
 impl SetRow {

@@ -1,7 +1,8 @@
 //! Standards made by users: the classes, and the examples marked for them.
 
-use sqlx::{FromRow, SqliteConnection};
+use sqlx::SqliteConnection;
 
+use super::rows::row;
 use super::{SqliteDatabase, damaged, evaluations, files, replays, stored_id, to_i64, to_u64};
 use crate::storage::DatabaseError;
 use crate::storage::database::{Standards, Upkeep};
@@ -9,16 +10,17 @@ use async_trait::async_trait;
 use visage_domain::{AssetRecord, Examples, JobId, NewStandard, Replay, StandardId, StandardRecord, StoredFile};
 use visage_shape::classes::Class;
 
-#[derive(FromRow)]
-struct StandardRow {
-    id: String,
-    name: String,
-    asset: String,
-    bytes: i64,
-    checksum: String,
-    unit: String,
-    annotation: String,
-    class: String,
+row! {
+    struct StandardRow {
+        id: String,
+        name: String,
+        asset: String,
+        bytes: i64,
+        checksum: String,
+        unit: String,
+        annotation: String,
+        class: String,
+    }
 }
 
 impl StandardRow {

@@ -1,0 +1,58 @@
+//! The migrations, which the program brings along.
+
+use std::borrow::Cow;
+
+use sqlx::SqlSafeStr;
+use sqlx::migrate::{Migration, MigrationType, Migrator};
+
+/// The file names in `migrations` and what is in them, in order. sqlx's `migrate!` would list the folder itself, but its macros
+/// build SQLite a second time, for the compiler.
+macro_rules! files {
+    ($($name:literal),* $(,)?) => {
+        [$(($name, include_str!(concat!("../../../migrations/", $name, ".sql")))),*]
+    };
+}
+
+const FILES: [(&str, &str); 7] = files![
+    "0001_first",
+    "0002_base_model",
+    "0003_standards",
+    "0004_folder",
+    "0005_readings",
+    "0006_hints",
+    "0007_owners",
+];
+
+/// All of them.
+pub fn migrator() -> Migrator {
+    let migration = |(version, (name, sql)): (i64, (&str, &'static str))| {
+        let description = name.trim_start_matches(|c: char| c.is_ascii_digit() || c == '_').replace('_', " ");
+        Migration::new(version, Cow::Owned(description), MigrationType::Simple, sql.into_sql_str(), false)
+    };
+    Migrator::with_migrations((1..).zip(FILES).map(migration).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_file_of_the_folder_is_listed_under_its_number() {
+        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/migrations");
+        let name = |entry: std::io::Result<std::fs::DirEntry>| entry.expect("an entry").file_name();
+        let mut there: Vec<_> = std::fs::read_dir(folder).expect("the migrations").map(name).collect();
+        there.sort();
+        assert_eq!(there, FILES.map(|(name, _)| format!("{name}.sql")));
+        for (migration, (name, sql)) in migrator().iter().zip(FILES) {
+            assert!(name.starts_with(&format!("{:04}_", migration.version)), "{name} is no. {}", migration.version);
+            assert_eq!(migration.sql.as_str(), sql);
+        }
+    }
+
+    /// A database remembers by this sum what was done to it, and is refused when the file has changed since.
+    #[test]
+    fn a_migration_that_has_run_somewhere_does_not_change() {
+        let first = migrator().iter().next().map(|migration| migration.checksum[..4].to_vec());
+        assert_eq!(first, Some(vec![0x8a, 0xad, 0x17, 0x82]));
+    }
+}
