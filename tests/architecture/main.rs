@@ -31,8 +31,8 @@ const LAYERS: &[(&str, &[&str])] = &[
     ("panics", &[]),
     // records go in and come out; of the algorithms only which versions are current
     ("storage", &["geometry", "faces", "classes", "domain"]),
-    // the gallery index, kept current
-    ("app", &["geometry", "faces", "retrieval", "domain", "storage"]),
+    // use cases, the gallery index kept current, and what runs now
+    ("app", &["geometry", "faces", "classes", "retrieval", "pipeline", "domain", "config", "storage"]),
     (
         "jobs",
         &[

@@ -14,7 +14,7 @@ use super::state::{AppState, blocking};
 use super::upload::UploadedFile;
 use visage_geometry::progress::{Progress, ProgressSink, Stage};
 use visage_geometry::{Surface, Unit};
-use visage_service::jobs::engine::Engine;
+use visage_service::app::engine::Engine;
 use visage_service::panics::panic_message;
 use visage_shape::faces::Signature;
 

@@ -18,16 +18,19 @@ use super::extract::{
 use super::idempotency::{Attempt, Created};
 use super::job_views::{JobList, JobView, NewJobBody, NewJobForm};
 use super::problem::{Code, Problem};
-use super::scan_sets::{form_rules, from_form, keep_files, parse_id as parse_scan_set_id, undo_unless_stored};
-use super::state::{AppState, deleted, forget, uninterrupted};
-use super::upload::{self, UploadedFile};
+use super::scan_sets::{form_rules, from_form, parse_id as parse_scan_set_id};
+use super::state::{AppState, deleted, uninterrupted};
+use super::upload;
 use super::{cursor, events, extract, hint_views, job_views, models, names, responses};
 use visage_domain::asset::Asset;
 use visage_domain::options::{Declared, Options};
 use visage_domain::{
-    FileId, JobBase, JobFilter, JobId, JobKind, JobRecord, JobStatus, ModelId, NewJob, NewScanSet, PoseFile,
-    ScanRecord, ScanSetId,
+    JobBase, JobFilter, JobId, JobKind, JobRecord, JobStatus, ModelId, NewJob, NewScanSet, PoseFile, ScanRecord,
+    ScanSetId,
 };
+use visage_service::app::models::read_asset;
+use visage_service::app::orders;
+use visage_service::app::scan_sets::ReceivedScans;
 use visage_service::jobs::admission;
 use visage_service::jobs::memory::Budget;
 use visage_service::storage::DatabaseError;
@@ -55,16 +58,14 @@ pub(super) fn parse_id(text: &str) -> Result<JobId, Problem> {
 
 /// A job as it stands now.
 pub(super) async fn look_up(state: &AppState, id: JobId) -> Result<JobRecord, Problem> {
-    let mut job = state.context.database.job(id).await?;
-    state.context.monitor.refresh(&mut job);
-    Ok(job)
+    Ok(orders::look_up(&state.context, id).await?)
 }
 
 /// What a request wants done.
 struct Order {
     job: NewJob,
     /// A scan set that comes with it, and the files of that.
-    upload: Option<(NewScanSet, Vec<(FileId, UploadedFile)>)>,
+    upload: Option<(NewScanSet, ReceivedScans)>,
 }
 
 /// Register a scan set.
@@ -160,16 +161,7 @@ async fn accept(state: AppState, attempt: Attempt, order: Order) -> Result<Creat
     uninterrupted(async move {
         let _attempt = attempt;
         let Order { job, upload } = order;
-        let queue_limit = state.limits().queued_jobs;
-        if let Some((set, files)) = upload {
-            keep_files(&state, set.id, files).await?;
-            let stored = state.context.database.create_job(&job, Some(&set), queue_limit, replay.as_ref()).await;
-            undo_unless_stored(&state, set.id, stored).await?;
-        } else {
-            state.context.database.create_job(&job, None, queue_limit, replay.as_ref()).await?;
-        }
-        state.context.monitor.announce_work();
-        Ok(())
+        Ok(orders::register(&state.context, &job, upload, replay.as_ref()).await?)
     })
     .await?;
     Ok(created)
@@ -189,9 +181,7 @@ async fn evaluate(state: AppState, attempt: Attempt, body: NewJobBody) -> Result
         };
         let replay =
             |job: &JobRecord| answer(job).ok().and_then(|created| attempt.replay(&created, job.id.to_string()));
-        let job = state.context.database.demand_evaluation(&replay).await?;
-        state.context.monitor.announce_work();
-        answer(&job)
+        answer(&orders::evaluate(&state.context, &replay).await?)
     })
     .await
 }
@@ -250,7 +240,7 @@ async fn base_of(state: &AppState, id: ModelId, set: ScanSetId) -> Result<JobBas
     }
     let assets = state.context.database.assets(id).await?;
     let poses = match assets.iter().find(|asset| asset.name == Asset::Poses.name()) {
-        Some(asset) => models::read_asset(state, id, asset).await?,
+        Some(asset) => read_asset(&state.context, id, asset).await?,
         None => None,
     };
     let poses = poses.ok_or_else(|| {
@@ -364,9 +354,7 @@ async fn cancel(
     let id = parse_id(&id)?;
     let _turn = conditions.turn(&state).await;
     check(&state, id, &conditions).await?;
-    state.context.database.cancel_job(id).await?;
-    state.context.monitor.cancel(id);
-    Ok((StatusCode::ACCEPTED, Json(JobView::of(&look_up(&state, id).await?))))
+    Ok((StatusCode::ACCEPTED, Json(JobView::of(&orders::cancel(&state.context, id).await?))))
 }
 
 /// Run a failed or canceled job again, from its beginning.
@@ -391,9 +379,7 @@ async fn retry(
         let set = state.context.database.scan_set(set).await?;
         admit(&state, &set.scans, set.poses.as_ref(), &job.again(set.id))?;
     }
-    state.context.database.retry_job(id, state.limits().queued_jobs).await?;
-    state.context.monitor.announce_work();
-    Ok((StatusCode::ACCEPTED, Json(JobView::of(&look_up(&state, id).await?))))
+    Ok((StatusCode::ACCEPTED, Json(JobView::of(&orders::retry(&state.context, id).await?))))
 }
 
 /// Delete a finished job with the model it made.
@@ -412,9 +398,7 @@ async fn delete(
     deleted(async move {
         let _turn = conditions.turn(&state).await;
         check(&state, id, &conditions).await?;
-        let deleted = state.context.database.delete_job(id).await?;
-        state.context.monitor.announce_change();
-        forget(&state, deleted).await
+        Ok(orders::delete(&state.context, id).await?)
     })
     .await
 }

@@ -11,10 +11,10 @@ use super::extract::LONGEST_KEY;
 use super::option_views::{OptionInfo, infos};
 use super::problem::Problem;
 use super::responses;
-use super::standards::MOST_STANDARDS;
 use super::state::AppState;
 use visage_domain::options::OPTIONS;
 use visage_service::app::live_gallery::NotReady;
+use visage_service::app::standards::MOST_STANDARDS;
 
 const TAG: &str = "service";
 

@@ -14,7 +14,7 @@ use super::idempotency::{Attempt, Created};
 use super::model_views::{ModelList, ModelSummary, ModelView, NewModelForm, address};
 use super::problem::{Code, Problem};
 use super::scan_sets::parse_id as parse_scan_set_id;
-use super::state::{AppState, blocking, deleted, uninterrupted};
+use super::state::{AppState, deleted, uninterrupted};
 use super::upload::{self, Form, FormRules};
 use super::verdicts::{self, VerdictView};
 use super::{assets, cursor, describe, names, reading_view, responses};
@@ -81,10 +81,7 @@ async fn create(
     let replay = attempt.replay(&created, upload.model.id.to_string());
     uninterrupted(async move {
         let _attempt = attempt;
-        models::add(&state.context.storage(), &state.context.gallery, upload, replay.as_ref()).await?;
-        // where there are standards, it waits to be judged against them
-        state.context.monitor.announce_work();
-        Ok(())
+        Ok(models::add(&state.context, upload, replay.as_ref()).await?)
     })
     .await?;
     Ok(created)
@@ -212,14 +209,8 @@ async fn read_report(
     else {
         return Ok(None);
     };
-    let content = read_asset(state, id, asset).await?;
+    let content = models::read_asset(&state.context, id, asset).await?;
     content.map(|content| serde_json::from_slice(&content).map_err(Problem::internal)).transpose()
-}
-
-/// A small file of a model; `None` if it was deleted in the meantime.
-pub(super) async fn read_asset(state: &AppState, id: ModelId, asset: &AssetRecord) -> Result<Option<Vec<u8>>, Problem> {
-    let (objects, asset) = (state.context.objects.clone(), asset.clone());
-    Ok(blocking(move || objects.read_asset(id, &asset)).await??)
 }
 
 /// Delete a model with its files and its signature. The job and the scans it came from stay.
@@ -240,7 +231,7 @@ async fn delete(
         if conditions.any() {
             conditions.check_view(&view(&state, id).await?)?;
         }
-        Ok(models::delete(&state.context.storage(), &state.context.gallery, id).await?)
+        Ok(models::delete(&state.context, id).await?)
     })
     .await
 }

@@ -14,10 +14,11 @@ use super::extract::{
 use super::idempotency::{Attempt, Created};
 use super::problem::Problem;
 use super::scan_set_views::{NewScanSetBody, ScanSetForm, ScanSetList, ScanSetView};
-use super::state::{AppState, blocking, deleted, forget, remove_files, uninterrupted};
-use super::upload::{self, CheckedScan, Form, FormRules, UploadedFile};
+use super::state::{AppState, deleted, uninterrupted};
+use super::upload::{self, CheckedScan, Form, FormRules};
 use super::{cursor, names, poses, reading_view, responses, scans};
-use visage_domain::{FileId, NewScanSet, PoseFile, ScanRecord, ScanSetId, StoredFile, sort_naturally};
+use visage_domain::{FileId, NewScanSet, PoseFile, ScanRecord, ScanSetId, sort_naturally};
+use visage_service::app::scan_sets::{self, ReceivedScans};
 use visage_service::jobs::admission::{self, PoseFit};
 use visage_service::storage::DatabaseError;
 
@@ -122,26 +123,21 @@ async fn store_new(
     state: AppState,
     attempt: Attempt,
     set: NewScanSet,
-    files: Vec<(FileId, UploadedFile)>,
+    files: ReceivedScans,
 ) -> Result<Created, Problem> {
     let view = ScanSetView::of_new(&set);
     let created = Created::new(StatusCode::CREATED, view.links.self_.clone(), &view)?;
     let replay = attempt.replay(&created, set.id.to_string());
     uninterrupted(async move {
         let _attempt = attempt;
-        keep_files(&state, set.id, files).await?;
-        let stored = state.context.database.create_scan_set(&set, replay.as_ref()).await;
-        undo_unless_stored(&state, set.id, stored).await
+        Ok(scan_sets::add(&state.context, &set, files, replay.as_ref()).await?)
     })
     .await?;
     Ok(created)
 }
 
 /// Checks a form and makes a scan set of it. The files stay where they are for now.
-pub(super) async fn from_form(
-    state: &AppState,
-    mut form: Form,
-) -> Result<(NewScanSet, Vec<(FileId, UploadedFile)>), Problem> {
+pub(super) async fn from_form(state: &AppState, mut form: Form) -> Result<(NewScanSet, ReceivedScans), Problem> {
     let unit = form.text("unit")?.map(names::unit).transpose()?.unwrap_or_default();
     let name = form.text("name")?.map(|name| names::text("name", name)).transpose()?;
     let poses = form.texts.remove("poses").map(|part| PoseFile {
@@ -156,7 +152,7 @@ pub(super) async fn from_form(
     let mut files = Vec::new();
     for checked in upload::check_scans(state, std::mem::take(&mut form.files)).await? {
         let record = record_of(&checked);
-        files.push((record.file_id, checked.file));
+        files.push((record.file_id, checked.file.staged));
         scans.push(record);
     }
     sort_naturally(&mut scans);
@@ -179,43 +175,6 @@ pub(super) fn record_of(CheckedScan { file, points, dropped }: &CheckedScan) -> 
         bytes: file.staged.bytes,
         checksum: file.staged.checksum.clone(),
         reading: reading_view::stored(dropped),
-    }
-}
-
-/// Moves received scans to where they belong.
-pub(super) async fn keep_files(
-    state: &AppState,
-    set: ScanSetId,
-    files: Vec<(FileId, UploadedFile)>,
-) -> Result<(), Problem> {
-    let expected: Vec<StoredFile> = files.iter().map(|(file, _)| StoredFile::Scan(set, *file)).collect();
-    if !expected.is_empty() {
-        state.context.database.expect_files(&expected).await?;
-    }
-    let objects = state.context.objects.clone();
-    blocking(move || -> Result<(), Problem> {
-        for (id, file) in &files {
-            objects.keep_scan(&file.staged, set, *id)?;
-        }
-        Ok(())
-    })
-    .await?
-}
-
-/// Removes the files of a new scan set whose rows were refused.
-pub(super) async fn undo_unless_stored(
-    state: &AppState,
-    set: ScanSetId,
-    stored: Result<(), DatabaseError>,
-) -> Result<(), Problem> {
-    match stored {
-        Ok(()) => Ok(()),
-        // whether a failed commit took place is not known: what has no row is removed later
-        Err(error) if error.leaves_in_doubt() => Err(error.into()),
-        Err(refused) => {
-            remove_files(state, StoredFile::ScanSet(set)).await?;
-            Err(refused.into())
-        }
     }
 }
 
@@ -266,12 +225,7 @@ async fn delete(
         if conditions.any() {
             conditions.check_view(&ScanSetView::of(&state.context.database.scan_set(id).await?))?;
         }
-        let deleted = state.context.database.delete_scan_set(id).await?;
-        state.context.monitor.announce_change();
-        // whichever fails, the other is done
-        let of_models = forget(&state, deleted).await;
-        remove_files(&state, StoredFile::ScanSet(id)).await?;
-        of_models
+        Ok(scan_sets::delete(&state.context, id).await?)
     })
     .await
 }

@@ -9,12 +9,13 @@ use super::conditions::{ConditionHeaders, Conditions, ETag};
 use super::extract::Path;
 use super::problem::Problem;
 use super::scan_set_views::ScanView;
-use super::scan_sets::{TAG, keep_files, parse_id, record_of};
+use super::scan_sets::{TAG, parse_id, record_of};
 use super::schemas::{FileContent, ScanName};
-use super::state::{AppState, deleted, remove_files, uninterrupted};
+use super::state::{AppState, deleted, uninterrupted};
 use super::upload::{self, UploadedFile};
 use super::{digest, names, responses};
-use visage_domain::{PutScan, ScanSetId, StoredFile};
+use visage_domain::{PutScan, ScanSetId};
+use visage_service::app::scan_sets;
 
 /// What a body is held against, as the contract describes it.
 #[derive(utoipa::IntoParams)]
@@ -68,17 +69,10 @@ pub(super) async fn put_scan(
         let _turn = conditions.turn(&state).await;
         conditions.check(scan_tag(&state, id, &checked.file.name).await?.as_ref())?;
         let scan = record_of(&checked);
-        keep_files(&state, id, vec![(scan.file_id, checked.file)]).await?;
-        let put = state.context.database.put_scan(id, &scan, state.limits().scans_per_set).await;
-        let (unused, status) = match &put {
-            Ok(PutScan::Created) => (None, StatusCode::CREATED),
-            Ok(PutScan::Replaced(old)) => (Some(*old), StatusCode::OK),
-            Err(error) => ((!error.leaves_in_doubt()).then_some(scan.file_id), StatusCode::INTERNAL_SERVER_ERROR),
+        let status = match scan_sets::put_scan(&state.context, id, &scan, checked.file.staged).await? {
+            PutScan::Created => StatusCode::CREATED,
+            PutScan::Replaced(_) => StatusCode::OK,
         };
-        if let Some(file) = unused {
-            remove_files(&state, StoredFile::Scan(id, file)).await?;
-        }
-        put?;
         let etag = ETag::of_checksum(&scan.checksum).header()?;
         Ok((status, [etag], Json(ScanView::of(&scan))).into_response())
     })
@@ -111,8 +105,7 @@ pub(super) async fn delete_scan(
         if let Some(etag) = scan_tag(&state, id, &name).await? {
             conditions.check(Some(&etag))?;
         }
-        let file = state.context.database.delete_scan(id, &name).await?;
-        remove_files(&state, StoredFile::Scan(id, file)).await
+        Ok(scan_sets::delete_scan(&state.context, id, &name).await?)
     })
     .await
 }

@@ -13,11 +13,10 @@ use super::connections::{self, Connections};
 use super::hosts::Hosts;
 use super::router::{self, RouterError};
 use super::state::AppState;
-use visage_service::app::live_gallery::LiveGallery;
+use visage_service::app::context::ServiceContext;
+use visage_service::app::engine::{Engine, PipelineEngine};
 use visage_service::config::ServerConfig;
-use visage_service::jobs::engine::{Engine, PipelineEngine};
-use visage_service::jobs::monitor::JobMonitor;
-use visage_service::jobs::runner::{Runner, ServiceContext};
+use visage_service::jobs::runner::Runner;
 use visage_service::storage::data_folder::{DataFolder, OpenError};
 use visage_service::storage::inventory::Storage;
 
@@ -82,14 +81,7 @@ async fn open(config: &Arc<ServerConfig>, engine: Arc<dyn Engine>) -> Result<Ser
     if left.jobs + left.files as u64 > 0 {
         tracing::warn!(jobs = left.jobs, files = left.files, "picked up what the last server left");
     }
-    Ok(ServiceContext {
-        database: data.storage.database,
-        objects: data.storage.objects,
-        gallery: LiveGallery::default(),
-        engine,
-        monitor: Arc::new(JobMonitor::default()),
-        config: config.clone(),
-    })
+    Ok(ServiceContext::new(data.storage, engine, config.clone()))
 }
 
 /// Loads the gallery, then cleans up now and then.

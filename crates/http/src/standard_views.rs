@@ -10,7 +10,7 @@ use super::scan_set_views::UnitView;
 use super::schemas::{self, Corners, Landmarks};
 use visage_domain::{Examples, JobId, ModelId, StandardId, StandardRecord};
 use visage_geometry::Point3;
-use visage_shape::classes::limit::Learned;
+use visage_service::app::standards::Standing;
 use visage_shape::classes::{Annotation, CornerChoice, CornerKind, Landmark, SelectiveTriangle};
 use visage_shape::faces::judgement::MATCH_SCORE;
 
@@ -308,17 +308,6 @@ pub struct StandardView {
     /// The job that judges the stored models, where there are any; only in the answer to the request that made it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub evaluation: Option<String>,
-}
-
-/// What is known of a standard beside its class.
-#[derive(Debug, Clone)]
-pub struct Standing {
-    /// The models that are marked.
-    pub examples: Examples,
-    /// What was learned of them.
-    pub learned: Learned,
-    /// Models judged, and not yet.
-    pub judged: (u64, u64),
 }
 
 /// The address of a standard.

@@ -15,15 +15,16 @@ use super::idempotency::{Attempt, Created};
 use super::problem::{Code, Problem};
 use super::standard_views::{
     AnyStandard, BuiltInView, CornerPart, ExamplesView, LandmarksPart, NewStandardForm, StandardList, StandardView,
-    Standing, address, annotation,
+    address, annotation,
 };
-use super::state::{AppState, blocking, deleted, remove_files, uninterrupted};
+use super::state::{AppState, deleted, uninterrupted};
 use super::upload::{self, Form, FormRules, UploadedFile};
 use super::{describe, names, responses};
 use visage_domain::asset::Asset;
-use visage_domain::{AssetRecord, Examples, NewStandard, StandardId, StandardRecord, StoredFile, StoredVerdict};
+use visage_domain::{AssetRecord, Examples, NewStandard, StandardId, StandardRecord};
+use visage_service::app::standards::{self, Standing};
 use visage_service::storage::DatabaseError;
-use visage_shape::classes::limit::{self, Learned};
+use visage_shape::classes::limit;
 use visage_shape::faces::standard::by_name;
 
 const TAG: &str = "standards";
@@ -32,8 +33,6 @@ const RULES: FormRules = FormRules {
     most_files: 1,
     texts: &["name", "unit", "landmarks", "triangle", "positive", "negative"],
 };
-/// The most standards that are kept: every model is judged against each.
-pub const MOST_STANDARDS: usize = 32;
 /// The longest name.
 const LONGEST_NAME: usize = 64;
 
@@ -75,29 +74,14 @@ async fn create(
     let (standard, file) = annotated(&state, form).await?;
     let (_, pending) = state.context.database.judged(standard.id).await?;
     uninterrupted(async move {
-        let (id, asset) = (standard.id, standard.asset.name.clone());
-        state.context.database.expect_files(&[StoredFile::Standard(id)]).await?;
-        let objects = state.context.objects.clone();
-        blocking(move || objects.keep_standard(&file.staged, id, &asset)).await??;
         let answer = |job| -> Result<Created, Problem> {
             let learned = limit::learn(&[], &[]);
             let standing = Standing { examples: standard.examples.clone(), learned, judged: (0, pending) };
             let view = StandardView::of(&record(&standard), &standing, job);
-            Created::new(StatusCode::CREATED, address(id), &view)
+            Created::new(StatusCode::CREATED, address(standard.id), &view)
         };
-        let replay = |job| answer(job).ok().and_then(|created| attempt.replay(&created, id.to_string()));
-        match state.context.database.create_standard(&standard, MOST_STANDARDS, &replay).await {
-            Ok(job) => {
-                state.context.monitor.announce_work();
-                answer(job)
-            }
-            Err(error) => {
-                if !error.leaves_in_doubt() {
-                    remove_files(&state, StoredFile::Standard(id)).await?;
-                }
-                Err(error.into())
-            }
-        }
+        let replay = |job| answer(job).ok().and_then(|created| attempt.replay(&created, standard.id.to_string()));
+        answer(standards::add(&state.context, &standard, file.staged, &replay).await?)
     })
     .await
 }
@@ -131,10 +115,8 @@ async fn annotated(state: &AppState, mut form: Form) -> Result<(NewStandard, Upl
         return Err(DatabaseError::NameTaken { kind: "standard", name }.into());
     }
     // before the work: the name may still be taken meanwhile
-    match state.context.database.standard(&name).await {
-        Err(DatabaseError::NotFound { .. }) => {}
-        Ok(_) => return Err(DatabaseError::NameTaken { kind: "standard", name }.into()),
-        Err(error) => return Err(error.into()),
+    if standards::named(&state.context, &name).await?.is_some() {
+        return Err(DatabaseError::NameTaken { kind: "standard", name }.into());
     }
     let file = form.files.pop().ok_or_else(|| missing("model", "send a mesh or cloud as a file named `model`"))?;
     let turn = describe::turn(state, &file).await?;
@@ -188,18 +170,7 @@ fn built_in() -> Result<Vec<AnyStandard>, Problem> {
 }
 
 async fn view(state: &AppState, standard: &StandardRecord) -> Result<StandardView, Problem> {
-    let standing = Standing {
-        examples: state.context.database.examples(standard.id).await?,
-        learned: learned(state, standard.id).await?,
-        judged: state.context.database.judged(standard.id).await?,
-    };
-    Ok(StandardView::of(standard, &standing, None))
-}
-
-/// What the examples of a standard tell, as far as they are judged.
-pub async fn learned(state: &AppState, id: StandardId) -> Result<Learned, Problem> {
-    let (positive, negative) = state.context.database.example_residuals(id).await?;
-    Ok(limit::learn(&positive, &negative))
+    Ok(StandardView::of(standard, &standards::standing(&state.context, standard.id).await?, None))
 }
 
 /// Look at one standard, by name or id.
@@ -240,8 +211,7 @@ async fn delete(
     deleted(async move {
         let _turn = conditions.turn(&state).await;
         check(&state, &standard, &conditions).await?;
-        state.context.database.delete_standard(standard.id).await?;
-        remove_files(&state, StoredFile::Standard(standard.id)).await
+        Ok(standards::delete(&state.context, standard.id).await?)
     })
     .await
 }
@@ -285,33 +255,6 @@ async fn mark(
     check(&state, &standard, &conditions).await?;
     state.context.database.mark_examples(standard.id, &examples).await?;
     Ok(Json(view(&state, &standard).await?))
-}
-
-/// The verdicts against an uploaded standard.
-pub struct Ranking {
-    /// The standard.
-    pub standard: StandardRecord,
-    /// What its examples tell.
-    pub learned: Learned,
-    /// Best first, ties by id.
-    pub verdicts: Vec<StoredVerdict>,
-    /// Models that are judged against it.
-    pub judged: u64,
-    /// Models that are not yet: the answer is not complete until there are none.
-    pub pending: u64,
-}
-
-/// The `limit` best verdicts against the uploaded standard of this name; `None` if there is none.
-pub async fn ranking(state: &AppState, name: &str, limit: usize) -> Result<Option<Ranking>, Problem> {
-    let standard = match state.context.database.standard(name).await {
-        Ok(standard) => standard,
-        Err(DatabaseError::NotFound { .. }) => return Ok(None),
-        Err(error) => return Err(error.into()),
-    };
-    let learned = learned(state, standard.id).await?;
-    let (judged, pending) = state.context.database.judged(standard.id).await?;
-    let verdicts = state.context.database.ranking(standard.id, limit).await?;
-    Ok(Some(Ranking { standard, learned, verdicts, judged, pending }))
 }
 
 #[cfg(test)]

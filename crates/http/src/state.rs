@@ -11,11 +11,9 @@ use super::body::Room;
 use super::describe::Turns;
 use super::hosts::Hosts;
 use super::problem::{Code, Problem};
-use visage_domain::{ReplayKey, StoredFile};
-use visage_service::app::models;
+use visage_domain::ReplayKey;
+use visage_service::app::context::ServiceContext;
 use visage_service::config::Limits;
-use visage_service::jobs::runner::ServiceContext;
-use visage_service::storage::Deleted;
 
 /// The state of the service. Cheap to clone.
 #[derive(Clone)]
@@ -26,8 +24,6 @@ pub struct AppState {
     pub checks: Arc<Semaphore>,
     /// Bounds how many models are described for requests at a time.
     pub describing: Turns,
-    /// One evaluation of the gallery at a time.
-    pub evaluating: Arc<Semaphore>,
     /// What of requests may be in memory while they arrive.
     pub buffers: Arc<Semaphore>,
     /// By which names the service may be called.
@@ -47,7 +43,6 @@ impl AppState {
         AppState {
             checks: Arc::new(Semaphore::new(limits.concurrent_checks.max(1))),
             describing: Turns::new(limits.concurrent_describing),
-            evaluating: Arc::new(Semaphore::new(1)),
             buffers: Room::budget(limits.buffered_bytes),
             hosts,
             changes: Arc::default(),
@@ -112,14 +107,4 @@ pub async fn deleted(
 ) -> Result<StatusCode, Problem> {
     uninterrupted(deleting).await?;
     Ok(StatusCode::NO_CONTENT)
-}
-
-/// Removes files whose rows are gone, or never came.
-pub async fn remove_files(state: &AppState, file: StoredFile) -> Result<(), Problem> {
-    Ok(state.context.storage().remove(file).await?)
-}
-
-/// Takes models that the database has forgotten out of the gallery, and removes their files.
-pub async fn forget(state: &AppState, deleted: Deleted) -> Result<(), Problem> {
-    Ok(models::forget(&state.context.storage(), &state.context.gallery, deleted).await?)
 }

@@ -1,6 +1,6 @@
 //! Verdicts on models as they go over the wire: figures, landmarks, the reason for a no.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::BTreeMap;
 
 use serde::Serialize;
 use utoipa::ToSchema;
@@ -8,11 +8,11 @@ use utoipa::ToSchema;
 use super::problem::Problem;
 use super::queries::MethodView;
 use super::schemas::{Corners, Landmarks};
-use super::standards;
 use super::state::AppState;
 use visage_domain::{ModelRecord, StandardRecord, StoredVerdict};
 use visage_gallery::{Comparison, Evidence, Reason, SAME_PERSON_MM};
 use visage_geometry::Point3;
+use visage_service::app::standards;
 use visage_shape::classes::Found;
 use visage_shape::classes::limit::{self, Learned};
 use visage_shape::faces::{MatchMethod, Signature, Standard, judge, judgement, standard, verification};
@@ -173,18 +173,9 @@ pub async fn on_model(state: &AppState, model: &ModelRecord) -> Result<Vec<Verdi
     let content = state.context.database.signature(model.id).await?;
     let signature = content.and_then(|content| Signature::from_bytes(&content).ok());
     let mut views: Vec<VerdictView> = signature.iter().map(VerdictView::of_face).collect();
-    let verdicts = state.context.database.verdicts_on(model.id).await?;
-    if verdicts.is_empty() {
-        return Ok(views);
-    }
-    let standards: HashMap<_, _> =
-        state.context.database.standards().await?.into_iter().map(|standard| (standard.id, standard)).collect();
-    for verdict in verdicts {
-        if let Some(standard) = standards.get(&verdict.standard_id) {
-            let learned = standards::learned(state, standard.id).await?;
-            views.push(VerdictView::of_class(standard, &learned, &verdict, None));
-        }
-    }
+    let judged = standards::verdicts_on(&state.context, model.id).await?;
+    let by_class = |(standard, learned, verdict): &_| VerdictView::of_class(standard, learned, verdict, None);
+    views.extend(judged.iter().map(by_class));
     Ok(views)
 }
 

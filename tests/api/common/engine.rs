@@ -5,10 +5,10 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, OnceLock};
 use std::time::{Duration, Instant};
 
+use visage::app::engine::{Engine, PipelineEngine};
 use visage::classes::{Class, Found};
 use visage::faces::{DescribeError, Signature};
 use visage::geometry::{Cloud, Motion, Surface, Unit, se3};
-use visage::jobs::engine::{Engine, PipelineEngine};
 use visage::pipeline::{ModelCloud, NamedScan, Options, PipelineError, RegisteredModel, Start};
 use visage::progress::{Progress, Stage};
 

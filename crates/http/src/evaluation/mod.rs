@@ -2,8 +2,6 @@
 
 mod views;
 
-use std::collections::BTreeMap;
-
 use axum::Json;
 use axum::extract::State;
 use axum::http::header;
@@ -16,17 +14,12 @@ use super::extract::Query;
 use super::problem::{Code, Problem};
 use super::queries::{MethodView, unknown_standard, verified_alone};
 use super::responses;
-use super::standards::ranking;
 use super::state::AppState;
 use views::Evaluation;
-use visage_domain::StoredVerdict;
-use visage_gallery::ModelId;
-use visage_service::app::evaluations::{self, EvaluationError, Labels, Question};
+use visage_service::app::evaluations::{self, EvaluationError, Question};
 use visage_shape::faces::standard;
 
 const TAG: &str = "queries";
-/// With more labelled models than this the gallery is evaluated label by label.
-const MOST_MODELS: usize = 20_000;
 
 /// The routes of this resource.
 pub fn router() -> OpenApiRouter<AppState> {
@@ -95,57 +88,35 @@ async fn evaluated(state: &AppState, query: EvaluationQuery) -> Result<(Asked, e
 }
 
 async fn evaluate(state: &AppState, query: EvaluationQuery) -> Result<(Asked, evaluations::Evaluation), Problem> {
-    state.context.database.settled().await;
-    let name = query.standard.unwrap_or_else(|| "face".to_owned());
-    let judged = match standard::by_name(&name) {
-        Some(_) => None,
-        // one that a user has made: as far as models are judged
-        None => Some(scores_of_class(state, &name, query.method).await?),
-    };
-    let _turn = state.evaluating.clone().acquire_owned().await.map_err(Problem::internal)?;
-    let method = query.method.unwrap_or_default();
-    let label = query.label.unwrap_or_else(|| name.clone());
-    let labels = labels(state, query.label_prefix.as_deref().unwrap_or_default())?;
-    let question = Question { method: method.into(), judged, label };
-    let (database, gallery) = (state.context.database.as_ref(), &state.context.gallery);
-    let evaluation = evaluations::run(database, gallery, labels, question).await?;
-    if evaluation.verdicts.is_none() && evaluation.rankings.is_none() {
-        let detail = format!(
-            "of {} labelled model(s) neither can two be told from two others by the label, nor do two share one",
-            evaluation.models
-        );
-        let hint = "give models labels: at least two of a class, and two of another";
-        return Err(Problem::new(Code::TooFewLabels, detail, hint));
+    let standard = query.standard.unwrap_or_else(|| "face".to_owned());
+    if standard::by_name(&standard).is_none() {
+        verified_alone(&standard, query.method)?;
     }
-    Ok((Asked { standard: name, method }, evaluation))
-}
-
-/// The scores of all models that are judged against a standard that a user has made.
-async fn scores_of_class(
-    state: &AppState,
-    name: &str,
-    method: Option<MethodView>,
-) -> Result<BTreeMap<ModelId, f64>, Problem> {
-    verified_alone(name, method)?;
-    let ranking = ranking(state, name, i64::MAX as usize).await?.ok_or_else(|| unknown_standard(name))?;
-    let score = |verdict: &StoredVerdict| (verdict.model_id.number(), ranking.learned.score(verdict.residual_mm));
-    Ok(ranking.verdicts.iter().map(score).collect())
+    let method = query.method.unwrap_or_default();
+    let question = Question {
+        method: method.into(),
+        label: query.label.unwrap_or_else(|| standard.clone()),
+        label_prefix: query.label_prefix.unwrap_or_default(),
+        standard: standard.clone(),
+    };
+    Ok((Asked { standard, method }, evaluations::run(&state.context, question).await?))
 }
 
 impl From<EvaluationError> for Problem {
     fn from(error: EvaluationError) -> Self {
+        let detail = error.to_string();
         match error {
             EvaluationError::NotReady(error) => error.into(),
+            EvaluationError::UnknownStandard(name) => unknown_standard(&name),
+            EvaluationError::TooManyLabels => {
+                Problem::new(Code::TooManyLabels, detail, "ask for a part of the labels with label_prefix")
+            }
+            EvaluationError::TooFewLabels { .. } => {
+                let hint = "give models labels: at least two of a class, and two of another";
+                Problem::new(Code::TooFewLabels, detail, hint)
+            }
             EvaluationError::Database(error) => error.into(),
             EvaluationError::Task(error) => Problem::internal(error),
         }
     }
-}
-
-fn labels(state: &AppState, prefix: &str) -> Result<Labels, Problem> {
-    let labeled = state.context.gallery.catalogue().labeled(prefix, MOST_MODELS);
-    labeled.map(|labeled| labeled.into_iter().collect()).ok_or_else(|| {
-        let detail = format!("more than {MOST_MODELS} models have such a label");
-        Problem::new(Code::TooManyLabels, detail, "ask for a part of the labels with label_prefix")
-    })
 }

@@ -1,105 +1,72 @@
-//! Ranked matches with what is stored of their models.
+//! Ranked matches and verdicts as the API shows them.
 
-use std::collections::HashMap;
-
+use super::super::cursor;
 use super::super::model_views;
 use super::super::problem::Problem;
 use super::super::state::{AppState, blocking};
 use super::super::verdicts::{ExplanationView, VerdictView, places};
-use super::class;
-use super::question::{About, ClassVerdict, Question};
+use super::question::{Asked, ClassVerdict, GalleryQuestion, Verdict, unknown_standard};
 use super::views::{MatchView, QueryAnswer};
-use visage_domain::{MatchedModel, ModelId};
-use visage_gallery::{Evidence, Match, PROBE_MATCH_SCORE, Reason, compare, triangle_match_score};
-use visage_shape::faces::judgement::MATCH_SCORE;
-use visage_shape::faces::{MatchMethod, Signature, standard};
+use visage_domain::MatchedModel;
+use visage_gallery::{Evidence, Match};
+use visage_service::app::queries::{self, Answer, Grounds, Matches, QueryError};
 
-/// The answer of the gallery as it is at this moment.
-pub async fn answer(state: &AppState, question: Question) -> Result<QueryAnswer, Problem> {
-    state.context.database.settled().await;
-    if let About::Class { name } = &question.about {
-        return class::answer(state, &question, name).await;
+/// The answer to what is asked.
+pub async fn answer(state: &AppState, asked: Asked) -> Result<QueryAnswer, Problem> {
+    match asked {
+        Asked::Gallery(asked) => ask_gallery(state, asked).await,
+        Asked::Verdict(asked) => Ok(verdict(&asked)),
+        Asked::ClassVerdict(asked) => Ok(class_verdict(&asked)),
     }
-    let gallery = state.context.gallery.clone();
-    let search = move || {
-        let answer = gallery.ask(|index| (question.answer(index, &gallery.catalogue()), index.len()));
-        answer.map(|((matches, next_cursor), searched)| (question, matches, next_cursor, searched))
-    };
-    let (question, matches, next_cursor, searched) = blocking(search).await??;
-    let ids: Vec<ModelId> = matches.iter().map(|found| ModelId::from_number(found.model_id)).collect();
-    let models = state.context.database.matched_models(&ids).await?;
-    blocking(move || QueryAnswer {
-        matches: shown(&question, matches, models),
-        searched,
-        pending: 0,
-        next_cursor,
-        verdict: None,
-        explain: None,
+}
+
+async fn ask_gallery(state: &AppState, asked: GalleryQuestion) -> Result<QueryAnswer, Problem> {
+    let Answer { matches, searched, pending, next } = queries::ask(&state.context, &asked.question).await?;
+    let next_cursor = next.map(|rank| cursor::after(&asked.fingerprint, rank));
+    // signatures are read for it
+    blocking(move || {
+        let matches = match matches {
+            Matches::Found(matches) => {
+                matches.into_iter().map(|(found, model)| match_view(&asked, &found, model)).collect()
+            }
+            Matches::Judged { standard, learned, verdicts } => {
+                let threshold = asked.question.threshold;
+                let verdicts = verdicts.into_iter().map(|(verdict, model)| {
+                    judged_view(VerdictView::of_class(&standard, &learned, &verdict, threshold), model)
+                });
+                verdicts.collect()
+            }
+        };
+        QueryAnswer { matches, searched, pending, next_cursor, verdict: None, explain: None }
     })
     .await
 }
 
-/// The verdict on a probe, if that is what is asked for.
-pub fn verdict(question: &Question) -> Option<QueryAnswer> {
-    let (verdict, explain) = match &question.about {
-        About::Verdict { signature, standard, method } => {
-            let evidence = Evidence::new(signature, standard, *method, question.terms.threshold);
-            let explain = || ExplanationView::of(signature, standard, evidence.threshold, None);
-            (VerdictView::of(standard, &evidence), question.terms.explain.then(explain))
-        }
-        About::ClassVerdict(looked_for) => {
-            let ClassVerdict { standard, learned, found } = &**looked_for;
-            (VerdictView::of_found(standard, learned, Ok(found.as_ref()), question.terms.threshold), None)
-        }
-        _ => return None,
-    };
-    Some(QueryAnswer {
-        matches: Vec::new(),
-        searched: 0,
-        pending: 0,
-        next_cursor: None,
-        verdict: Some(verdict),
-        explain,
-    })
+fn verdict(asked: &Verdict) -> QueryAnswer {
+    let Verdict { signature, standard, method, threshold, explain } = asked;
+    let evidence = Evidence::new(signature, standard, *method, *threshold);
+    let explanation = || ExplanationView::of(signature, standard, evidence.threshold, None);
+    verdict_alone(VerdictView::of(standard, &evidence), explain.then(explanation))
 }
 
-/// The matches with their models; one that was deleted since the search is left out.
-fn shown(question: &Question, matches: Vec<Match>, models: Vec<MatchedModel>) -> Vec<MatchView> {
-    let mut models: HashMap<ModelId, MatchedModel> = models.into_iter().map(|model| (model.id, model)).collect();
-    let view = |found: Match| {
-        let model = models.remove(&ModelId::from_number(found.model_id))?;
-        Some(match_view(question, &found, model))
-    };
-    matches.into_iter().filter_map(view).collect()
+fn class_verdict(asked: &ClassVerdict) -> QueryAnswer {
+    let ClassVerdict { standard, learned, found, threshold } = asked;
+    verdict_alone(VerdictView::of_found(standard, learned, Ok(found.as_ref()), *threshold), None)
 }
 
-fn match_view(question: &Question, found: &Match, model: MatchedModel) -> MatchView {
-    let (standard, method) = match &question.about {
-        About::Standard { standard, method } | About::Verdict { standard, method, .. } => (*standard, *method),
-        About::Probe { .. } | About::Triangle(_) | About::Class { .. } | About::ClassVerdict(_) => {
-            (standard::face(), MatchMethod::Verified)
-        }
-    };
-    let is_about_standard = matches!(question.about, About::Standard { .. });
-    // what is stored beside the index: landmarks and figures are not kept in memory
-    let signature = model.signature.as_deref().and_then(|content| Signature::from_bytes(content).ok());
-    let threshold = question.terms.threshold.filter(|_| is_about_standard);
-    let evidence = signature.as_ref().map(|signature| Evidence::new(signature, &standard, method, threshold));
+fn verdict_alone(verdict: VerdictView, explain: Option<ExplanationView>) -> QueryAnswer {
+    QueryAnswer { matches: Vec::new(), searched: 0, pending: 0, next_cursor: None, verdict: Some(verdict), explain }
+}
+
+fn match_view(asked: &GalleryQuestion, found: &Match, model: MatchedModel) -> MatchView {
+    let question = &asked.question;
+    let Grounds { standard, signature, evidence, reason, comparison } =
+        Grounds::of(question, found, &model, asked.explain);
     let fit = evidence.as_ref().and_then(|evidence| evidence.verdict.fit);
     let has_triangle = |figure: f64| found.triangle.map(|_| figure).filter(|figure| figure.is_finite());
-    let threshold = threshold_of(question);
-    let reason = match (&evidence, is_about_standard) {
-        _ if found.is_match => None,
-        (Some(evidence), true) => evidence.reason(),
-        _ => Some(Reason::BelowThreshold { score: found.score, threshold }),
-    };
-    let explain = signature.as_ref().filter(|_| question.terms.explain).map(|signature| {
-        let comparison = match &question.about {
-            About::Probe { signature: probe, .. } => Some(compare(probe, signature)),
-            _ => None,
-        };
-        ExplanationView::of(signature, &standard, threshold, comparison)
-    });
+    let explained = signature.as_ref().filter(|_| asked.explain);
+    let explain =
+        explained.map(|signature| ExplanationView::of(signature, &standard, question.decisive_threshold(), comparison));
     MatchView {
         model_id: model.id.to_string(),
         name: model.name,
@@ -119,12 +86,33 @@ fn match_view(question: &Question, found: &Match, model: MatchedModel) -> MatchV
     }
 }
 
-/// The threshold that decides a question.
-fn threshold_of(question: &Question) -> f64 {
-    let own = || match question.about {
-        About::Standard { .. } | About::Class { .. } | About::Verdict { .. } | About::ClassVerdict(_) => MATCH_SCORE,
-        About::Probe { .. } => PROBE_MATCH_SCORE,
-        About::Triangle(_) => triangle_match_score(),
-    };
-    question.terms.threshold.unwrap_or_else(own)
+fn judged_view(verdict: VerdictView, model: MatchedModel) -> MatchView {
+    MatchView {
+        model_id: model.id.to_string(),
+        name: model.name,
+        label: model.facets.label,
+        unit: model.facets.unit.into(),
+        score: verdict.score,
+        is_match: verdict.is_match,
+        matching_error_mm: verdict.matching_error_mm,
+        sum_of_distances_mm: verdict.sum_of_distances_mm,
+        dense_residual_mm: verdict.dense_residual_mm,
+        coverage: verdict.coverage,
+        triangle: verdict.triangle,
+        landmarks: verdict.landmarks,
+        reason: verdict.reason,
+        explain: None,
+        href: model_views::address(model.id),
+    }
+}
+
+impl From<QueryError> for Problem {
+    fn from(error: QueryError) -> Self {
+        match error {
+            QueryError::NotReady(error) => error.into(),
+            QueryError::UnknownStandard(name) => unknown_standard(&name),
+            QueryError::Database(error) => error.into(),
+            QueryError::Task(error) => Problem::internal(error),
+        }
+    }
 }

@@ -2,11 +2,10 @@
 //!
 //! - `question`: what is asked, read from JSON or from a form; `triangle`: a bare triangle
 //! - `terms`: what every question may add: limit, threshold, filter
-//! - `answer`: ranked matches with what is stored of their models; `class`: those of a class that a user has made
+//! - `answer`: ranked matches and verdicts
 //! - `views`: all of it as it goes over the wire
 
 mod answer;
-mod class;
 mod question;
 mod terms;
 mod triangle;
@@ -59,7 +58,7 @@ async fn ask(State(state): State<AppState>, request: Request) -> Result<Json<Que
     }
     let (body, _) = read_json::<QueryBody>(&state, request).await?;
     let question = question::of_json(&state, body).await?;
-    answer::answer(&state, question).await.map(Json)
+    answer::answer(&state, question::Asked::Gallery(question)).await.map(Json)
 }
 
 /// Ask which models are like an uploaded mesh or cloud, or judge it against a standard.
@@ -83,9 +82,6 @@ async fn ask_by_probe(State(state): State<AppState>, request: Request) -> Result
 
 async fn ask_form(state: AppState, request: Request) -> Result<Json<QueryAnswer>, Problem> {
     let form = upload::read_form(&state, request, &question::RULES).await?;
-    let question = question::of_form(&state, form).await?;
-    match answer::verdict(&question) {
-        Some(verdict) => Ok(Json(verdict)),
-        None => answer::answer(&state, question).await.map(Json),
-    }
+    let asked = question::of_form(&state, form).await?;
+    answer::answer(&state, asked).await.map(Json)
 }

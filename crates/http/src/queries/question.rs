@@ -3,17 +3,17 @@
 use super::super::cursor::{self, Fingerprint};
 use super::super::models::parse_id as parse_model_id;
 use super::super::problem::{Code, Problem};
-use super::super::standards::learned;
 use super::super::state::AppState;
 use super::super::upload::{self, Form, FormRules};
 use super::super::{describe, names};
 use super::terms::{RawTerms, Terms};
-use super::triangle::AskedTriangle;
+use super::triangle::triangle_probe;
 use super::views::{MethodView, QueryBody};
 use visage_domain::{ModelId, StandardRecord};
-use visage_gallery::{Catalogue, Gallery, Match, MatchMethod, Rank, TopK};
+use visage_gallery::MatchMethod;
 use visage_geometry::{Surface, Unit};
-use visage_service::storage::DatabaseError;
+use visage_service::app::queries::{About, Question};
+use visage_service::app::standards;
 use visage_shape::classes::limit::Learned;
 use visage_shape::classes::{Class, Found};
 use visage_shape::faces::Signature;
@@ -26,52 +26,38 @@ pub const RULES: FormRules = FormRules {
     texts: &["unit", "standard", "method", "limit", "threshold", "only_matches", "cursor", "filter", "explain"],
 };
 
-/// A question: about what, and on which terms.
-pub struct Question {
-    /// About what.
-    pub about: About,
-    /// On which terms.
-    pub terms: Terms,
-    /// Where the page before ended.
-    pub after: Option<Rank>,
+/// What a request asks.
+pub enum Asked {
+    /// Which models of the gallery are of a class, or like something?
+    Gallery(GalleryQuestion),
+    /// Is this probe of the class?
+    Verdict(Box<Verdict>),
+    /// Is this probe of a class that a user has made?
+    ClassVerdict(Box<ClassVerdict>),
+}
+
+/// A question to the gallery, as it came over the wire.
+pub struct GalleryQuestion {
+    /// The question.
+    pub question: Question,
+    /// Whether to tell each step's figure.
+    pub explain: bool,
     /// What a cursor of this question carries.
     pub fingerprint: Fingerprint,
 }
 
-/// What is asked about.
-pub enum About {
-    /// Which models are of this class?
-    Standard {
-        /// The class.
-        standard: Standard,
-        /// How they are judged.
-        method: MatchMethod,
-    },
-    /// Which models are of this class that a user has made?
-    Class {
-        /// The name or id of its standard.
-        name: String,
-    },
-    /// Which models are like this one?
-    Probe {
-        /// The probe.
-        signature: Box<Signature>,
-        /// Its id, if it is stored.
-        stored: Option<ModelId>,
-    },
-    /// On which models does this triangle occur?
-    Triangle(AskedTriangle),
-    /// Is this probe of the class?
-    Verdict {
-        /// The probe.
-        signature: Box<Signature>,
-        /// The class.
-        standard: Standard,
-        /// How it is judged.
-        method: MatchMethod,
-    },
-    /// Is this probe of a class that a user has made?
-    ClassVerdict(Box<ClassVerdict>),
+/// An uploaded probe that is held against a built-in class.
+pub struct Verdict {
+    /// The probe.
+    pub signature: Signature,
+    /// The class.
+    pub standard: Standard,
+    /// How it is judged.
+    pub method: MatchMethod,
+    /// The score from which on it is a match.
+    pub threshold: Option<f64>,
+    /// Whether to tell each step's figure.
+    pub explain: bool,
 }
 
 /// An uploaded probe that was looked at for a class that a user has made.
@@ -82,52 +68,17 @@ pub struct ClassVerdict {
     pub learned: Learned,
     /// Where it was found, if anywhere.
     pub found: Option<Found>,
+    /// The score from which on it is a match.
+    pub threshold: Option<f64>,
 }
 
-impl Question {
-    fn new(about: About, terms: Terms) -> Result<Question, Problem> {
+impl GalleryQuestion {
+    fn new(about: About, terms: Terms) -> Result<GalleryQuestion, Problem> {
         let fingerprint = fingerprint(&about, &terms);
         let after = terms.cursor.as_deref().map(|text| cursor::read(text, &fingerprint)).transpose()?;
-        Ok(Question { about, terms, after, fingerprint })
-    }
-
-    /// The part of the ranking that is asked for.
-    pub fn top_k<'a>(&self, accepts: &'a (dyn Fn(u128) -> bool + Sync)) -> TopK<'a> {
-        TopK {
-            // one more tells whether there is another page
-            limit: self.terms.limit + 1,
-            after: self.after,
-            threshold: self.terms.threshold,
-            only_matches: self.terms.only_matches,
-            accepts,
-        }
-    }
-
-    /// The ranked matches, and where the next page begins.
-    pub fn answer(&self, gallery: &Gallery, catalogue: &Catalogue) -> (Vec<Match>, Option<String>) {
-        let terms = &self.terms;
-        let accepts = |id| catalogue.takes(&terms.filter, id);
-        let top_k = self.top_k(&accepts);
-        let mut matches = match &self.about {
-            About::Standard { standard, method } => {
-                gallery.by_standard(standard.name, *method, &top_k).unwrap_or_default()
-            }
-            About::Probe { signature, stored } => gallery.by_probe(signature, stored.map(ModelId::number), &top_k),
-            About::Triangle(triangle) => {
-                let mut matches = gallery.by_triangle(triangle.corners, triangle.outward, &top_k);
-                for found in &mut matches {
-                    found.matching_error_mm *= triangle.error_factor;
-                    found.sum_of_distances_mm *= triangle.error_factor;
-                }
-                matches
-            }
-            About::Verdict { .. } | About::Class { .. } | About::ClassVerdict(_) => Vec::new(),
-        };
-        let more = matches.len() > terms.limit;
-        matches.truncate(terms.limit);
-        let rank = |last: &Match| Rank { score: last.score, model_id: last.model_id };
-        let next = matches.last().filter(|_| more).map(|last| cursor::after(&self.fingerprint, rank(last)));
-        (matches, next)
+        let Terms { limit, threshold, only_matches, filter, explain, .. } = terms;
+        let question = Question { about, limit, threshold, only_matches, filter, after };
+        Ok(GalleryQuestion { question, explain, fingerprint })
     }
 }
 
@@ -138,14 +89,13 @@ fn fingerprint(about: &About, terms: &Terms) -> Fingerprint {
         About::Probe { signature, stored } => [format!("probe {stored:?}").into_bytes(), signature.to_bytes()].concat(),
         About::Triangle(triangle) => format!("triangle {triangle:?}").into_bytes(),
         About::Class { name } => format!("class {name}").into_bytes(),
-        About::Verdict { .. } | About::ClassVerdict(_) => Vec::new(),
     };
     let terms = format!("{:?} {:?} {:?}", terms.threshold, terms.only_matches, terms.filter);
     cursor::fingerprint(&[&asked, terms.as_bytes()])
 }
 
 /// The question that a JSON body asks.
-pub async fn of_json(state: &AppState, body: QueryBody) -> Result<Question, Problem> {
+pub async fn of_json(state: &AppState, body: QueryBody) -> Result<GalleryQuestion, Problem> {
     let QueryBody { standard, model_id, triangle, method, .. } = body;
     let terms = RawTerms {
         limit: body.limit,
@@ -172,18 +122,18 @@ pub async fn of_json(state: &AppState, body: QueryBody) -> Result<Question, Prob
             let id = parse_model_id(&id)?;
             About::Probe { signature: Box::new(stored_signature(state, id).await?), stored: Some(id) }
         }
-        (None, None, Some(triangle)) => About::Triangle(AskedTriangle::new(triangle)?),
+        (None, None, Some(triangle)) => About::Triangle(triangle_probe(triangle)?),
         _ => {
             let detail = "a query names exactly one of standard, model_id and triangle";
             let hint = "send {\"standard\": \"face\"}, {\"model_id\": \"...\"} or {\"triangle\": [[x, y, z], ...]}";
             return Err(Problem::new(Code::InvalidField, detail, hint));
         }
     };
-    Question::new(about, terms)
+    GalleryQuestion::new(about, terms)
 }
 
 /// The question that a form with a probe asks.
-pub async fn of_form(state: &AppState, mut form: Form) -> Result<Question, Problem> {
+pub async fn of_form(state: &AppState, mut form: Form) -> Result<Asked, Problem> {
     let terms = RawTerms::of_form(&form)?.checked()?;
     let unit = form.text("unit")?.map(names::unit).transpose()?.unwrap_or_default();
     let standard = form.text("standard")?.map(|name| name.trim().to_owned());
@@ -193,6 +143,9 @@ pub async fn of_form(state: &AppState, mut form: Form) -> Result<Question, Probl
         return Err(Problem::new(Code::InvalidField, detail, "name a standard, or leave it out"));
     }
     // before the work
+    if standard.is_some() {
+        no_pages(&terms)?;
+    }
     let class = match &standard {
         Some(name) if standard::by_name(name).is_none() => {
             verified_alone(name, method)?;
@@ -206,19 +159,27 @@ pub async fn of_form(state: &AppState, mut form: Form) -> Result<Question, Probl
     })?;
     let turn = describe::turn(state, &file).await?;
     let (file, surface) = upload::read_surface(state, file).await?;
-    let about = match class {
+    if let Some(standard) = class {
+        let verdict = looked_for(state, turn, &file.name, surface, unit, standard, terms.threshold).await?;
+        return Ok(Asked::ClassVerdict(Box::new(verdict)));
+    }
+    let signature = describe::describe(state, turn, &file.name, surface, unit).await?;
+    match standard.as_deref().and_then(standard::by_name) {
         Some(standard) => {
-            About::ClassVerdict(Box::new(looked_for(state, turn, &file.name, surface, unit, standard).await?))
+            let (method, Terms { threshold, explain, .. }) = (method.unwrap_or_default().into(), terms);
+            Ok(Asked::Verdict(Box::new(Verdict { signature, standard, method, threshold, explain })))
         }
         None => {
-            let signature = Box::new(describe::describe(state, turn, &file.name, surface, unit).await?);
-            match standard.as_deref().and_then(standard::by_name) {
-                Some(standard) => About::Verdict { signature, standard, method: method.unwrap_or_default().into() },
-                None => About::Probe { signature, stored: None },
-            }
+            let about = About::Probe { signature: Box::new(signature), stored: None };
+            GalleryQuestion::new(about, terms).map(Asked::Gallery)
         }
-    };
-    Question::new(about, terms)
+    }
+}
+
+/// A verdict has one page, so no cursor is one of its.
+fn no_pages(terms: &Terms) -> Result<(), Problem> {
+    let read = |text| cursor::read(text, &cursor::fingerprint(&[b"verdict"]));
+    terms.cursor.as_deref().map(read).transpose().map(drop)
 }
 
 /// Other methods than the default are for the built-in face.
@@ -232,10 +193,8 @@ pub fn verified_alone(name: &str, method: Option<MethodView>) -> Result<(), Prob
 
 /// The standard of this name that a user has made.
 async fn class_named(state: &AppState, name: &str) -> Result<StandardRecord, Problem> {
-    let standard = match state.context.database.standard(name).await {
-        Err(DatabaseError::NotFound { .. }) => return Err(unknown_standard(name)),
-        found => found?,
-    };
+    let found = standards::named(&state.context, name).await?;
+    let standard = found.ok_or_else(|| unknown_standard(name))?;
     if standard.class.version != Class::VERSION {
         let detail = format!("the standard {name} is of another version and is being made anew");
         return Err(
@@ -253,11 +212,12 @@ async fn looked_for(
     surface: Surface,
     unit: Unit,
     standard: StandardRecord,
+    threshold: Option<f64>,
 ) -> Result<ClassVerdict, Problem> {
-    let learned = learned(state, standard.id).await?;
+    let learned = standards::learned(&state.context, standard.id).await?;
     let looking = describe::computed(state, turn, move |engine, progress| {
         let found = engine.find(&[&standard.class], &surface, unit, progress)?.into_iter().next().flatten();
-        Ok(ClassVerdict { standard, learned, found })
+        Ok(ClassVerdict { standard, learned, found, threshold })
     });
     looking.await.map_err(|problem| problem.scan(file))
 }

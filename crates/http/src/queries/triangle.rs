@@ -3,55 +3,43 @@
 use super::super::problem::{Code, Problem};
 use super::views::{ToldTriangle, TriangleView};
 use visage_geometry::{Point3, Unit, Vector3};
+use visage_service::app::queries::TriangleProbe;
 use visage_shape::faces::{Standard, Triangle};
-
-/// A triangle that can be asked about.
-#[derive(Debug, Clone, PartialEq)]
-pub struct AskedTriangle {
-    /// Its corners, in units of its own size about their mean.
-    pub corners: [Point3; 3],
-    /// The direction that is outside, if it matters.
-    pub outward: Option<Vector3>,
-    /// What errors on the standard face's triangle are multiplied with.
-    pub error_factor: f64,
-}
 
 /// Corners nearer to one line than this share of the triangle's size are refused: which way they run is noise.
 const LEAST_HEIGHT: f64 = 1e-6;
 
-impl AskedTriangle {
-    /// The triangle, if it is one.
-    pub fn new(view: TriangleView) -> Result<AskedTriangle, Problem> {
-        let told = match view {
-            TriangleView::Corners(corners) => ToldTriangle { corners: Some(corners), ..ToldTriangle::default() },
-            TriangleView::Told(told) => told,
-        };
-        let corners = match (told.corners, told.sides) {
-            (Some(corners), None) => corners.map(Point3::from),
-            (None, Some(_)) if told.outward.is_some() => {
-                return Err(refused("has sides and an outward direction: sides have no frame"));
-            }
-            (None, Some(sides)) => of_sides(sides).ok_or_else(|| refused("has sides that don't close"))?,
-            _ => return Err(refused("must have either corners or sides")),
-        };
-        let outward = told.outward.map(Vector3::from);
-        let middle = corners.iter().map(|p| p.coords / 3.0).sum::<Vector3>();
-        let size = Triangle::new(corners).size();
-        if !size.is_normal() || !middle.iter().all(|x| x.is_finite()) {
-            return Err(refused("has corners in one place, or too far away to compute with"));
+/// The triangle, if it is one.
+pub fn triangle_probe(view: TriangleView) -> Result<TriangleProbe, Problem> {
+    let told = match view {
+        TriangleView::Corners(corners) => ToldTriangle { corners: Some(corners), ..ToldTriangle::default() },
+        TriangleView::Told(told) => told,
+    };
+    let corners = match (told.corners, told.sides) {
+        (Some(corners), None) => corners.map(Point3::from),
+        (None, Some(_)) if told.outward.is_some() => {
+            return Err(refused("has sides and an outward direction: sides have no frame"));
         }
-        let corners = corners.map(|p| Point3::from((p.coords - middle) / size));
-        let [a, b, c] = corners;
-        let normal = (b - a).cross(&(c - a));
-        if normal.norm() < LEAST_HEIGHT {
-            return Err(refused("has its corners in one line"));
-        }
-        if outward.is_some_and(|outward| !(outward.norm().is_normal() && outward.dot(&normal) != 0.0)) {
-            return Err(refused("has an outward direction that lies in its plane"));
-        }
-        let error_factor = Unit::from(told.unit).in_mm().map_or(1.0, |mm| size * mm / Standard::face_size());
-        Ok(AskedTriangle { corners, outward, error_factor })
+        (None, Some(sides)) => of_sides(sides).ok_or_else(|| refused("has sides that don't close"))?,
+        _ => return Err(refused("must have either corners or sides")),
+    };
+    let outward = told.outward.map(Vector3::from);
+    let middle = corners.iter().map(|p| p.coords / 3.0).sum::<Vector3>();
+    let size = Triangle::new(corners).size();
+    if !size.is_normal() || !middle.iter().all(|x| x.is_finite()) {
+        return Err(refused("has corners in one place, or too far away to compute with"));
     }
+    let corners = corners.map(|p| Point3::from((p.coords - middle) / size));
+    let [a, b, c] = corners;
+    let normal = (b - a).cross(&(c - a));
+    if normal.norm() < LEAST_HEIGHT {
+        return Err(refused("has its corners in one line"));
+    }
+    if outward.is_some_and(|outward| !(outward.norm().is_normal() && outward.dot(&normal) != 0.0)) {
+        return Err(refused("has an outward direction that lies in its plane"));
+    }
+    let error_factor = Unit::from(told.unit).in_mm().map_or(1.0, |mm| size * mm / Standard::face_size());
+    Ok(TriangleProbe { corners, outward, error_factor })
 }
 
 fn refused(why: &str) -> Problem {
@@ -77,8 +65,8 @@ mod tests {
     use super::super::super::scan_set_views::UnitView;
     use super::*;
 
-    fn told(triangle: ToldTriangle) -> Result<AskedTriangle, Problem> {
-        AskedTriangle::new(TriangleView::Told(triangle))
+    fn told(triangle: ToldTriangle) -> Result<TriangleProbe, Problem> {
+        triangle_probe(TriangleView::Told(triangle))
     }
 
     #[test]

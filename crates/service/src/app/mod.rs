@@ -1,11 +1,24 @@
 //! What the service can do, whoever asks for it: no HTTP, no SQL, no paths.
 //!
-//! - [`models`]: finished models are added and deleted
+//! - [`scan_sets`], [`models`], [`standards`]: they come with their files, change, and go
+//! - [`orders`]: jobs are ordered, stopped, tried again
+//! - [`queries`]: the gallery is asked
 //! - [`evaluations`]: how well the gallery's answers agree with its labels
 //! - [`live_gallery`]: the stored signatures, searchable in memory
+//! - [`engine`]: the seam to the algorithms (tests put slow or failing ones in)
+//! - [`monitor`]: what runs now, for cancel and for those who wait; [`tracker`]: its progress, with a clock
+//! - [`context`]: what all of these share
 
 #![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used))]
 
+pub mod context;
+pub mod engine;
 pub mod evaluations;
 pub mod live_gallery;
 pub mod models;
+pub mod monitor;
+pub mod orders;
+pub mod queries;
+pub mod scan_sets;
+pub mod standards;
+pub mod tracker;

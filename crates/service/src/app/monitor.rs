@@ -61,7 +61,7 @@ pub struct JobMonitor {
     changes: watch::Sender<u64>,
     work: Notify,
     /// One worker claims at a time: what the next may claim depends on what the one before has.
-    pub(super) claiming: tokio::sync::Mutex<()>,
+    pub(crate) claiming: tokio::sync::Mutex<()>,
 }
 
 impl Default for JobMonitor {
@@ -94,28 +94,28 @@ impl JobMonitor {
     }
 
     /// Waits for a job to be announced.
-    pub(super) async fn work_announced(&self) {
+    pub(crate) async fn work_announced(&self) {
         self.work.notified().await;
     }
 
     /// Says that a worker lives for as long as the answer does.
-    pub(super) fn hire(self: &Arc<Self>, id: WorkerId) -> Hired {
+    pub(crate) fn hire(self: &Arc<Self>, id: WorkerId) -> Hired {
         self.workers().insert(id);
         Hired { monitor: self.clone(), id }
     }
 
     /// The workers that live.
-    pub(super) fn living(&self) -> Vec<WorkerId> {
+    pub(crate) fn living(&self) -> Vec<WorkerId> {
         self.workers().iter().copied().collect()
     }
 
     /// Points of the scans of all jobs that run.
-    pub(super) fn running_points(&self) -> u64 {
+    pub(crate) fn running_points(&self) -> u64 {
         self.lock().values().map(|running| running.points).sum()
     }
 
     /// Shows a job as running for as long as the answer lives.
-    pub(super) fn enter(self: &Arc<Self>, id: JobId, kind: JobKind, points: u64) -> Entry {
+    pub(crate) fn enter(self: &Arc<Self>, id: JobId, kind: JobKind, points: u64) -> Entry {
         let bell = Arc::downgrade(self);
         let ring = move || {
             if let Some(monitor) = bell.upgrade() {
@@ -164,7 +164,7 @@ impl JobMonitor {
 
 /// A worker that lives.
 #[derive(Debug)]
-pub(super) struct Hired {
+pub(crate) struct Hired {
     monitor: Arc<JobMonitor>,
     id: WorkerId,
 }
@@ -179,11 +179,11 @@ impl Drop for Hired {
 
 /// A running job's entry in the monitor.
 #[derive(Debug)]
-pub(super) struct Entry {
+pub(crate) struct Entry {
     monitor: Arc<JobMonitor>,
     id: JobId,
-    pub(super) tracker: Arc<Tracker>,
-    pub(super) stop: Arc<StopFlag>,
+    pub(crate) tracker: Arc<Tracker>,
+    pub(crate) stop: Arc<StopFlag>,
 }
 
 impl Drop for Entry {

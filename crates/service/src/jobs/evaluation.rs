@@ -8,8 +8,8 @@ use std::sync::Arc;
 
 use tokio::runtime::Handle;
 
-use super::engine::Engine;
 use super::work::{WorkError, stored};
+use crate::app::engine::Engine;
 use crate::app::live_gallery::LiveGallery;
 use crate::config::Limits;
 use crate::storage::{Database, DatabaseError, ObjectError, ObjectStore};

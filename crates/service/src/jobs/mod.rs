@@ -2,9 +2,6 @@
 //!
 //! - [`admission`]: which scan sets may become a job
 //! - [`memory`]: whether a registration fits into it
-//! - [`engine`]: the seam to the algorithms (tests put slow or failing ones in)
-//! - [`tracker`]: the progress sink with a clock
-//! - [`monitor`]: what runs now, for cancel and for those who wait
 //! - [`work`]: one job from scans to stored files, on its own thread and rayon pool
 //! - `evaluation`: stored models judged against standards, and old signatures made anew
 //! - [`artifacts`]: the files of a model as bytes
@@ -16,10 +13,7 @@
 
 pub mod admission;
 pub mod artifacts;
-pub mod engine;
 mod evaluation;
 pub mod memory;
-pub mod monitor;
 pub mod runner;
-pub mod tracker;
 mod work;

@@ -3,7 +3,6 @@
 //! Each worker is an async task that owns at most one job; the job itself runs on a thread of its own (`work`).
 //! A worker claims nothing after a stop was asked for, and gives its job back instead of failing it.
 
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
@@ -12,53 +11,18 @@ use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 use tracing::Instrument;
 
-use super::engine::Engine;
 use super::evaluation::Evaluation;
 use super::memory::{Budget, TooLarge};
-use super::monitor::{Entry, JobMonitor, StopReason};
 use super::work::{Made, Work, WorkError, pooled};
-use crate::app::live_gallery::LiveGallery;
-use crate::config::{QueueTiming, ServerConfig};
-use crate::storage::inventory::Storage;
-use crate::storage::{Database, DatabaseError, ObjectStore};
+use crate::app::context::ServiceContext;
+use crate::app::monitor::{Entry, StopReason};
+use crate::config::QueueTiming;
+use crate::storage::DatabaseError;
 use visage_domain::{Claimant, Finish, JobClaim, JobError, StoredFile, WorkerId};
 use visage_geometry::progress::Progress;
 
 /// How long a worker waits after the database has failed it, or when the machine is out of something.
 const PAUSE_AFTER_ERROR: Duration = Duration::from_secs(1);
-
-/// What the workers share.
-#[derive(Clone)]
-pub struct ServiceContext {
-    /// What is kept besides files: the queue and all else.
-    pub database: Arc<dyn Database>,
-    /// The files.
-    pub objects: Arc<dyn ObjectStore>,
-    /// The index that new models go into.
-    pub gallery: LiveGallery,
-    /// The algorithms.
-    pub engine: Arc<dyn Engine>,
-    /// What runs now.
-    pub monitor: Arc<JobMonitor>,
-    /// Threads, limits and clocks.
-    pub config: Arc<ServerConfig>,
-}
-
-impl ServiceContext {
-    /// The database and the files.
-    pub fn storage(&self) -> Storage {
-        Storage { database: self.database.clone(), objects: self.objects.clone() }
-    }
-}
-
-impl std::fmt::Debug for ServiceContext {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("ServiceContext")
-            .field("objects", &self.objects)
-            .field("config", &self.config)
-            .finish_non_exhaustive()
-    }
-}
 
 /// The running workers.
 #[derive(Debug)]

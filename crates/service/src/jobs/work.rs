@@ -9,9 +9,9 @@ use rayon::prelude::*;
 use tokio::runtime::Handle;
 
 use super::admission::Plan;
-use super::engine::Engine;
-use super::tracker::Tracker;
 use super::{admission, artifacts};
+use crate::app::engine::Engine;
+use crate::app::tracker::Tracker;
 use crate::config::Limits;
 use crate::panics::panic_message;
 use crate::storage::{Database, DatabaseError, ObjectError, ObjectStore, StagedModel};

@@ -145,6 +145,18 @@ impl Storage {
         self.blocking(move |objects: &dyn ObjectStore| objects.remove(file)).await
     }
 
+    /// What the database has answered about the row of a file that has its place already. If the row was refused, the file is
+    /// removed; whether a failed commit took place is not known: then the file stays, and is removed later if it has no row.
+    pub async fn or_remove<T>(&self, file: StoredFile, answer: Result<T, DatabaseError>) -> Result<T, StorageError> {
+        match answer {
+            Err(refused) if !refused.leaves_in_doubt() => {
+                self.remove(file).await?;
+                Err(refused.into())
+            }
+            answer => Ok(answer?),
+        }
+    }
+
     async fn listing(&self) -> Result<BTreeSet<StoredFile>, StorageError> {
         let files = self.blocking(|objects: &dyn ObjectStore| objects.listing()).await?;
         Ok(files.into_iter().collect())
@@ -155,8 +167,8 @@ impl Storage {
         &self,
         work: impl FnOnce(&dyn ObjectStore) -> Result<T, ObjectError> + Send + 'static,
     ) -> Result<T, StorageError> {
-        let objects = Arc::clone(&self.objects);
-        Ok(tokio::task::spawn_blocking(move || work(objects.as_ref())).await??)
+        let (objects, span) = (Arc::clone(&self.objects), tracing::Span::current());
+        Ok(tokio::task::spawn_blocking(move || span.in_scope(|| work(objects.as_ref()))).await??)
     }
 }
 

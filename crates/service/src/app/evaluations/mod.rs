@@ -10,10 +10,17 @@ mod verdicts;
 
 use std::collections::BTreeMap;
 
-use super::live_gallery::{LiveGallery, NotReady};
-use crate::storage::{Database, DatabaseError};
+use super::context::ServiceContext;
+use super::live_gallery::NotReady;
+use super::standards;
+use crate::storage::DatabaseError;
+use visage_domain::StoredVerdict;
 use visage_gallery::measures::{RankingMeasures, RocPoint};
 use visage_gallery::{MatchMethod, ModelId};
+use visage_shape::faces::standard::by_name;
+
+/// With more labelled models than this the gallery is evaluated label by label.
+const MOST_MODELS: usize = 20_000;
 
 pub use plot::svg;
 
@@ -23,12 +30,14 @@ pub type Labels = BTreeMap<ModelId, Box<str>>;
 /// What is to be evaluated.
 #[derive(Debug, Clone)]
 pub struct Question {
-    /// How models are judged against the built-in face.
+    /// The class whose verdicts are evaluated: a built-in one, or one that a user has made.
+    pub standard: String,
+    /// How models are judged against a built-in one.
     pub method: MatchMethod,
-    /// Scores against a standard that a user has made, if that is asked about instead.
-    pub judged: Option<BTreeMap<ModelId, f64>>,
     /// The label that counts as of the class.
     pub label: String,
+    /// Only models whose label begins so.
+    pub label_prefix: String,
 }
 
 /// All figures.
@@ -95,6 +104,18 @@ pub enum EvaluationError {
     /// The index is still being loaded.
     #[error(transparent)]
     NotReady(#[from] NotReady),
+    /// There is no standard of this name.
+    #[error("there is no standard {0:?}")]
+    UnknownStandard(String),
+    /// They can't be held in memory at once.
+    #[error("more than {MOST_MODELS} models have such a label")]
+    TooManyLabels,
+    /// There is nothing to compare.
+    #[error("of {models} labelled model(s) neither can two be told from two others by the label, nor do two share one")]
+    TooFewLabels {
+        /// The labelled models.
+        models: usize,
+    },
     /// The database.
     #[error(transparent)]
     Database(#[from] DatabaseError),
@@ -104,25 +125,43 @@ pub enum EvaluationError {
 }
 
 /// Evaluates the gallery as it is at this moment; may take minutes, and others can use it meanwhile.
-pub async fn run(
-    database: &dyn Database,
-    gallery: &LiveGallery,
-    labels: Labels,
-    question: Question,
-) -> Result<Evaluation, EvaluationError> {
-    let live = gallery.clone();
+pub async fn run(context: &ServiceContext, question: Question) -> Result<Evaluation, EvaluationError> {
+    context.database.settled().await;
+    let judged = match by_name(&question.standard) {
+        Some(_) => None,
+        None => Some(stored_scores(context, &question.standard).await?),
+    };
+    let _turn = context.evaluating.acquire().await;
+    let labels = labels(context, &question.label_prefix)?;
+    let live = context.gallery.clone();
     let work = move || {
         let of_face = verdicts::scores(&live, "face", question.method, &labels)?;
         // of those only that are in the index: others have signatures of another version
         let labels: Labels = labels.into_iter().filter(|(id, _)| of_face.contains_key(id)).collect();
-        let scores = question.judged.unwrap_or(of_face);
+        let scores = judged.unwrap_or(of_face);
         let verdicts = verdicts::evaluate(&question.label, &scores, &labels);
         Ok::<_, NotReady>((labels, verdicts))
     };
     let (labels, verdicts) = off_thread(work).await??;
-    let rankings = rankings::evaluate(database, gallery, &labels).await?;
+    let rankings = rankings::evaluate(context.database.as_ref(), &context.gallery, &labels).await?;
+    if verdicts.is_none() && rankings.is_none() {
+        return Err(EvaluationError::TooFewLabels { models: labels.len() });
+    }
     let classes: std::collections::BTreeSet<&str> = labels.values().map(AsRef::as_ref).collect();
     Ok(Evaluation { models: labels.len(), labels: classes.len(), verdicts, rankings })
+}
+
+/// The scores of all models that are judged against a standard that a user has made.
+async fn stored_scores(context: &ServiceContext, name: &str) -> Result<BTreeMap<ModelId, f64>, EvaluationError> {
+    let ranking = standards::ranking(context, name, i64::MAX as usize).await?;
+    let ranking = ranking.ok_or_else(|| EvaluationError::UnknownStandard(name.to_owned()))?;
+    let score = |verdict: &StoredVerdict| (verdict.model_id.number(), ranking.learned.score(verdict.residual_mm));
+    Ok(ranking.verdicts.iter().map(score).collect())
+}
+
+fn labels(context: &ServiceContext, prefix: &str) -> Result<Labels, EvaluationError> {
+    let labeled = context.gallery.catalogue().labeled(prefix, MOST_MODELS).ok_or(EvaluationError::TooManyLabels)?;
+    Ok(labeled.into_iter().collect())
 }
 
 /// Searches beside the async threads; what it says is of the request that asked.

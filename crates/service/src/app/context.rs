@@ -1,0 +1,87 @@
+//! What the use cases and the workers share.
+
+use std::sync::Arc;
+
+use tokio::sync::Semaphore;
+
+use super::engine::Engine;
+use super::live_gallery::LiveGallery;
+use super::monitor::JobMonitor;
+use crate::config::ServerConfig;
+use crate::storage::inventory::Storage;
+use crate::storage::{Database, ObjectStore};
+
+/// All that the service works with. Cheap to clone.
+#[derive(Clone)]
+pub struct ServiceContext {
+    /// What is kept besides files: the queue and all else.
+    pub database: Arc<dyn Database>,
+    /// The files.
+    pub objects: Arc<dyn ObjectStore>,
+    /// The index that new models go into.
+    pub gallery: LiveGallery,
+    /// The algorithms.
+    pub engine: Arc<dyn Engine>,
+    /// What runs now.
+    pub monitor: Arc<JobMonitor>,
+    /// Threads, limits and clocks.
+    pub config: Arc<ServerConfig>,
+    /// One evaluation of the gallery at a time.
+    pub(super) evaluating: Arc<Semaphore>,
+}
+
+impl ServiceContext {
+    /// A service that has just started: its gallery is yet to be loaded.
+    pub fn new(storage: Storage, engine: Arc<dyn Engine>, config: Arc<ServerConfig>) -> ServiceContext {
+        ServiceContext {
+            database: storage.database,
+            objects: storage.objects,
+            gallery: LiveGallery::default(),
+            engine,
+            monitor: Arc::default(),
+            config,
+            evaluating: Arc::new(Semaphore::new(1)),
+        }
+    }
+
+    /// The database and the files.
+    pub fn storage(&self) -> Storage {
+        Storage { database: self.database.clone(), objects: self.objects.clone() }
+    }
+}
+
+impl std::fmt::Debug for ServiceContext {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("ServiceContext")
+            .field("objects", &self.objects)
+            .field("config", &self.config)
+            .finish_non_exhaustive()
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod testing {
+    use super::*;
+    use crate::app::engine::PipelineEngine;
+    use crate::storage::conformance::memory::MemoryPlace;
+    use crate::storage::conformance::{DatabasePlace, ObjectPlace};
+    use crate::storage::sqlite::testing::SqlitePlace;
+    use visage_domain::SeatId;
+
+    /// A service with a database of its own and its files in memory; the database goes with the place.
+    pub async fn context() -> (ServiceContext, SqlitePlace) {
+        let (place, objects) = (SqlitePlace::new().await, MemoryPlace::new().open());
+        let storage = Storage { database: place.open(SeatId::new()).await, objects };
+        let config = ServerConfig::new(([127, 0, 0, 1], 0).into(), "");
+        let context = ServiceContext::new(storage, Arc::new(PipelineEngine), Arc::new(config));
+        context.gallery.load(context.database.as_ref()).await.expect("loaded");
+        (context, place)
+    }
+
+    /// A file that has arrived.
+    pub async fn file(context: &ServiceContext, content: &[u8]) -> crate::storage::StagedFile {
+        let mut writer = context.objects.receive().await.expect("staging");
+        writer.write(content).await.expect("written");
+        writer.finish().await.expect("arrived")
+    }
+}

@@ -1,0 +1,67 @@
+//! Jobs are ordered, stopped, tried again and deleted.
+
+use super::context::ServiceContext;
+use super::models;
+use super::scan_sets::{self, ReceivedScans};
+use crate::storage::DatabaseError;
+use crate::storage::inventory::StorageError;
+use visage_domain::{JobId, JobRecord, NewJob, NewScanSet, Replay, StoredFile};
+
+/// Queues a registration, with the answer that the client gets. A scan set that comes with it is stored with it: either both
+/// are or neither. Must run to its end.
+pub async fn register(
+    context: &ServiceContext,
+    job: &NewJob,
+    upload: Option<(NewScanSet, ReceivedScans)>,
+    replay: Option<&Replay>,
+) -> Result<(), StorageError> {
+    let most = context.config.limits.queued_jobs;
+    match upload {
+        Some((set, files)) => {
+            scan_sets::keep(context, set.id, files).await?;
+            let created = context.database.create_job(job, Some(&set), most, replay).await;
+            context.storage().or_remove(StoredFile::ScanSet(set.id), created).await?;
+        }
+        None => context.database.create_job(job, None, most, replay).await?,
+    }
+    context.monitor.announce_work();
+    Ok(())
+}
+
+/// Queues an evaluation, or answers with the one that waits.
+pub async fn evaluate(
+    context: &ServiceContext,
+    replay: &(dyn for<'r> Fn(&'r JobRecord) -> Option<Replay> + Send + Sync),
+) -> Result<JobRecord, DatabaseError> {
+    let job = context.database.demand_evaluation(replay).await?;
+    context.monitor.announce_work();
+    Ok(job)
+}
+
+/// A job as it stands now.
+pub async fn look_up(context: &ServiceContext, id: JobId) -> Result<JobRecord, DatabaseError> {
+    let mut job = context.database.job(id).await?;
+    context.monitor.refresh(&mut job);
+    Ok(job)
+}
+
+/// Stops a job: at once if it waits, within a second if it runs.
+pub async fn cancel(context: &ServiceContext, id: JobId) -> Result<JobRecord, DatabaseError> {
+    context.database.cancel_job(id).await?;
+    context.monitor.cancel(id);
+    look_up(context, id).await
+}
+
+/// Queues a failed or canceled job again.
+pub async fn retry(context: &ServiceContext, id: JobId) -> Result<JobRecord, DatabaseError> {
+    context.database.retry_job(id, context.config.limits.queued_jobs).await?;
+    context.monitor.announce_work();
+    look_up(context, id).await
+}
+
+/// Deletes a finished job with the model it made.
+pub async fn delete(context: &ServiceContext, id: JobId) -> Result<(), StorageError> {
+    let deleted = context.database.delete_job(id).await?;
+    context.monitor.announce_change();
+    models::forget(context, deleted).await
+}

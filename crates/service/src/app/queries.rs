@@ -1,0 +1,316 @@
+//! The gallery is asked: which models are of a class, are like this one, have this triangle on them.
+
+use std::collections::HashMap;
+
+use super::context::ServiceContext;
+use super::live_gallery::NotReady;
+use super::standards::{self, Ranking};
+use crate::storage::DatabaseError;
+use visage_domain::{MatchedModel, ModelId, StandardRecord, StoredVerdict};
+use visage_gallery::{
+    Comparison, Evidence, Filter, Gallery, Match, PROBE_MATCH_SCORE, Rank, Reason, TopK, compare, triangle_match_score,
+};
+use visage_geometry::{Point3, Vector3};
+use visage_shape::classes::limit::Learned;
+use visage_shape::faces::judgement::MATCH_SCORE;
+use visage_shape::faces::{MatchMethod, Signature, Standard, standard};
+
+/// A question: about what, and which part of the ranking is wanted.
+#[derive(Debug, Clone)]
+pub struct Question {
+    /// About what.
+    pub about: About,
+    /// At most so many matches.
+    pub limit: usize,
+    /// The score from which on a model is a match; the question's own if `None`.
+    pub threshold: Option<f64>,
+    /// Whether to leave out what is no match.
+    pub only_matches: bool,
+    /// Which models.
+    pub filter: Filter,
+    /// Only what comes after this rank: where the page before ended.
+    pub after: Option<Rank>,
+}
+
+/// What is asked about.
+#[derive(Debug, Clone)]
+pub enum About {
+    /// Which models are of this built-in class?
+    Standard {
+        /// The class.
+        standard: Standard,
+        /// How they are judged.
+        method: MatchMethod,
+    },
+    /// Which models are of this class that a user has made?
+    Class {
+        /// The name or id of its standard.
+        name: String,
+    },
+    /// Which models are like this one?
+    Probe {
+        /// The probe.
+        signature: Box<Signature>,
+        /// Its id, if it is stored.
+        stored: Option<ModelId>,
+    },
+    /// On which models does this triangle occur?
+    Triangle(TriangleProbe),
+}
+
+/// A bare triangle.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TriangleProbe {
+    /// Its corners, in units of its own size about their mean.
+    pub corners: [Point3; 3],
+    /// The direction that is outside, if it matters.
+    pub outward: Option<Vector3>,
+    /// What errors on the standard face's triangle are multiplied with.
+    pub error_factor: f64,
+}
+
+/// The part of the ranking that was asked for.
+#[derive(Debug, Clone)]
+pub struct Answer {
+    /// The matches, best first.
+    pub matches: Matches,
+    /// Models that were searched.
+    pub searched: usize,
+    /// Models that are yet to be judged: the answer is not complete until there are none.
+    pub pending: u64,
+    /// The rank of the last match, if there are more.
+    pub next: Option<Rank>,
+}
+
+/// Matches with what is stored of their models; one that was deleted since the search is left out.
+#[derive(Debug, Clone)]
+pub enum Matches {
+    /// As the gallery found them.
+    Found(Vec<(Match, MatchedModel)>),
+    /// As they were judged by a job against a standard that a user has made.
+    Judged {
+        /// The standard.
+        standard: Box<StandardRecord>,
+        /// What its examples tell.
+        learned: Learned,
+        /// The verdicts.
+        verdicts: Vec<(StoredVerdict, MatchedModel)>,
+    },
+}
+
+/// Why there is no answer.
+#[derive(Debug, thiserror::Error)]
+pub enum QueryError {
+    /// The index is still being loaded.
+    #[error(transparent)]
+    NotReady(#[from] NotReady),
+    /// There is no standard of this name.
+    #[error("there is no standard {0:?}")]
+    UnknownStandard(String),
+    /// The database.
+    #[error(transparent)]
+    Database(#[from] DatabaseError),
+    /// A task ended badly.
+    #[error("searching the gallery: {0}")]
+    Task(#[from] tokio::task::JoinError),
+}
+
+/// Asks the gallery as it is at this moment.
+pub async fn ask(context: &ServiceContext, question: &Question) -> Result<Answer, QueryError> {
+    context.database.settled().await;
+    match &question.about {
+        About::Class { name } => ask_verdicts(context, question, name).await,
+        _ => ask_gallery(context, question).await,
+    }
+}
+
+async fn ask_gallery(context: &ServiceContext, question: &Question) -> Result<Answer, QueryError> {
+    let (gallery, asked, span) = (context.gallery.clone(), question.clone(), tracing::Span::current());
+    let search = move || {
+        let _entered = span.enter();
+        gallery.ask(|index| {
+            let catalogue = gallery.catalogue();
+            let accepts = |id| catalogue.takes(&asked.filter, id);
+            (asked.matches(index, &asked.top_k(&accepts)), index.len())
+        })
+    };
+    let (mut matches, searched) = tokio::task::spawn_blocking(search).await??;
+    let next = cut(&mut matches, question.limit, |found| Rank { score: found.score, model_id: found.model_id });
+    let models = models(context, matches.iter().map(|found| ModelId::from_number(found.model_id))).await?;
+    let matches = with_models(matches, models, |found| ModelId::from_number(found.model_id));
+    Ok(Answer { matches: Matches::Found(matches), searched, pending: 0, next })
+}
+
+/// The models of a class that a user has made: they are judged by a job and ranked by what it stored.
+async fn ask_verdicts(context: &ServiceContext, question: &Question, name: &str) -> Result<Answer, QueryError> {
+    // behind a filter, or on a later page, the wanted models may stand anywhere in the ranking
+    let is_first = question.filter.is_empty() && question.after.is_none();
+    let rows = if is_first { question.limit + 1 } else { i64::MAX as usize };
+    let ranking = standards::ranking(context, name, rows).await?;
+    let ranking = ranking.ok_or_else(|| QueryError::UnknownStandard(name.to_owned()))?;
+    let Ranking { standard, learned, mut verdicts, judged, pending } = ranking;
+    let rank = |verdict: &StoredVerdict| Rank {
+        score: learned.score(verdict.residual_mm),
+        model_id: verdict.model_id.number(),
+    };
+    {
+        let catalogue = context.gallery.catalogue();
+        let accepts = |id| catalogue.takes(&question.filter, id);
+        let (wanted, threshold) = (question.top_k(&accepts), question.decisive_threshold());
+        verdicts.retain(|verdict| {
+            let Rank { score, model_id } = rank(verdict);
+            wanted.takes(score, model_id, threshold)
+        });
+    }
+    let next = cut(&mut verdicts, question.limit, rank);
+    let models = models(context, verdicts.iter().map(|verdict| verdict.model_id)).await?;
+    let verdicts = with_models(verdicts, models, |verdict| verdict.model_id);
+    let searched = usize::try_from(judged).unwrap_or(usize::MAX);
+    let matches = Matches::Judged { standard: Box::new(standard), learned, verdicts };
+    Ok(Answer { matches, searched, pending, next })
+}
+
+/// Leaves what is asked for of a ranking; answers with where it goes on, if it does.
+fn cut<T>(ranking: &mut Vec<T>, limit: usize, rank: impl Fn(&T) -> Rank) -> Option<Rank> {
+    let more = ranking.len() > limit;
+    ranking.truncate(limit);
+    ranking.last().filter(|_| more).map(rank)
+}
+
+async fn models(
+    context: &ServiceContext,
+    ids: impl Iterator<Item = ModelId>,
+) -> Result<Vec<MatchedModel>, DatabaseError> {
+    context.database.matched_models(&ids.collect::<Vec<_>>()).await
+}
+
+fn with_models<T>(matches: Vec<T>, models: Vec<MatchedModel>, id: impl Fn(&T) -> ModelId) -> Vec<(T, MatchedModel)> {
+    let mut models: HashMap<ModelId, MatchedModel> = models.into_iter().map(|model| (model.id, model)).collect();
+    let found = |each: T| models.remove(&id(&each)).map(|model| (each, model));
+    matches.into_iter().filter_map(found).collect()
+}
+
+impl Question {
+    /// The part of the ranking that is asked for, and one more, which tells whether there is another page.
+    fn top_k<'a>(&self, accepts: &'a (dyn Fn(u128) -> bool + Sync)) -> TopK<'a> {
+        TopK {
+            limit: self.limit + 1,
+            after: self.after,
+            threshold: self.threshold,
+            only_matches: self.only_matches,
+            accepts,
+        }
+    }
+
+    fn matches(&self, gallery: &Gallery, top_k: &TopK<'_>) -> Vec<Match> {
+        match &self.about {
+            About::Standard { standard, method } => {
+                gallery.by_standard(standard.name, *method, top_k).unwrap_or_default()
+            }
+            About::Probe { signature, stored } => gallery.by_probe(signature, stored.map(ModelId::number), top_k),
+            About::Triangle(triangle) => {
+                let mut matches = gallery.by_triangle(triangle.corners, triangle.outward, top_k);
+                for found in &mut matches {
+                    found.matching_error_mm *= triangle.error_factor;
+                    found.sum_of_distances_mm *= triangle.error_factor;
+                }
+                matches
+            }
+            About::Class { .. } => Vec::new(),
+        }
+    }
+
+    /// The threshold that decides.
+    pub fn decisive_threshold(&self) -> f64 {
+        let own = || match self.about {
+            About::Standard { .. } | About::Class { .. } => MATCH_SCORE,
+            About::Probe { .. } => PROBE_MATCH_SCORE,
+            About::Triangle(_) => triangle_match_score(),
+        };
+        self.threshold.unwrap_or_else(own)
+    }
+}
+
+/// What speaks for and against a match: from what is stored beside the index, where landmarks and figures are not kept.
+#[derive(Debug, Clone)]
+pub struct Grounds {
+    /// The standard that the model is held against: the one asked about, else the face.
+    pub standard: Standard,
+    /// The model's signature.
+    pub signature: Option<Signature>,
+    /// How it was judged against the standard.
+    pub evidence: Option<Evidence>,
+    /// Why it is no match; `None` if it is one.
+    pub reason: Option<Reason>,
+    /// By probe: how the two compare.
+    pub comparison: Option<Comparison>,
+}
+
+impl Grounds {
+    /// Looks at a match once more; reads its signature, so beside the async threads. The comparison is made on request.
+    pub fn of(question: &Question, found: &Match, model: &MatchedModel, compared: bool) -> Grounds {
+        let (standard, method, threshold) = match &question.about {
+            About::Standard { standard, method } => (*standard, *method, question.threshold),
+            _ => (standard::face(), MatchMethod::Verified, None),
+        };
+        let is_about_standard = matches!(question.about, About::Standard { .. });
+        let signature = model.signature.as_deref().and_then(|content| Signature::from_bytes(content).ok());
+        let evidence = signature.as_ref().map(|signature| Evidence::new(signature, &standard, method, threshold));
+        let reason = match &evidence {
+            _ if found.is_match => None,
+            Some(evidence) if is_about_standard => evidence.reason(),
+            _ => Some(Reason::BelowThreshold { score: found.score, threshold: question.decisive_threshold() }),
+        };
+        let comparison = match (&question.about, &signature) {
+            (About::Probe { signature: probe, .. }, Some(signature)) if compared => Some(compare(probe, signature)),
+            _ => None,
+        };
+        Grounds { standard, signature, evidence, reason, comparison }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::context::testing::{context, file};
+    use super::super::models::{self, Upload};
+    use super::*;
+    use visage_domain::NewModel;
+    use visage_shape::faces::signature::example::example;
+
+    fn about_face(limit: usize, after: Option<Rank>) -> Question {
+        let about = About::Standard { standard: standard::face(), method: MatchMethod::Verified };
+        Question { about, limit, threshold: None, only_matches: false, filter: Filter::default(), after }
+    }
+
+    fn found(answer: &Answer) -> Vec<ModelId> {
+        match &answer.matches {
+            Matches::Found(matches) => matches.iter().map(|(_, model)| model.id).collect(),
+            Matches::Judged { .. } => panic!("the face is built in"),
+        }
+    }
+
+    #[tokio::test]
+    async fn pages_go_on_where_the_one_before_ended() {
+        let (context, _place) = context().await;
+        for k in 0..3 {
+            let signature = example(0.3 * f64::from(k), 5);
+            let model = NewModel { signature: Some((&signature).into()), ..NewModel::example(None) };
+            let file = file(&context, b"a mesh").await;
+            models::add(&context, Upload { model, file, signature }, None).await.expect("added");
+        }
+        let all = ask(&context, &about_face(3, None)).await.expect("answered");
+        assert_eq!((found(&all).len(), all.searched, all.next), (3, 3, None));
+        let first = ask(&context, &about_face(2, None)).await.expect("answered");
+        let second = ask(&context, &about_face(2, first.next)).await.expect("answered");
+        assert_eq!([found(&first), found(&second)].concat(), found(&all));
+        assert_eq!(second.next, None);
+    }
+
+    #[tokio::test]
+    async fn a_standard_that_is_not_there_is_named() {
+        let (context, _place) = context().await;
+        let question = Question { about: About::Class { name: "teapot".to_owned() }, ..about_face(1, None) };
+        let error = ask(&context, &question).await.expect_err("there is none");
+        assert_eq!(error.to_string(), "there is no standard \"teapot\"");
+    }
+}
