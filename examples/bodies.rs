@@ -66,7 +66,7 @@ fn registered(seed: u64, alone: bool) -> Result<()> {
     let world_from_body = first * set.poses[0].inverse();
     let signature = outcome.signature.context("no signature was made")?;
     let how = if alone { "alone" } else { "registered" };
-    let head = format!("{how} {placed}/{views} {}", outcome.report["verdict"]["quality"]);
+    let head = format!("{how} {placed}/{views} {}", outcome.report.to_json()["verdict"]["quality"]);
     let truth = person.landmarks.iter().map(|(name, p)| (*name, world_from_body * p)).collect();
     print(&format!("{seed} {head}"), &camera, &signature, &truth, None);
     Ok(())

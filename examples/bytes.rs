@@ -88,7 +88,7 @@ fn print_hashes(set: &str, scans: Vec<NamedScan>, start: &Start) {
             hash(poses::write_matrices(&outcome.matrices).as_bytes()),
             outcome.cloud.map_or_else(none, |model| hash(&write_cloud(&model.cloud, Some(&model.views)))),
             outcome.signature.map_or_else(none, |signature| hash(&signature.to_bytes())),
-            hash(outcome.report.to_string().as_bytes()),
+            hash(outcome.report.to_json().to_string().as_bytes()),
         ),
         Err(error) => println!("{set}\trefused: {error}"),
     }

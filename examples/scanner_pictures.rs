@@ -62,7 +62,7 @@ fn main() -> anyhow::Result<()> {
             placed.iter().flatten().count(),
             placed.len(),
             scene.name(),
-            outcome.report["verdict"]["quality"].as_str().unwrap_or("refused"),
+            outcome.report.to_json()["verdict"]["quality"].as_str().unwrap_or("refused"),
         );
         write(&path, &picture(&set, &placed))?;
     }

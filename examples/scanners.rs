@@ -106,7 +106,7 @@ fn measure(sensor: SensorKind, scene: SceneKind, seed: u64) -> anyhow::Result<St
     let errors = errors(&set, &placed);
     let is_right =
         |error: &Option<(f64, f64)>| error.is_some_and(|(off, degrees)| off <= OFF && degrees <= OFF_DEGREES);
-    let verdict = &outcome.report["verdict"];
+    let verdict = &outcome.report.to_json()["verdict"];
     let cell = |number: &serde_json::Value| number.as_f64().map(|x| format!("{x:.4}")).unwrap_or_default();
     let mut rows = String::new();
     for view in 0..count {
@@ -116,11 +116,11 @@ fn measure(sensor: SensorKind, scene: SceneKind, seed: u64) -> anyhow::Result<St
             u8::from(errors[view].is_some()),
             u8::from(is_right(&errors[view])),
             set.best_overlap(view),
-            cell(&outcome.report["views"][view]["confidence"]),
+            cell(&outcome.report.to_json()["views"][view]["confidence"]),
             error.unwrap_or_else(|| "\t".into()),
             cell(&verdict["sharpness"][view]),
             set.grips[view],
-            features_of(&outcome.report["views"][view]["evidence"]),
+            features_of(&outcome.report.to_json()["views"][view]["evidence"]),
         );
     }
     let reasons: Vec<&str> = verdict["reasons"].as_array().into_iter().flatten().filter_map(|r| r.as_str()).collect();

@@ -92,8 +92,8 @@ fn measure(set: ScanSet, unit: Unit) -> anyhow::Result<()> {
          (making the scans {making:.0})",
         placed.iter().flatten().count(),
         100.0 * worst,
-        outcome.report["verdict"]["quality"],
-        outcome.report["confidence"].as_f64().unwrap_or(f64::NAN),
+        outcome.report.to_json()["verdict"]["quality"],
+        outcome.report.to_json()["confidence"].as_f64().unwrap_or(f64::NAN),
         after - before,
     );
     let wrong: Vec<String> =
@@ -101,7 +101,7 @@ fn measure(set: ScanSet, unit: Unit) -> anyhow::Result<()> {
     if !wrong.is_empty() {
         println!("  wrong: {}", wrong.join(", "));
     }
-    for reason in outcome.report["verdict"]["reasons"].as_array().into_iter().flatten().take(12) {
+    for reason in outcome.report.to_json()["verdict"]["reasons"].as_array().into_iter().flatten().take(12) {
         println!("  {reason}");
     }
     Ok(())

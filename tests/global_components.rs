@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 use visage::geometry::{Motion, Point3, Surface, Unit, Vector3, se3};
 use visage::pipeline::{self, NamedScan, Options, RegisteredModel};
 use visage::progress::Progress;
+use visage::registration::global::placement::Origin;
 use visage::synthetic::scene::{Ground, SceneOptions, scene_set};
 use visage::synthetic::shapes::{ScanOptions, Shape, catalogue, scan_set};
 use visage::synthetic::truth::pose_error;
@@ -72,7 +73,7 @@ const BARE: Options = Options {
 
 /// The groups of a report: views and poses.
 fn groups(outcome: &RegisteredModel) -> Vec<(Vec<usize>, Vec<Motion>)> {
-    let groups = outcome.report["groups"].as_array().expect("groups are told");
+    let groups = outcome.report.to_json()["groups"].as_array().cloned().expect("groups are told");
     groups
         .iter()
         .map(|group| {
@@ -85,8 +86,14 @@ fn groups(outcome: &RegisteredModel) -> Vec<(Vec<usize>, Vec<Motion>)> {
         .collect()
 }
 
-fn of_views<'a>(outcome: &'a RegisteredModel, key: &str) -> Vec<Option<&'a str>> {
-    outcome.report["views"].as_array().expect("views").iter().map(|view| view[key].as_str()).collect()
+/// For each view why it is unplaced.
+fn unplaced(outcome: &RegisteredModel) -> Vec<Option<&'static str>> {
+    outcome.report.registration.views.iter().map(|scan| scan.view.unplaced).collect()
+}
+
+/// For each view where its pose came from.
+fn origins(outcome: &RegisteredModel) -> Vec<Option<Origin>> {
+    outcome.report.registration.views.iter().map(|scan| scan.view.pose).collect()
 }
 
 #[test]
@@ -101,14 +108,16 @@ fn two_objects_come_back_as_two_groups_each_right_in_a_frame_of_its_own() {
         let error_mm = pile.error_mm(views, poses);
         assert!(error_mm < 0.3, "object {object}: {error_mm} mm");
     }
-    assert!(outcome.report["groups"].as_array().into_iter().flatten().all(|group| group["quality"] == "good"));
+    assert!(
+        outcome.report.to_json()["groups"].as_array().into_iter().flatten().all(|group| group["quality"] == "good")
+    );
     let placed: Vec<bool> = outcome.poses.iter().map(|(_, pose)| pose.is_some()).collect();
     assert_eq!(placed, pile.objects.iter().map(|object| *object == 1).collect::<Vec<_>>(), "the larger is placed");
-    let reasons = of_views(&outcome, "unplaced");
+    let reasons = unplaced(&outcome);
     assert!(reasons[..7].iter().all(|reason| reason.is_some_and(|text| text.contains("groups"))), "{reasons:?}");
     assert!(reasons[7..].iter().all(Option::is_none));
-    assert_eq!(outcome.report["views"][0]["group"], 1);
-    assert_eq!(outcome.report["views"][8]["group"], 0);
+    assert_eq!(outcome.report.to_json()["views"][0]["group"], 1);
+    assert_eq!(outcome.report.to_json()["views"][8]["group"], 0);
 }
 
 #[test]
@@ -118,12 +127,12 @@ fn a_foreign_scan_has_no_place_and_casts_no_doubt_on_the_others() {
         let pile = Pile::default().shape(1, foreign, 1).shape(0, own, 9);
         let outcome = pile.run(&[], &BARE);
         assert!(outcome.poses[0].1.is_none(), "{own}: {foreign} is placed");
-        assert!(of_views(&outcome, "unplaced")[0].is_some());
+        assert!(unplaced(&outcome)[0].is_some());
         let views: Vec<usize> = (1..10).collect();
         let poses: Vec<Motion> = outcome.poses[1..].iter().map(|(name, pose)| pose.expect(name)).collect();
         let error_mm = pile.error_mm(&views, &poses);
         assert!(error_mm < 0.3, "{own} with {foreign}: {error_mm} mm");
-        let reasons = outcome.report["verdict"]["reasons"].as_array().expect("reasons");
+        let reasons = &outcome.report.registration.verdict.reasons;
         assert_eq!(reasons.len(), 1, "only that one is unplaced: {reasons:?}");
     }
 }
@@ -136,13 +145,16 @@ fn poses_that_are_partly_there_are_repaired_and_each_says_what_it_was() {
     given[3].1 = quarter * given[3].1;
     given.retain(|(view, _)| ![1, 6].contains(view));
     let outcome = pile.run(&given, &BARE);
-    let expected = ["given", "found", "given", "corrected", "given", "given", "found", "given", "given"];
-    assert_eq!(of_views(&outcome, "pose"), expected.map(Some));
+    let mut expected = [Some(Origin::Given); 9];
+    for (view, origin) in [(1, Origin::Found), (3, Origin::Corrected), (6, Origin::Found)] {
+        expected[view] = Some(origin);
+    }
+    assert_eq!(origins(&outcome), expected);
     for (view, (name, pose)) in outcome.poses.iter().enumerate() {
         let off = pile.truth[view].inverse() * pose.expect(name);
         assert!(off.rotation.angle() < 0.02, "{name} stands in the world of the given poses");
     }
-    assert_eq!(outcome.report["verdict"]["quality"], "good");
+    assert_eq!(outcome.report.to_json()["verdict"]["quality"], "good");
 }
 
 #[test]
@@ -157,18 +169,18 @@ fn poses_that_are_all_wrong_are_all_put_right() {
     let poses: Vec<Motion> = outcome.poses.iter().map(|(name, pose)| pose.expect(name)).collect();
     let error_mm = pile.error_mm(&(0..9).collect::<Vec<_>>(), &poses);
     assert!(error_mm < 0.3, "{error_mm} mm");
-    let origins = of_views(&outcome, "pose");
-    assert!(origins.iter().filter(|origin| **origin == Some("corrected")).count() >= 8, "{origins:?}");
+    let origins = origins(&outcome);
+    assert!(origins.iter().filter(|origin| **origin == Some(Origin::Corrected)).count() >= 8, "{origins:?}");
 }
 
 #[test]
 fn symmetric_objects_are_not_placed_at_random() {
     for name in ["cylinder", "torus"] {
         let outcome = Pile::default().shape(0, name, 5).run(&[], &BARE);
-        assert_ne!(outcome.report["verdict"]["quality"], "good", "{name}");
-        let reasons = of_views(&outcome, "unplaced");
+        assert_ne!(outcome.report.to_json()["verdict"]["quality"], "good", "{name}");
+        let reasons = unplaced(&outcome);
         let told = |text: &str| reasons.iter().flatten().any(|reason| reason.contains(text));
-        let weak = outcome.report["verdict"]["reasons"].to_string();
+        let weak = outcome.report.to_json()["verdict"]["reasons"].to_string();
         assert!(
             told("several ways") || weak.contains("turn about") || weak.contains("slide"),
             "{name}: {reasons:?} {weak}"
@@ -185,7 +197,7 @@ fn on_a_turntable_on_the_floor_and_before_a_wall_the_object_is_placed_alone() {
         scene.set.scans.iter().zip(&scene.set.poses).for_each(|(scan, pose)| pile.add(0, scan, pose));
         let outcome = pile.run(&[], &Options { cloud: true, ..BARE });
         for (view, is_object) in scene.is_object.iter().enumerate() {
-            let left_out = &outcome.report["views"][view]["left_out"];
+            let left_out = &outcome.report.to_json()["views"][view]["left_out"];
             let others = is_object.iter().filter(|is| !**is).count() as u64;
             let told = left_out["support"].as_u64().unwrap_or(0) + left_out["strays"].as_u64().unwrap_or(0);
             let lost = told.saturating_sub(others);

@@ -15,14 +15,17 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use self::folder::Folder;
 use self::options::Given;
+use crate::app::tracker::Tracker;
 use crate::domain::asset::Asset;
 use crate::domain::options::Options;
 use crate::formats::{self, Dropped, ReadLimits, Reading, poses::PoseFile};
 use crate::geometry::Unit;
 use crate::jobs::artifacts::{RunFacts, add_readings, write_assets};
-use crate::jobs::tracker::Tracker;
+use crate::pipeline::report::{LeftOutReport, ModelReport};
 use crate::pipeline::{self, Hints, NamedScan, PipelineError, RegisteredModel, Start};
 use crate::progress::{Progress, Stage};
+use crate::registration::global::report::ComponentReport;
+use crate::registration::quality::{Quality, Verdict};
 
 /// What to register and where to write it.
 #[derive(Debug, Args)]
@@ -162,11 +165,15 @@ fn write(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
 
 /// The verdict on standard output; an error if the registration failed, since scripts look at the exit status.
 fn summarise(outcome: &RegisteredModel, out: &Path) -> anyhow::Result<()> {
-    let verdict = &outcome.report["verdict"];
-    let quality = verdict["quality"].as_str().unwrap_or("unknown");
+    let Verdict { quality, reasons, .. } = &outcome.report.registration.verdict;
     let placed = outcome.poses.iter().filter(|(_, pose)| pose.is_some()).count();
-    println!("quality {quality}: {placed} of {} scans placed, results in {}", outcome.poses.len(), out.display());
-    for reason in verdict["reasons"].as_array().into_iter().flatten().filter_map(|reason| reason.as_str()) {
+    println!(
+        "quality {}: {placed} of {} scans placed, results in {}",
+        quality.name(),
+        outcome.poses.len(),
+        out.display()
+    );
+    for reason in reasons {
         println!("  {reason}");
     }
     for line in groups_in_words(&outcome.report).into_iter().chain(left_out_in_words(&outcome.report)) {
@@ -175,33 +182,32 @@ fn summarise(outcome: &RegisteredModel, out: &Path) -> anyhow::Result<()> {
     for note in notes(&outcome.report) {
         eprintln!("note: {note}");
     }
-    if quality == "failed" {
+    if *quality == Quality::Failed {
         bail!("the registration failed; the files are written, but don't use them unseen");
     }
     Ok(())
 }
 
 /// A line for each group of scans beside the placed one.
-fn groups_in_words(report: &serde_json::Value) -> Vec<String> {
-    let words = |(index, group): (usize, &serde_json::Value)| {
-        let names: Vec<&str> =
-            group["views"].as_array().into_iter().flatten().filter_map(|name| name.as_str()).collect();
-        let quality = group["quality"].as_str().unwrap_or("unknown");
+fn groups_in_words(report: &ModelReport) -> Vec<String> {
+    let words = |(index, group): (usize, &ComponentReport)| {
         format!(
-            "group {index} ({quality} by itself): {}; not placed, their poses among each other are in {}",
-            names.join(", "),
+            "group {index} ({} by itself): {}; not placed, their poses among each other are in {}",
+            group.quality.name(),
+            group.views.join(", "),
             Asset::Report.name()
         )
     };
-    report["groups"].as_array().into_iter().flatten().enumerate().skip(1).map(words).collect()
+    report.registration.groups.iter().enumerate().skip(1).map(words).collect()
 }
 
 /// What was left out of the scans, if anything was.
-fn left_out_in_words(report: &serde_json::Value) -> Vec<String> {
-    let views = || report["views"].as_array().into_iter().flatten().filter(|view| view["copy_of"].is_null());
-    let sum = |what: &str| views().filter_map(|view| view["left_out"][what].as_u64()).sum::<u64>();
-    let (support, strays) = (sum("support"), sum("strays"));
-    let (no_return, repeated) = (sum("no_return"), sum("repeated"));
+fn left_out_in_words(report: &ModelReport) -> Vec<String> {
+    let left_out = || report.registration.views.iter().filter(|scan| scan.copy_of.is_none()).map(|scan| scan.left_out);
+    let sum = |count: fn(&LeftOutReport) -> usize| left_out().map(|left_out| count(&left_out)).sum::<usize>();
+    let support = sum(|left_out| left_out.cleaning.map_or(0, |cleaning| cleaning.support));
+    let strays = sum(|left_out| left_out.cleaning.map_or(0, |cleaning| cleaning.strays));
+    let (no_return, repeated) = (sum(|left_out| left_out.no_return), sum(|left_out| left_out.repeated));
     let cleaned = (support + strays > 0).then(|| {
         format!(
             "left out: {support} points of turntable, floor or walls, {strays} stray points (--keep-all keeps them)"
@@ -213,16 +219,15 @@ fn left_out_in_words(report: &serde_json::Value) -> Vec<String> {
 }
 
 /// What the user may not know of the scans.
-fn notes(report: &serde_json::Value) -> Vec<String> {
-    let views = || report["views"].as_array().into_iter().flatten();
-    let name = |view: &serde_json::Value| view["name"].as_str().unwrap_or_default().to_owned();
-    let copies = views().filter_map(|view| Some((name(view), view["copy_of"].as_str()?)));
+fn notes(report: &ModelReport) -> Vec<String> {
+    let scans = || report.registration.views.iter();
+    let copies = scans().filter_map(|scan| Some((&scan.view.name, scan.copy_of.as_ref()?)));
     let mut notes: Vec<String> = copies
         .map(|(name, of)| {
             format!("{name} has the points of {of}: a copy bears out nothing, it takes the pose of the other")
         })
         .collect();
-    let posed: Vec<String> = views().filter(|view| view["viewpoint_is_pose"] == true).map(name).collect();
+    let posed: Vec<&str> = scans().filter(|scan| scan.viewpoint_is_pose).map(|scan| scan.view.name.as_str()).collect();
     if !posed.is_empty() {
         notes.push(format!(
             "the VIEWPOINT of {} is the pose of the scan, not the scanner's place in it: the scanner is taken to be at the \

@@ -6,6 +6,7 @@ use visage::formats::{ply, poses};
 use visage::geometry::{Motion, Point3, Unit};
 use visage::pipeline::{self, Method, NamedScan, Options, PipelineError, RegisteredModel};
 use visage::progress::Progress;
+use visage::registration::quality::Quality;
 use visage::synthetic::head::{Proportions, head};
 use visage::synthetic::scanner::{ScanSet, Scanner};
 use visage::synthetic::truth::{PoseError, disturb, pose_error};
@@ -84,7 +85,7 @@ fn two_scans_are_registered_by_icp_alone() {
     for method in [Method::Tricp, Method::Icp] {
         let outcome = run(&two, &initial, 2, &Options { method, ..quick() }).expect("two sound scans");
         errors.push(pose_error(&placed(&outcome), &two.poses, &samples(&two)).points_rms);
-        assert!(outcome.report["pairs"][0]["e_thr"].is_null());
+        assert!(outcome.report.to_json()["pairs"][0]["e_thr"].is_null());
     }
     println!("tricp {:.3}, icp {:.3} mm", errors[0], errors[1]);
     assert!(errors[0] < 1.0, "tricp: {} mm", errors[0]);
@@ -109,7 +110,7 @@ fn any_number_of_threads_gives_the_same_bytes() {
         let outcome = run(&set, &initial, threads, &options).expect("a sound set");
         let model = outcome.cloud.expect("a cloud was asked for");
         let cloud = ply::write_cloud(&model.cloud, Some(&model.views));
-        (poses::write_json(&outcome.poses), cloud, outcome.report.to_string())
+        (poses::write_json(&outcome.poses), cloud, outcome.report.to_json().to_string())
     };
     let one = bytes(1);
     for threads in [2, 3] {
@@ -141,8 +142,8 @@ fn a_scan_of_something_else_does_not_pass_unnoticed() {
     set.scans[3] = SCANNER.scan_set(&objects::jug().mesh, 7).scans[3].clone();
     let outcome = run(&set, &disturb(&set.poses, 0.03, 3.0, 7), 2, &quick()).expect("the others can be registered");
     let unplaced = outcome.poses[3].1.is_none();
-    let quality = outcome.report["verdict"]["quality"].as_str().unwrap_or("missing");
-    assert!(unplaced || quality != "good", "an alien scan is placed and the verdict is {quality}");
+    let quality = outcome.report.registration.verdict.quality;
+    assert!(unplaced || quality != Quality::Good, "an alien scan is placed and the verdict is {quality:?}");
 }
 
 #[test]

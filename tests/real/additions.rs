@@ -37,12 +37,13 @@ fn scaled_copies_of_the_bunny_are_scaled_back() {
     let (scans, _) = bunny(|_| 1.0);
     let plain = run(scans, &Start::from(&start), Scale::PerView);
     for (view, factor) in FACTORS.iter().enumerate() {
-        let scale = |outcome: &RegisteredModel| outcome.report["views"][view]["scale"].as_f64().expect("a scale");
+        let scale =
+            |outcome: &RegisteredModel| outcome.report.to_json()["views"][view]["scale"].as_f64().expect("a scale");
         let (from_scaled, from_plain) = (scale(&scaled) / factor - 1.0, scale(&plain) - 1.0);
         println!("{view}: {:.4} % from scaled scans, {:.4} % from plain ones", from_scaled * 100.0, from_plain * 100.0);
         assert!((from_scaled - from_plain).abs() < 1e-3);
     }
-    assert_eq!(scaled.report["verdict"]["quality"], "good");
+    assert_eq!(scaled.report.to_json()["verdict"]["quality"], "good");
 }
 
 #[test]
@@ -55,7 +56,7 @@ fn scans_are_added_to_the_bunny() {
     let fixed = base.matrices.iter().filter_map(|(name, matrix)| Some((name.clone(), (*matrix)?))).collect();
     let added = run(all.clone(), &Start { base: fixed, ..Start::from(&start) }, Scale::None);
     assert_eq!(poses::write_matrices(&added.matrices[..8]), poses::write_matrices(&base.matrices));
-    assert_eq!(added.report["verdict"]["quality"], "good");
+    assert_eq!(added.report.to_json()["verdict"]["quality"], "good");
     let anew = run(all, &Start::from(&start), Scale::None);
     for view in 8..10 {
         let pose = |outcome: &RegisteredModel| outcome.poses[view].1.expect("placed");

@@ -103,7 +103,7 @@ fn sets_of_many_scanners_are_placed_from_their_scans_alone() {
         for name in names {
             let set = Set::read(name, seed);
             let outcome = registered(&set);
-            let quality = &outcome.report["verdict"]["quality"];
+            let quality = &outcome.report.to_json()["verdict"]["quality"];
             let errors = set.errors(&outcome);
             println!("{name}, turn {seed}: {quality} {errors:.4?}");
             assert!(errors.iter().all(|(off, degrees)| *off < OFF && *degrees < OFF_DEGREES), "{name}: {errors:?}");
@@ -120,7 +120,7 @@ fn sets_of_many_scanners_are_placed_from_their_scans_alone() {
 #[ignore = "needs VISAGE_DATA"]
 fn a_bottle_that_was_turned_before_a_still_camera_is_not_called_good() {
     let outcome = registered(&Set::read("nbv_bottle7", 11));
-    let verdict = &outcome.report["verdict"];
+    let verdict = &outcome.report.to_json()["verdict"];
     assert_ne!(verdict["quality"], "good");
     assert!(verdict["reasons"].to_string().contains("colours"), "{verdict}");
 }

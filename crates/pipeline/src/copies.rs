@@ -78,12 +78,10 @@ pub(super) fn put_back(copied: &[CopiedScan], setting: &Setting, outcome: &mut R
         let pose = outcome.poses[original].1.map(|pose| pose * motion);
         outcome.poses.push((copy.name.clone(), pose));
         outcome.matrices.push((copy.name.clone(), pose.map(|pose| setting.matrix(&copy.name, &pose, scale))));
-        if let Some(rows) = outcome.report["views"].as_array_mut()
-            && let Some(mut row) = rows.get(original).cloned()
-        {
-            row["name"] = copy.name.clone().into();
-            row["copy_of"] = copy.of.clone().into();
-            rows.push(row);
-        }
+        let rows = &mut outcome.report.registration.views;
+        let mut row = rows[original].clone();
+        row.view.name.clone_from(&copy.name);
+        row.copy_of = Some(copy.of.clone());
+        rows.push(row);
     }
 }

@@ -3,6 +3,7 @@
 
 use rayon::prelude::*;
 
+use super::report::{HintsReport, OverlapReport, PickedReport};
 use super::{NamedScan, PipelineError};
 use visage_geometry::{Motion, Point3};
 use visage_registration::hinted::{Hinted, PickedPair};
@@ -83,7 +84,7 @@ pub(super) fn report(
     relative: impl Fn(usize, usize) -> Option<Motion>,
     names: &[String],
     findings: &mut Vec<Finding>,
-) -> Option<serde_json::Value> {
+) -> Option<HintsReport> {
     if hinted.picked.is_empty() && hinted.overlapping.is_empty() {
         return None;
     }
@@ -93,16 +94,23 @@ pub(super) fn report(
         if !followed {
             findings.push(Finding::doubt(not_followed(pair, distances.map(|(_, (rms, _))| rms), names)));
         }
-        serde_json::json!({
-            "a": names[pair.i], "b": names[pair.j], "pairs": pair.places.len(), "followed": followed,
-            "misfit": pair.fit.rms,
-            "residual": distances.map(|(_, (rms, _))| rms), "largest": distances.map(|(_, (_, largest))| largest),
-        })
+        PickedReport {
+            a: names[pair.i].clone(),
+            b: names[pair.j].clone(),
+            pairs: pair.places.len(),
+            followed,
+            misfit: pair.fit.rms,
+            residual: distances.map(|(_, (rms, _))| rms),
+            largest: distances.map(|(_, (_, largest))| largest),
+        }
     });
-    let points: Vec<serde_json::Value> = picked.collect();
-    let together = |&(i, j): &(usize, usize)| serde_json::json!({"a": names[i], "b": names[j], "together": relative(i, j).is_some()});
-    let overlaps: Vec<serde_json::Value> = hinted.overlapping.iter().map(together).collect();
-    Some(serde_json::json!({"points": points, "overlaps": overlaps}))
+    let points = picked.collect();
+    let together = |&(i, j): &(usize, usize)| OverlapReport {
+        a: names[i].clone(),
+        b: names[j].clone(),
+        together: relative(i, j).is_some(),
+    };
+    Some(HintsReport { points, overlaps: hinted.overlapping.iter().map(together).collect() })
 }
 
 fn not_followed(pair: &PickedPair, residual: Option<f64>, names: &[String]) -> String {

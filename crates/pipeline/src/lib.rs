@@ -4,6 +4,7 @@ mod cleaning;
 mod copies;
 mod hints;
 mod ready;
+pub mod report;
 mod start;
 mod still;
 mod supports;
@@ -20,13 +21,14 @@ pub use visage_registration::hints::Hints;
 use visage_registration::outcome::Outcome;
 use visage_registration::quality::Finding;
 use visage_registration::quality::colour::Brightness;
-use visage_registration::report::RegistrationReport;
+use visage_registration::report::{Finished, RegistrationReport};
 use visage_registration::sensor::Sensor;
 use visage_registration::view::View;
 use visage_shape::faces::{self, DescribeError, Signature};
 pub use visage_surface::merge::ModelCloud;
 use visage_surface::merge::{PosedView, merge};
 
+use self::report::{ModelReport, ScanReport};
 use self::start::Setting;
 pub use self::start::{PoseMatrix, Start};
 use self::still::{Settled, Taken};
@@ -47,8 +49,8 @@ pub struct RegisteredModel {
     pub poses: Vec<(String, Option<Motion>)>,
     /// The same as matrices, which hold the scales too: what is written.
     pub matrices: Vec<(String, Option<PoseMatrix>)>,
-    /// The `result` part of the report (deterministic: the same scans give the same bytes).
-    pub report: serde_json::Value,
+    /// The `result` part of the report.
+    pub report: ModelReport,
     /// The merged cloud, if it was asked for.
     pub cloud: Option<ModelCloud>,
     /// The signature, if it was asked for.
@@ -145,7 +147,9 @@ pub fn run_from(
         },
     );
     let Registered { result, placement, .. } = registered;
-    let report = RegistrationReport::new(options.method, unit.name(), &names, &views, &result, &covariances, verdict);
+    let finished =
+        Finished { names: &names, views: &views, result: &result, placement: &placement, poses: &covariances };
+    let registration = RegistrationReport::new(options.method, unit.name(), &finished, verdict);
 
     let merged = merge_views(&scans, &views, &sensors, &result, options, progress)?;
     let signature = match &merged {
@@ -162,32 +166,18 @@ pub fn run_from(
         .zip(&views)
         .map(|((name, pose), view)| (name.clone(), pose.map(|pose| setting.matrix(name, &pose, view.scale))))
         .collect();
-    let mut report = serde_json::to_value(&report).map_err(|error| PipelineError::Unusable {
-        code: "report",
-        scan: None,
-        message: format!("the report can't be written: {error}"),
-        hint: "report this as a bug".into(),
-    })?;
-    placement.write_into(&mut report, &names);
-    if let Some(said) = said {
-        report["hints"] = said;
-    }
-    for (index, entry) in report["views"].as_array_mut().into_iter().flatten().enumerate() {
-        if let Some((_, outward)) = &merged {
-            entry["normals_outward"] = outward[index].into();
-        }
-        entry["left_out"] = readied[index].left_out(left_out.as_ref().map(|left_out| &left_out[index]));
-        entry["copy_of"] = serde_json::Value::Null;
-        if readied[index].sensor_is_pose {
-            entry["viewpoint_is_pose"] = true.into();
-        }
-        if options.scale != Scale::None || views[index].scale != 1.0 {
-            entry["scale"] = views[index].scale.into();
-        }
-        if let Some(is_fixed) = setting.is_fixed(&names[index]) {
-            entry["fixed"] = is_fixed.into();
-        }
-    }
+    let has_scales = options.scale != Scale::None;
+    let registration = registration.with_rows(|(index, view)| ScanReport {
+        normals_outward: merged.as_ref().map(|(_, outward)| outward[index]),
+        left_out: readied[index].left_out(left_out.as_ref().map(|left_out| &left_out[index])),
+        copy_of: None,
+        viewpoint_is_pose: readied[index].sensor_is_pose,
+        scale: Some(views[index].scale).filter(|scale| has_scales || *scale != 1.0),
+        fixed: setting.is_fixed(&names[index]),
+        reading: None,
+        view,
+    });
+    let report = ModelReport { registration, hints: said, pose_notes: Vec::new() };
     let cloud = merged.map(|(cloud, _)| cloud).filter(|_| options.cloud);
     let mut outcome = RegisteredModel { poses, matrices, report, cloud, signature };
     copies::put_back(&copied, &setting, &mut outcome);

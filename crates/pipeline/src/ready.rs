@@ -1,6 +1,7 @@
 //! Scans made ready before anything is looked for: without points that are none, with views, seen from where they were
 //! seen.
 
+use super::report::{CleaningReport, LeftOutReport};
 use rayon::prelude::*;
 
 use super::{NamedScan, Options, PipelineError};
@@ -158,19 +159,14 @@ fn settle_origins(scans: &mut [NamedScan], views: &mut [View]) {
 
 impl Readied {
     /// What is left out of the scan, with what `cleaning` found if it was asked for: a row of the report.
-    pub(super) fn left_out(&self, cleaning: Option<&LeftOut>) -> serde_json::Value {
-        let mut row = serde_json::json!({"no_return": self.no_return, "repeated": self.repeated});
-        if self.regions > 0 {
-            row["regions"] = self.regions.into();
+    pub(super) fn left_out(&self, cleaning: Option<&LeftOut>) -> LeftOutReport {
+        LeftOutReport {
+            no_return: self.no_return,
+            repeated: self.repeated,
+            regions: self.regions,
+            still: self.still,
+            cleaning: cleaning.map(|cleaning| CleaningReport { support: cleaning.support, strays: cleaning.strays }),
         }
-        if self.still > 0 {
-            row["still"] = self.still.into();
-        }
-        if let Some(cleaning) = cleaning {
-            row["support"] = cleaning.support.into();
-            row["strays"] = cleaning.strays.into();
-        }
-        row
     }
 
     /// Why a verdict can't be good, if coordinates are rounded.

@@ -1,7 +1,7 @@
 //! The registration methods a caller may choose.
 
-use crate::averaging::{self, Recipe};
-use crate::joint;
+use crate::averaging::{self, Level, Recipe};
+use crate::joint::{self, Pass};
 use crate::outcome::{MethodOptions, Outcome};
 use crate::pairwise::{self, Pairwise};
 use crate::view::View;
@@ -53,14 +53,14 @@ impl Method {
     }
 
     /// What its levels run with, for reports.
-    pub fn levels(self) -> serde_json::Value {
+    pub fn levels(self) -> Levels {
         match self {
-            Method::Joint => serde_json::json!(joint::PASSES),
-            Method::MaAticp => serde_json::json!(Recipe::MA_ATICP.levels),
-            Method::MaIcp => serde_json::json!(Recipe::MA_ICP.levels),
-            Method::LrsL1alm => serde_json::json!(Recipe::LRS_L1ALM.levels),
-            Method::Tricp => serde_json::json!([Pairwise::TRICP]),
-            Method::Icp => serde_json::json!([Pairwise::ICP]),
+            Method::Joint => Levels::Joint(&joint::PASSES),
+            Method::MaAticp => Levels::Averaging(Recipe::MA_ATICP.levels),
+            Method::MaIcp => Levels::Averaging(Recipe::MA_ICP.levels),
+            Method::LrsL1alm => Levels::Averaging(Recipe::LRS_L1ALM.levels),
+            Method::Tricp => Levels::Pairwise([Pairwise::TRICP]),
+            Method::Icp => Levels::Pairwise([Pairwise::ICP]),
         }
     }
 
@@ -81,6 +81,18 @@ impl Method {
             Method::Icp => Pairwise::ICP.register(views, initial, progress),
         }
     }
+}
+
+/// What the levels of a method run with.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+#[serde(untagged)]
+pub enum Levels {
+    /// Of the joint refinement.
+    Joint(&'static [Pass]),
+    /// Of registration by pairs and motion averaging.
+    Averaging(&'static [Level]),
+    /// Of one pair.
+    Pairwise([Pairwise; 1]),
 }
 
 impl std::fmt::Display for Method {

@@ -6,15 +6,18 @@ use serde::Serialize;
 
 use crate::covariance::PoseCovariance;
 use crate::covariance::weak_axes::{WeakAxis, weak_axes};
-use crate::method::Method;
+use crate::global::alternatives::AlternativesReport;
+use crate::global::placement::Origin;
+use crate::global::report::{ComponentReport, PlacementReport, ViewEvidence};
+use crate::method::{Levels, Method};
 use crate::outcome::{Outcome, PairOutcome, Round};
 use crate::pairwise::trimmed_icp::IcpEnd;
 use crate::quality::Verdict;
 use crate::view::{View, common_spacing};
 
-/// The registration's part of a report.
+/// The registration's part of a report. Who knows more of the views puts rows of its own in the place of these.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct RegistrationReport {
+pub struct RegistrationReport<Row = ViewReport> {
     /// The method that was run.
     pub method: &'static str,
     /// The unit of all lengths that don't say otherwise.
@@ -24,15 +27,21 @@ pub struct RegistrationReport {
     /// The verdict and its reasons.
     pub verdict: Verdict,
     /// The views in order.
-    pub views: Vec<ViewReport>,
+    pub views: Vec<Row>,
     /// The pairs of the last round.
     pub pairs: Vec<PairReport>,
     /// `overlaps[i][j]`: the share of view i's points that have a counterpart in view j.
     pub overlaps: Vec<Vec<f64>>,
     /// What each level of the method ran with, coarse to fine.
-    pub levels: serde_json::Value,
+    pub levels: Levels,
     /// All rounds of overlap, ICP and averaging.
     pub rounds: Vec<Round>,
+    /// How sure the whole is: as sure as its least sure placed view; null if poses were given and nothing else was tried.
+    pub confidence: Option<f64>,
+    /// Where views may lie that fit in several ways.
+    pub alternatives: Vec<AlternativesReport>,
+    /// The components of views that hang together; the first is the placed one.
+    pub groups: Vec<ComponentReport>,
 }
 
 /// One view.
@@ -54,6 +63,16 @@ pub struct ViewReport {
     pub residual_spacings: Option<f64>,
     /// How well the pose is known; absent for view 0, to which it is relative, and for unplaced views.
     pub uncertainty: Option<UncertaintyReport>,
+    /// Where its pose came from; null if it has none.
+    pub pose: Option<Origin>,
+    /// The probability that its pose is right; null if poses were given and nothing else was tried.
+    pub confidence: Option<f64>,
+    /// What that rests on.
+    pub evidence: Option<ViewEvidence>,
+    /// Why it has no place, if it has none.
+    pub unplaced: Option<&'static str>,
+    /// Its component, as an index into `groups`.
+    pub group: Option<usize>,
 }
 
 /// How well a pose is known (`registration/covariance`).
@@ -108,20 +127,33 @@ pub struct PairReport {
     pub trust: f64,
 }
 
+/// A finished registration, as its report is made of it.
+#[derive(Debug, Clone, Copy)]
+pub struct Finished<'a> {
+    /// The scans' names.
+    pub names: &'a [String],
+    /// The views.
+    pub views: &'a [View],
+    /// What came out.
+    pub result: &'a Outcome,
+    /// How the views came to their poses.
+    pub placement: &'a PlacementReport,
+    /// How well the poses are known.
+    pub poses: &'a [Option<PoseCovariance>],
+}
+
 impl RegistrationReport {
     /// Gathers the report of a finished registration.
-    pub fn new(
-        method: Method,
-        unit: &'static str,
-        names: &[String],
-        views: &[View],
-        result: &Outcome,
-        poses: &[Option<PoseCovariance>],
-        verdict: Verdict,
-    ) -> Self {
+    pub fn new(method: Method, unit: &'static str, finished: &Finished<'_>, verdict: Verdict) -> Self {
+        let Finished { names, views, result, placement, poses } = *finished;
         let spacing = common_spacing(views);
         let view_report = |view: usize| ViewReport {
             uncertainty: poses[view].as_ref().map(|pose| UncertaintyReport::new(pose, spacing)),
+            pose: placement.origin(view),
+            confidence: placement.confidences().map(|sure| sure[view]),
+            evidence: placement.evidence(view),
+            unplaced: placement.reason(view),
+            group: placement.group(view),
             ..view_report(view, names, views, result, spacing)
         };
         RegistrationReport {
@@ -134,6 +166,29 @@ impl RegistrationReport {
             overlaps: result.overlaps.rows().to_vec(),
             levels: method.levels(),
             rounds: result.rounds.clone(),
+            confidence: placement.confidence(),
+            alternatives: placement.alternatives(names),
+            groups: placement.components(names),
+        }
+    }
+}
+
+impl<Row> RegistrationReport<Row> {
+    /// The same with other rows for the views, made of these in order.
+    pub fn with_rows<Other>(self, row: impl FnMut((usize, Row)) -> Other) -> RegistrationReport<Other> {
+        RegistrationReport {
+            method: self.method,
+            unit: self.unit,
+            spacing: self.spacing,
+            verdict: self.verdict,
+            views: self.views.into_iter().enumerate().map(row).collect(),
+            pairs: self.pairs,
+            overlaps: self.overlaps,
+            levels: self.levels,
+            rounds: self.rounds,
+            confidence: self.confidence,
+            alternatives: self.alternatives,
+            groups: self.groups,
         }
     }
 }
@@ -155,6 +210,11 @@ fn view_report(index: usize, names: &[String], views: &[View], result: &Outcome,
         residual,
         residual_spacings: residual.map(|r| r / spacing),
         uncertainty: None,
+        pose: None,
+        confidence: None,
+        evidence: None,
+        unplaced: None,
+        group: None,
     }
 }
 

@@ -9,6 +9,7 @@ use visage::app::engine::{Engine, PipelineEngine};
 use visage::classes::{Class, Found};
 use visage::faces::{DescribeError, Signature};
 use visage::geometry::{Cloud, Motion, Surface, Unit, se3};
+use visage::pipeline::report::ModelReport;
 use visage::pipeline::{ModelCloud, NamedScan, Options, PipelineError, RegisteredModel, Start};
 use visage::progress::{Progress, Stage};
 
@@ -152,7 +153,7 @@ fn outcome(scans: &[NamedScan], poses: &BTreeMap<String, Motion>) -> RegisteredM
     RegisteredModel {
         matrices: scans.iter().map(|scan| (scan.name.clone(), Some(se3::to_rows(&pose(scan))))).collect(),
         poses: scans.iter().map(|scan| (scan.name.clone(), Some(pose(scan)))).collect(),
-        report: serde_json::json!({"verdict": {"quality": "good"}, "views": names}),
+        report: ModelReport::example(&names),
         cloud: Some(merged),
         signature: None,
     }

@@ -38,7 +38,7 @@ pub fn run(data: &Path, sets: &[String], orders: u64) -> anyhow::Result<()> {
             let begin = cpu_seconds()?;
             let outcome = registered(&strange, &[])?;
             seconds += cpu_seconds()? - begin;
-            good += usize::from(outcome.report["verdict"]["quality"] == "good");
+            good += usize::from(outcome.report.to_json()["verdict"]["quality"] == "good");
             let Some(plane_mm) = Scorer::new(&strange)?.plane_mm(&outcome) else { continue };
             placed += 1;
             within += usize::from(plane_mm <= (1.0 + ALLOWED_EXCESS) * with_poses);

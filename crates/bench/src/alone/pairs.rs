@@ -79,7 +79,7 @@ fn tally(set: &KnownSet, scorer: &Scorer) -> anyhow::Result<[Tally; CLASSES.len(
         let is_right = angle_deg(&pose_i.inv_mul(&pose_j), &set.poses[i].inv_mul(&set.poses[j])) < RIGHT_DEG;
         tally.right += usize::from(is_right);
         tally.wrong += usize::from(!is_right);
-        tally.wrong_but_good += usize::from(!is_right && outcome.report["verdict"]["quality"] == "good");
+        tally.wrong_but_good += usize::from(!is_right && outcome.report.to_json()["verdict"]["quality"] == "good");
     }
     Ok(tallies)
 }

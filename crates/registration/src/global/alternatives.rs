@@ -87,27 +87,62 @@ pub struct Alternatives {
     freedom: Option<Freedom>,
 }
 
+/// The places of one view, as a report holds them.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct AlternativesReport {
+    /// The scan.
+    pub name: String,
+    /// Its places, the best first; one of all of them where it can slide.
+    pub poses: Vec<AlternativePose>,
+    /// The axis about which it turns, if it does.
+    pub axis: Option<AxisReport>,
+    /// The direction along which it slides, if it does.
+    pub along: Option<[f64; 3]>,
+}
+
+/// One place of a view.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+pub struct AlternativePose {
+    /// Scan to world.
+    pub pose: [[f64; 4]; 4],
+    /// How much speaks for it, in what speaks for the best.
+    pub score: f64,
+}
+
+/// An axis of the world.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+pub struct AxisReport {
+    /// A point on it.
+    pub point: [f64; 3],
+    /// Its direction.
+    pub direction: [f64; 3],
+}
+
 impl Alternatives {
     /// A row for each view.
-    pub fn report(&self, names: &[String]) -> Vec<serde_json::Value> {
+    pub fn report(&self, names: &[String]) -> Vec<AlternativesReport> {
         let axis = match self.freedom {
             Some(Freedom::Axis(point, direction)) => {
-                serde_json::json!({"point": <[f64; 3]>::from(point.coords), "direction": <[f64; 3]>::from(direction)})
+                Some(AxisReport { point: point.coords.into(), direction: direction.into() })
             }
-            _ => serde_json::Value::Null,
+            _ => None,
         };
         let along = match self.freedom {
-            Some(Freedom::Along(direction)) => serde_json::json!(<[f64; 3]>::from(direction)),
-            _ => serde_json::Value::Null,
+            Some(Freedom::Along(direction)) => Some(direction.into()),
+            _ => None,
         };
         let views = self.piece.views.iter().zip(&self.piece.scan_poses);
         let row = |(view, scan_pose): (&usize, &Motion)| {
-            let place = |place: &Alternative| serde_json::json!({"pose": se3::to_rows(&(place.world_from_piece * scan_pose)), "score": place.score});
-            serde_json::json!({
-                "name": names[*view],
-                "poses": self.places.iter().map(place).collect::<Vec<_>>(),
-                "axis": axis, "along": along,
-            })
+            let place = |place: &Alternative| AlternativePose {
+                pose: se3::to_rows(&(place.world_from_piece * scan_pose)),
+                score: place.score,
+            };
+            AlternativesReport {
+                name: names[*view].clone(),
+                poses: self.places.iter().map(place).collect(),
+                axis,
+                along,
+            }
         };
         views.map(row).collect()
     }

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::alternatives::Alternatives;
+use super::alternatives::{Alternatives, AlternativesReport};
 use super::confidence::confidence;
 use super::placement::{Origin, PlacedComponent, Placement};
 use super::pose_support::PoseSupport;
@@ -29,20 +29,20 @@ pub struct PlacementReport {
 }
 
 /// A component of views that hang together; the first is the one that is placed.
-#[derive(Debug, Clone, Serialize)]
-struct ComponentReport<'a> {
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ComponentReport {
     /// Its scans.
-    views: Vec<&'a str>,
+    pub views: Vec<String>,
     /// For each its 4x4 row-major pose: scan to the frame of the component's first scan.
-    poses: Vec<[[f64; 4]; 4]>,
+    pub poses: Vec<[[f64; 4]; 4]>,
     /// The verdict on these poses by themselves,
-    quality: Quality,
+    pub quality: Quality,
     /// and why it is not better.
-    reasons: &'a [String],
+    pub reasons: Vec<String>,
 }
 
 /// What the confidence of a view rests on, as a report holds it.
-#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ViewEvidence {
     /// How it stands among the others.
     #[serde(flatten)]
@@ -116,38 +116,41 @@ impl PlacementReport {
     }
 
     /// What the confidence of a view rests on.
-    fn evidence(&self, view: usize) -> Option<ViewEvidence> {
+    pub(crate) fn evidence(&self, view: usize) -> Option<ViewEvidence> {
         let support = self.pose_supports.as_ref()?[view].filter(|_| self.origins[view].is_some())?;
         Some(ViewEvidence { support, witness: *self.witnesses.get(view)? })
     }
 
     /// How sure the whole is: as sure as its least sure placed view.
-    fn confidence(&self) -> Option<f64> {
+    pub(crate) fn confidence(&self) -> Option<f64> {
         let sure = self.confidences.as_ref()?;
         let placed = self.origins.iter().zip(sure).filter(|(origin, _)| origin.is_some());
         placed.map(|(_, sure)| *sure).min_by(f64::total_cmp)
     }
 
-    /// Adds to each view of a report `pose` (`given`, `corrected`, `found` or null), `confidence`, the `evidence` that it rests
-    /// on and, if it has no place, `unplaced` with the reason; and to the report the `confidence` of the whole, the `groups` (components) and the
-    /// alternatives.
-    pub fn write_into(&self, report: &mut serde_json::Value, names: &[String]) {
-        if let Some(rows) = report["views"].as_array_mut() {
-            for (view, row) in rows.iter_mut().enumerate() {
-                row["pose"] = serde_json::json!(self.origins[view]);
-                row["confidence"] = serde_json::json!(self.confidences.as_ref().map(|sure| sure[view]));
-                row["evidence"] = serde_json::json!(self.evidence(view));
-                row["unplaced"] = serde_json::json!(self.reasons[view]);
-                row["group"] =
-                    serde_json::json!(self.components.iter().position(|component| component.views.contains(&view)));
-            }
-        }
-        report["confidence"] = serde_json::json!(self.confidence());
-        let alternatives = self.alternatives.iter().flat_map(|alternatives| alternatives.report(names));
-        report["alternatives"] = alternatives.collect();
-        report["groups"] = serde_json::json!(
-            self.components.iter().map(|component| component_report(component, names)).collect::<Vec<_>>()
-        );
+    /// Where a view's pose came from.
+    pub(crate) fn origin(&self, view: usize) -> Option<Origin> {
+        self.origins[view]
+    }
+
+    /// Why a view has no place, if it has none.
+    pub(crate) fn reason(&self, view: usize) -> Option<&'static str> {
+        self.reasons[view]
+    }
+
+    /// The component that a view is in.
+    pub(crate) fn group(&self, view: usize) -> Option<usize> {
+        self.components.iter().position(|component| component.views.contains(&view))
+    }
+
+    /// The components.
+    pub(crate) fn components(&self, names: &[String]) -> Vec<ComponentReport> {
+        self.components.iter().map(|component| component_report(component, names)).collect()
+    }
+
+    /// The places of views that fit in several ways.
+    pub(crate) fn alternatives(&self, names: &[String]) -> Vec<AlternativesReport> {
+        self.alternatives.iter().flat_map(|alternatives| alternatives.report(names)).collect()
     }
 }
 
@@ -156,11 +159,11 @@ const OTHER_GROUP: &str = "it hangs together with other scans than the placed on
 const AMBIGUOUS: &str =
     "it fits the others in several ways that are equally good: the object looks the same from several sides";
 
-fn component_report<'a>(component: &'a PlacedComponent, names: &'a [String]) -> ComponentReport<'a> {
+fn component_report(component: &PlacedComponent, names: &[String]) -> ComponentReport {
     ComponentReport {
-        views: component.views.iter().map(|view| names[*view].as_str()).collect(),
+        views: component.views.iter().map(|view| names[*view].clone()).collect(),
         poses: component.scan_poses.iter().map(se3::to_rows).collect(),
         quality: component.verdict.quality,
-        reasons: &component.verdict.reasons,
+        reasons: component.verdict.reasons.clone(),
     }
 }

@@ -27,6 +27,17 @@ pub enum Quality {
     Failed,
 }
 
+impl Quality {
+    /// As reports name it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Quality::Good => "good",
+            Quality::Doubtful => "doubtful",
+            Quality::Failed => "failed",
+        }
+    }
+}
+
 /// A verdict and what it rests on.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Verdict {

@@ -2,11 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use serde_json::Value;
-
 use visage_domain::asset::Asset;
 use visage_formats::Dropped;
 use visage_geometry::se3;
+use visage_pipeline::report::ModelReport;
 use visage_pipeline::{PoseMatrix, RegisteredModel};
 
 /// Where something ran and what it took: `report.run`. Apart from the result, since it differs from run to run.
@@ -59,28 +58,23 @@ impl RunFacts {
     }
 }
 
-/// Says in a report's result what of the scans' files was not taken, view by view (`reading`), and what was done to make
+/// Says in a report what of the scans' files was not taken, view by view (`reading`), and what was done to make
 /// the pose file fit (`pose_notes`). What was taken whole is not mentioned.
-pub fn add_readings(report: &mut Value, dropped: &BTreeMap<String, Dropped>, pose_notes: &[String]) {
-    for view in report["views"].as_array_mut().into_iter().flatten() {
-        let of_view = view["name"].as_str().and_then(|name| dropped.get(name)).filter(|dropped| !dropped.is_empty());
-        if let Some(of_view) = of_view {
-            view["reading"] = serde_json::json!(of_view);
-        }
+pub fn add_readings(report: &mut ModelReport, dropped: &BTreeMap<String, Dropped>, pose_notes: &[String]) {
+    for row in &mut report.registration.views {
+        row.reading = dropped.get(&row.view.name).filter(|dropped| !dropped.is_empty()).cloned();
     }
-    if !pose_notes.is_empty() {
-        report["pose_notes"] = pose_notes.into();
-    }
+    report.pose_notes = pose_notes.to_vec();
 }
 
 /// `report.json`: the deterministic result and, apart from it, the run.
-fn report_json(result: &Value, run: &RunFacts) -> Result<Vec<u8>, serde_json::Error> {
+fn report_json(result: &ModelReport, run: &RunFacts) -> Result<Vec<u8>, serde_json::Error> {
     #[derive(serde::Serialize)]
     struct Report<'a> {
-        result: &'a Value,
+        result: serde_json::Value,
         run: &'a RunFacts,
     }
-    let mut bytes = serde_json::to_vec_pretty(&Report { result, run })?;
+    let mut bytes = serde_json::to_vec_pretty(&Report { result: result.to_json(), run })?;
     bytes.push(b'\n');
     Ok(bytes)
 }
@@ -133,12 +127,16 @@ mod tests {
     use serde_json::json;
     use visage_geometry::Motion;
 
+    fn report(names: &[&str]) -> ModelReport {
+        ModelReport::example(names)
+    }
+
     fn outcome(name: &str, scale: f64) -> RegisteredModel {
         let pose = Motion::identity();
         RegisteredModel {
             poses: vec![(name.to_owned(), Some(pose))],
             matrices: vec![(name.to_owned(), Some(se3::to_scaled_rows(&pose, scale)))],
-            report: json!({}),
+            report: report(&[name]),
             cloud: None,
             signature: None,
         }
@@ -171,11 +169,12 @@ mod tests {
 
     #[test]
     fn what_was_dropped_is_said_of_its_view_alone() {
-        let mut report = json!({"views": [{"name": "a.ply"}, {"name": "b.ply"}]});
+        let mut report = report(&["a.ply", "b.ply"]);
         let some = Dropped { no_return: 2, ..Dropped::default() };
         let dropped = [("a.ply".to_owned(), Dropped::default()), ("b.ply".to_owned(), some)].into();
         add_readings(&mut report, &dropped, &["rounded".to_owned()]);
-        assert_eq!(report["views"][0], json!({"name": "a.ply"}));
+        let report = report.to_json();
+        assert_eq!(report["views"][0].get("reading"), None);
         assert_eq!(report["views"][1]["reading"]["no_return"], 2);
         assert_eq!(report["pose_notes"], json!(["rounded"]));
     }
@@ -183,9 +182,10 @@ mod tests {
     #[test]
     fn the_run_stands_apart_from_the_result() {
         let run = RunFacts::here(None, 2, [("loading".to_owned(), 0.5)].into());
-        let report: Value =
-            serde_json::from_slice(&report_json(&json!({"quality": "good"}), &run).expect("plain data")).expect("JSON");
-        assert_eq!(report["result"], json!({"quality": "good"}));
+        let result = report(&["a.ply"]);
+        let report: serde_json::Value =
+            serde_json::from_slice(&report_json(&result, &run).expect("plain data")).expect("JSON");
+        assert_eq!(report["result"], result.to_json());
         assert_eq!(report["run"]["seconds"]["loading"], json!(0.5));
         assert!(report["run"]["peak_memory_bytes"].as_u64().is_none_or(|bytes| bytes > 1 << 20));
     }

@@ -252,7 +252,7 @@ impl Work {
             label: self.job.label.clone(),
             unit: self.set.unit,
             points: outcome.cloud.as_ref().map_or(scanned, |merged| merged.cloud.len() as u64),
-            quality: outcome.report.pointer("/verdict/quality").and_then(|quality| quality.as_str()).map(str::to_owned),
+            quality: Some(outcome.report.registration.verdict.quality.name().to_owned()),
             assets,
             reading: None,
             signature: outcome.signature.as_ref().map(Into::into),

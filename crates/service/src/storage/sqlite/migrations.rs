@@ -39,7 +39,9 @@ mod tests {
     #[test]
     fn every_file_of_the_folder_is_listed_under_its_number() {
         let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/migrations");
-        let name = |entry: std::io::Result<std::fs::DirEntry>| entry.expect("an entry").file_name();
+        let name = |entry: std::io::Result<std::fs::DirEntry>| {
+            entry.expect("an entry").file_name().to_string_lossy().into_owned()
+        };
         let mut there: Vec<_> = std::fs::read_dir(folder).expect("the migrations").map(name).collect();
         there.sort();
         assert_eq!(there, FILES.map(|(name, _)| format!("{name}.sql")));
