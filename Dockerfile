@@ -2,7 +2,7 @@
 FROM rust:1.95-slim-bookworm AS build
 # the slim image has the C compiler that SQLite and BLAKE3 need
 WORKDIR /src
-# dependencies and algorithms first: they change less often
+# dependencies and crates first: they don't change with the command line
 COPY Cargo.toml Cargo.lock ./
 COPY crates crates
 RUN mkdir src \
@@ -10,7 +10,6 @@ RUN mkdir src \
     && touch src/lib.rs \
     && cargo build --profile dist --locked -p visage \
     && rm -r src
-COPY migrations migrations
 COPY src src
 RUN touch src/lib.rs src/main.rs \
     && cargo build --profile dist --locked -p visage \

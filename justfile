@@ -10,12 +10,12 @@ _list:
 check:
     cargo fmt --all --check
     cargo clippy --workspace --all-targets --locked -- -D warnings
-    cargo test --locked
+    cargo test --workspace --locked
 
 # doc comments: broken links are errors
 doc:
     RUSTDOCFLAGS="-D warnings -A rustdoc::private_intra_doc_links" \
-        cargo doc --no-deps --document-private-items --locked
+        cargo doc --workspace --no-deps --document-private-items --locked
 
 # the tests, with code-made data only
 test *args:

@@ -23,7 +23,7 @@ const LAYERS: &[(&str, &[&str])] = &[
     ("formats", &["geometry"]),
     // what is kept and what may be chosen: methods and hints, signatures, classes
     ("domain", &["geometry", "registration", "formats", "faces", "classes"]),
-    ("pipeline", &["geometry", "registration", "reconstruction", "saliency", "faces", "domain"]),
+    ("pipeline", &["geometry", "registration", "reconstruction", "saliency", "formats", "faces", "domain"]),
     // around them
     // what the machine has
     ("machine", &[]),
