@@ -54,8 +54,8 @@ pub fn init(format: LogFormat, filter: &str) -> Result<(), TelemetryError> {
     Ok(())
 }
 
-/// Levels by the beginning of the module's name. `EnvFilter` could select by spans and fields too, which nothing of ours
-/// needs, and takes a regex engine along.
+/// Levels by the beginning of the module's name. `EnvFilter` could select by spans and fields too, which nothing of
+/// ours needs, and takes a regex engine along.
 fn targets(filter: &str) -> Result<Targets, TelemetryError> {
     let mut parts = filter.split(',').map(str::trim).filter(|part| !part.is_empty()).peekable();
     let nothing_said = if parts.peek().is_none() { LevelFilter::ERROR } else { LevelFilter::OFF };

@@ -1,4 +1,4 @@
-//! The layers of `src/lib.rs` as law: who may use whom, who may use which crate, and what the pure modules must not see.
+//! The layers of the house as law: who may use whom, who may use which crate, and what the pure modules must not see.
 
 mod paths;
 
@@ -73,6 +73,7 @@ const LAYERS: &[(&str, &[&str])] = &[
             "config",
             "machine",
             "telemetry",
+            "app",
             "jobs",
             // what a data folder holds is looked through
             "storage",

@@ -36,7 +36,8 @@ pub struct RegistrationReport<Row = ViewReport> {
     pub levels: Levels,
     /// All rounds of overlap, ICP and averaging.
     pub rounds: Vec<Round>,
-    /// How sure the whole is: as sure as its least sure placed view; null if poses were given and nothing else was tried.
+    /// How sure the whole is: as sure as its least sure placed view; null if poses were given and nothing else was
+    /// tried.
     pub confidence: Option<f64>,
     /// Where views may lie that fit in several ways.
     pub alternatives: Vec<AlternativesReport>,

@@ -17,8 +17,8 @@ pub struct Upload {
     pub signature: Signature,
 }
 
-/// Stores an uploaded model, with the answer that the client gets; the next query finds it. Must run to its end: between
-/// the file and its row nobody else knows of it.
+/// Stores an uploaded model, with the answer that the client gets; the next query finds it. Must run to its end:
+/// between the file and its row nobody else knows of it.
 pub async fn add(context: &ServiceContext, upload: Upload, replay: Option<&Replay>) -> Result<(), StorageError> {
     let Upload { model, file, signature } = upload;
     let (storage, id) = (context.storage(), model.id);

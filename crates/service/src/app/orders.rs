@@ -7,8 +7,8 @@ use crate::storage::DatabaseError;
 use crate::storage::inventory::StorageError;
 use visage_domain::{JobId, JobRecord, NewJob, NewScanSet, Replay, StoredFile};
 
-/// Queues a registration, with the answer that the client gets. A scan set that comes with it is stored with it: either both
-/// are or neither. Must run to its end.
+/// Queues a registration, with the answer that the client gets. A scan set that comes with it is stored with it: either
+/// both are or neither. Must run to its end.
 pub async fn register(
     context: &ServiceContext,
     job: &NewJob,

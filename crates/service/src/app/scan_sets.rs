@@ -1,5 +1,5 @@
-//! Scan sets come with their files, change, and go with all that was made of them. What changes files and rows must run to its
-//! end: between a file and its row nobody else knows of it.
+//! Scan sets come with their files, change, and go with all that was made of them. What changes files and rows must run
+//! to its end: between a file and its row nobody else knows of it.
 
 use super::context::ServiceContext;
 use super::models;

@@ -39,8 +39,8 @@ pub struct Ranking {
     pub pending: u64,
 }
 
-/// Stores a standard with its file, and with the answer that the client gets once the evaluation that it demands is known;
-/// answers with that. Must run to its end.
+/// Stores a standard with its file, and with the answer that the client gets once the evaluation that it demands is
+/// known; answers with that. Must run to its end.
 pub async fn add(
     context: &ServiceContext,
     standard: &NewStandard,

@@ -79,8 +79,8 @@ fn report_json(result: &ModelReport, run: &RunFacts) -> Result<Vec<u8>, serde_js
     Ok(bytes)
 }
 
-/// Hands all files of a model to `sink`, in the order in which they are written. `run` is asked when the report is made:
-/// its times are those up to there.
+/// Hands all files of a model to `sink`, in the order in which they are written. `run` is asked when the report is
+/// made: its times are those up to there.
 pub fn write_assets<E: From<serde_json::Error>>(
     outcome: &RegisteredModel,
     run: impl Fn() -> RunFacts,
@@ -111,8 +111,8 @@ fn content(
     })
 }
 
-/// `poses.conf` in Stanford's convention; views without a place are left out. `None` when a name has a blank or a view a
-/// scale, which that format can't hold.
+/// `poses.conf` in Stanford's convention; views without a place are left out. `None` when a name has a blank or a view
+/// a scale, which that format can't hold.
 fn poses_conf(outcome: &RegisteredModel) -> Option<String> {
     let has_blank = |name: &str| name.chars().any(char::is_whitespace);
     let is_scaled = |matrix: &PoseMatrix| se3::from_rows(matrix).is_err();

@@ -60,8 +60,8 @@ pub struct PickedUp {
 }
 
 impl Storage {
-    /// Holds the files against the database. Other processes may store and delete meanwhile: what they have just done is
-    /// neither unknown nor missing.
+    /// Holds the files against the database. Other processes may store and delete meanwhile: what they have just done
+    /// is neither unknown nor missing.
     pub async fn inventory(&self, now: jiff::Timestamp) -> Result<Inventory, StorageError> {
         let files = self.listing().await?;
         let (known, loose) = self.database.known_files().await?;
@@ -120,7 +120,8 @@ impl Storage {
         Ok(PickedUp { jobs, files })
     }
 
-    /// Removes, while a server runs, what was deleted but could not be removed then, and what was never stored after all.
+    /// Removes, while a server runs, what was deleted but could not be removed then, and what was never stored after
+    /// all.
     pub async fn tidy_up(&self, now: jiff::Timestamp) -> Result<(), StorageError> {
         let me = self.database.owner();
         let (known, loose) = self.database.known_files().await?;
@@ -145,8 +146,9 @@ impl Storage {
         self.blocking(move |objects: &dyn ObjectStore| objects.remove(file)).await
     }
 
-    /// What the database has answered about the row of a file that has its place already. If the row was refused, the file is
-    /// removed; whether a failed commit took place is not known: then the file stays, and is removed later if it has no row.
+    /// What the database has answered about the row of a file that has its place already. If the row was refused, the
+    /// file is removed; whether a failed commit took place is not known: then the file stays, and is removed later if
+    /// it has no row.
     pub async fn or_remove<T>(&self, file: StoredFile, answer: Result<T, DatabaseError>) -> Result<T, StorageError> {
         match answer {
             Err(refused) if !refused.leaves_in_doubt() => {

@@ -5,8 +5,8 @@ use std::borrow::Cow;
 use sqlx::SqlSafeStr;
 use sqlx::migrate::{Migration, MigrationType, Migrator};
 
-/// The file names in `migrations` and what is in them, in order. sqlx's `migrate!` would list the folder itself, but its macros
-/// build SQLite a second time, for the compiler.
+/// The file names in `migrations` and what is in them, in order. sqlx's `migrate!` would list the folder itself, but
+/// its macros build SQLite a second time, for the compiler.
 macro_rules! files {
     ($($name:literal),* $(,)?) => {
         [$(($name, include_str!(concat!("../../../migrations/", $name, ".sql")))),*]

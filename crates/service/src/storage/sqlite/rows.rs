@@ -1,7 +1,7 @@
 //! Rows as structs.
 
-/// Declares a struct that is read from the columns of its fields' names. As sqlx's derive does; but sqlx's macros build SQLite
-/// a second time, for the compiler.
+/// Declares a struct that is read from the columns of its fields' names. As sqlx's derive does; but sqlx's macros build
+/// SQLite a second time, for the compiler.
 macro_rules! row {
     ($(#[$about:meta])* $visible:vis struct $name:ident { $($field:ident: $kind:ty,)* }) => {
         $(#[$about])*
