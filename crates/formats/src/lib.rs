@@ -13,7 +13,7 @@
 //! let text = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
 //! let surface = read_surface("triangle.obj", text, &ReadLimits::default())?;
 //! assert_eq!(surface.cloud.len(), 3);
-//! let error = read_surface("scan.xyz", b"", &ReadLimits::default()).expect_err("not read");
+//! let error = read_surface("scan.doc", b"", &ReadLimits::default()).expect_err("not read");
 //! assert!(error.to_string().contains("send PLY"));
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
@@ -22,6 +22,7 @@
 
 mod budget;
 mod colors;
+pub mod columns;
 mod header_lines;
 mod number;
 pub mod obj;
@@ -32,6 +33,7 @@ pub mod poses;
 mod reading;
 pub mod stl;
 mod table;
+mod text;
 mod unite;
 
 pub use budget::ReadLimits;
@@ -44,8 +46,19 @@ pub use table::{
 use visage_geometry::Surface;
 
 /// Every format, in the order in which people read about them.
-pub const FORMATS: &[&Format] =
-    &[&ply::FORMAT, &pcd::FORMAT, &obj::FORMAT, &stl::FORMAT, &poses::JSON, &poses::CONF, &poses::TEXT];
+pub const FORMATS: &[&Format] = &[
+    &ply::FORMAT,
+    &pcd::FORMAT,
+    &obj::FORMAT,
+    &stl::FORMAT,
+    &columns::XYZ,
+    &columns::XYZN,
+    &columns::XYZRGB,
+    &columns::PTS,
+    &poses::JSON,
+    &poses::CONF,
+    &poses::TEXT,
+];
 
 /// Why a file could not be read. Messages name the place in the file and what to do.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -183,9 +196,9 @@ mod tests {
 
     #[test]
     fn an_unknown_extension_is_named_with_the_remedy() {
-        for name in ["scan.xyz", "scan.XYZ"] {
-            let error = read_surface(name, b"", &ReadLimits::default()).expect_err("xyz is not read");
-            assert_eq!(error.to_string(), format!("files ending in \"xyz\" are not read; send {}", surface_names()));
+        for name in ["scan.doc", "scan.DOC"] {
+            let error = read_surface(name, b"", &ReadLimits::default()).expect_err("no format");
+            assert_eq!(error.to_string(), format!("files ending in \"doc\" are not read; send {}", surface_names()));
         }
         assert!(matches!(read_surface("ply", b"", &ReadLimits::default()), Err(FormatError::UnknownExtension { .. })));
         let packed = read_surface("scan.ply.gz", b"", &ReadLimits::default()).expect_err("packed").to_string();

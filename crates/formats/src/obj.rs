@@ -7,6 +7,7 @@ use super::budget::Budget;
 use super::colors::Channels;
 use super::points::{COLOR, INTENSITY, Layout, NONE, NORMAL, Points, SLOTS, X};
 use super::table::{self, BYTES, Content, Format, Writers};
+use super::text::TextLines;
 use super::{FormatError, ReadLimits, Reading, number, quote, text_start};
 use visage_geometry::Vector3;
 
@@ -32,7 +33,7 @@ pub const FORMAT: Format = Format {
 pub fn read(bytes: &[u8], limits: &ReadLimits) -> Result<Reading, FormatError> {
     let text = &bytes[text_start(bytes)?..];
     let mut reader = Reader::new(limits);
-    let mut lines = Lines { text, number: 0 };
+    let mut lines = Lines { parts: TextLines::new(text) };
     while let Some((number, line)) = lines.next() {
         reader.line(&line).map_err(|fault| match fault {
             Fault::Wrong(problem) => {
@@ -46,36 +47,23 @@ pub fn read(bytes: &[u8], limits: &ReadLimits) -> Result<Reading, FormatError> {
 
 /// Lines, whatever ends them. A backslash at the end joins a line with the next.
 struct Lines<'a> {
-    text: &'a [u8],
-    number: usize,
+    parts: TextLines<'a>,
 }
 
 impl<'a> Lines<'a> {
     /// The next line, and the number of its first part.
     fn next(&mut self) -> Option<(usize, Cow<'a, [u8]>)> {
-        let mut line = Cow::Borrowed(self.part()?);
-        let number = self.number;
+        let mut line = Cow::Borrowed(self.parts.next()?);
+        let number = self.parts.number();
         while let Some(continued) = line.trim_ascii_end().strip_suffix(b"\\")
             && !line.trim_ascii_start().starts_with(b"#")
         {
             let mut joined = [continued, b" "].concat();
-            let Some(part) = self.part() else { return Some((number, joined.into())) };
+            let Some(part) = self.parts.next() else { return Some((number, joined.into())) };
             joined.extend_from_slice(part);
             line = joined.into();
         }
         Some((number, line))
-    }
-
-    /// The next line as it stands.
-    fn part(&mut self) -> Option<&'a [u8]> {
-        if self.text.is_empty() {
-            return None;
-        }
-        self.number += 1;
-        let length = memchr::memchr2(b'\n', b'\r', self.text).unwrap_or(self.text.len());
-        let (line, rest) = self.text.split_at(length);
-        self.text = rest.strip_prefix(b"\r\n").or(rest.get(1..)).unwrap_or_default();
-        Some(line)
     }
 }
 
