@@ -26,6 +26,7 @@ pub mod columns;
 mod header_lines;
 mod number;
 pub mod obj;
+pub mod packed;
 pub mod pcd;
 pub mod ply;
 mod points;
@@ -154,23 +155,32 @@ pub fn extension(name: &str) -> String {
     name.rsplit_once('.').map_or("", |(_, extension)| extension).to_ascii_lowercase()
 }
 
-/// The format of a scan or model by the name of its file.
+/// The format of a scan or model by the name of its file; a name that ends with `.gz` is that of what is packed in it.
 ///
 /// # Errors
 /// [`FormatError::UnknownExtension`] or [`FormatError::Packed`], by its ending.
 pub fn check_name(name: &str) -> Result<&'static Format, FormatError> {
-    let extension = extension(name);
+    let inner = packed::inner_name(name);
+    let extension = extension(inner.unwrap_or(name));
+    let shown = || match inner {
+        Some(_) if extension.is_empty() => "gz".to_owned(),
+        Some(_) => format!("{extension}.gz"),
+        None => extension.clone(),
+    };
     match Format::of_ending(&extension) {
         Some(format) if format.is_surface() => Ok(format),
-        _ if PACKED.contains(&extension.as_str()) => Err(FormatError::Packed { extension }),
-        _ => Err(FormatError::UnknownExtension { extension }),
+        _ if PACKED.contains(&extension.as_str()) => Err(FormatError::Packed { extension: shown() }),
+        _ if inner.is_some() && extension.is_empty() => Err(FormatError::Packed { extension: shown() }),
+        _ => Err(FormatError::UnknownExtension { extension: shown() }),
     }
 }
 
 /// Reads a scan or model, and says what of it was not taken; the extension of `name` is that of the format. The scans of
 /// a file that holds several become one surface, in the frame that they share.
 pub fn read(name: &str, bytes: &[u8], limits: &ReadLimits) -> Result<Reading, FormatError> {
-    match check_name(name)?.reader {
+    let reader = check_name(name)?.reader;
+    let (name, bytes) = &packed::unpacked(name, bytes, limits)?;
+    match reader {
         Reader::Surface(read) => read(bytes, limits),
         _ => unite::unite(read_scans(name, bytes, limits)?, limits),
     }
@@ -178,7 +188,9 @@ pub fn read(name: &str, bytes: &[u8], limits: &ReadLimits) -> Result<Reading, Fo
 
 /// Reads the scans of a file, each in its own frame; a file of a format that holds one has one, without a name or place.
 pub fn read_scans(name: &str, bytes: &[u8], limits: &ReadLimits) -> Result<Vec<ScanReading>, FormatError> {
-    match check_name(name)?.reader {
+    let reader = check_name(name)?.reader;
+    let (_, bytes) = &packed::unpacked(name, bytes, limits)?;
+    match reader {
         Reader::Surface(read) => read(bytes, limits).map(|reading| vec![reading.into()]),
         Reader::Scans(read) => read(bytes, limits),
         Reader::Poses(_) => Ok(Vec::new()),
@@ -201,9 +213,9 @@ mod tests {
             assert_eq!(error.to_string(), format!("files ending in \"doc\" are not read; send {}", surface_names()));
         }
         assert!(matches!(read_surface("ply", b"", &ReadLimits::default()), Err(FormatError::UnknownExtension { .. })));
-        let packed = read_surface("scan.ply.gz", b"", &ReadLimits::default()).expect_err("packed").to_string();
+        let packed = read_surface("scan.ply.xz", b"", &ReadLimits::default()).expect_err("packed").to_string();
         let remedy = format!("unpack the file and send {}", surface_names());
-        assert_eq!(packed, format!("files ending in \"gz\" are packed; {remedy}"));
+        assert_eq!(packed, format!("files ending in \"xz\" are packed; {remedy}"));
     }
 
     #[test]
