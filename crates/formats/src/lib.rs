@@ -27,11 +27,13 @@ pub mod columns;
 mod header_lines;
 mod number;
 pub mod obj;
+pub mod off;
 pub mod packed;
 pub mod pcd;
 pub mod ply;
 mod points;
 pub mod poses;
+pub mod ptx;
 mod reading;
 pub mod stl;
 mod table;
@@ -53,10 +55,12 @@ pub const FORMATS: &[&Format] = &[
     &pcd::FORMAT,
     &obj::FORMAT,
     &stl::FORMAT,
+    &off::FORMAT,
     &columns::XYZ,
     &columns::XYZN,
     &columns::XYZRGB,
     &columns::PTS,
+    &ptx::FORMAT,
     &poses::JSON,
     &poses::CONF,
     &poses::TEXT,

@@ -30,7 +30,7 @@ pub(super) fn slot_of(name: &str) -> Option<usize> {
         "red" | "diffuse_red" | "r" => COLOR,
         "green" | "diffuse_green" | "g" => COLOR + 1,
         "blue" | "diffuse_blue" | "b" => COLOR + 2,
-        "intensity" | "scalar_intensity" => INTENSITY,
+        "intensity" | "scalar_intensity" | "reflectance" | "scalar_reflectance" | "reflectivity" => INTENSITY,
         "rgb" | "rgba" => PACKED,
         _ => return None,
     })

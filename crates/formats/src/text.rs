@@ -59,6 +59,11 @@ pub(super) fn words(line: &[u8]) -> impl Iterator<Item = &[u8]> + Clone {
     line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty())
 }
 
+/// Whether a number is written as one that has a fraction: `1.0` is a share, `1` a whole number.
+pub(super) fn has_fraction(word: &[u8]) -> bool {
+    word.iter().any(|byte| matches!(byte, b'.' | b',' | b'e' | b'E'))
+}
+
 /// The numbers at the start of a line, as many as there is room for; how many there are.
 ///
 /// # Errors

@@ -4,7 +4,7 @@ use super::dialect::{Dialect, MOST_COLUMNS};
 use super::guess::{Guess, SAMPLE, Triple};
 use super::names::{Name, have_positions, names_of, unit_of};
 use crate::points::{COLOR, NORMAL, SLOTS, X};
-use crate::text::TextLines;
+use crate::text::{TextLines, has_fraction};
 use crate::{DeclaredUnit, FormatError, quote};
 use visage_geometry::Unit;
 
@@ -241,10 +241,9 @@ impl<'a> Head<'a> {
 
     /// Whether all values of these columns are written without a fraction.
     fn are_whole(&self, columns: &[usize]) -> bool {
-        let is_whole = |field: &[u8]| !field.iter().any(|byte| matches!(byte, b'.' | b',' | b'e' | b'E'));
         self.rows.iter().all(|row| {
             let fields = self.dialect.fields(row);
-            columns.iter().all(|column| fields.get(*column).is_none_or(|field| is_whole(field)))
+            columns.iter().all(|column| fields.get(*column).is_none_or(|field| !has_fraction(field)))
         })
     }
 }

@@ -39,7 +39,7 @@ fn slot_of(name: &str) -> Option<usize> {
         "rf" | "rd" => COLOR,
         "gf" | "gn" => COLOR + 1,
         "bf" | "bu" => COLOR + 2,
-        "i" | "int" | "reflectance" | "reflectivity" | "remission" => INTENSITY,
+        "i" | "int" | "remission" => INTENSITY,
         _ => return points::slot_of(name).filter(|slot| *slot != points::PACKED),
     })
 }
