@@ -33,6 +33,7 @@ pub mod pcd;
 pub mod ply;
 mod points;
 pub mod poses;
+mod precision;
 pub mod ptx;
 mod reading;
 pub mod stl;

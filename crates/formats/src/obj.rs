@@ -2,6 +2,7 @@
 //! coordinates, groups and lines are passed over.
 
 use std::borrow::Cow;
+use std::fmt::Write;
 
 use super::budget::Budget;
 use super::colors::Channels;
@@ -9,7 +10,7 @@ use super::points::{COLOR, INTENSITY, Layout, NONE, NORMAL, Points, SLOTS, X};
 use super::table::{self, BYTES, Content, Format, Writers};
 use super::text::TextLines;
 use super::{FormatError, ReadLimits, Reading, number, quote, text_start};
-use visage_geometry::Vector3;
+use visage_geometry::{Cloud, Mesh, Vector3};
 
 /// Its line in the table of formats.
 pub const FORMAT: Format = Format {
@@ -18,7 +19,7 @@ pub const FORMAT: Format = Format {
     media_type: BYTES,
     holds: &[Content::Points, Content::Mesh, Content::Normals, Content::Colors],
     reader: table::Reader::Surface(read),
-    writers: Writers::NONE,
+    writers: Writers { cloud: Some(write_cloud), mesh: Some(write_mesh), ..Writers::NONE },
 };
 
 /// Reads an OBJ file: `v x y z` (also with a weight, or with red green blue behind, of any range), `vn` and `f`.
@@ -256,10 +257,53 @@ fn index(what: &str, word: Option<&[u8]>, count: usize) -> Result<u32, String> {
     Ok(zero_based.and_then(|index| u32::try_from(index).ok()).unwrap_or(NONE))
 }
 
+/// Writes a cloud with its normals, and its colours as fractions behind the positions; intensities have no place in OBJ.
+/// Numbers are those that are read back as the same values.
+pub fn write_cloud(cloud: &Cloud) -> Vec<u8> {
+    let mut text = String::new();
+    for (index, point) in cloud.points.iter().enumerate() {
+        // writing to a string can't fail
+        let _ = write!(text, "v {} {} {}", point.x, point.y, point.z);
+        if let Some(colors) = &cloud.colors {
+            let [red, green, blue] = colors[index].map(|channel| f64::from(channel) / 255.0);
+            let _ = write!(text, " {red} {green} {blue}");
+        }
+        text.push('\n');
+    }
+    for normal in cloud.normals.iter().flatten() {
+        let _ = writeln!(text, "vn {} {} {}", normal.x, normal.y, normal.z);
+    }
+    text.into_bytes()
+}
+
+/// Writes a mesh.
+pub fn write_mesh(mesh: &Mesh) -> Vec<u8> {
+    let mut text = String::new();
+    for point in &mesh.vertices {
+        let _ = writeln!(text, "v {} {} {}", point.x, point.y, point.z);
+    }
+    for face in &mesh.faces {
+        let [a, b, c] = face.map(|vertex| u64::from(vertex) + 1);
+        let _ = writeln!(text, "f {a} {b} {c}");
+    }
+    text.into_bytes()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use visage_geometry::Surface;
+    use visage_geometry::{Point3, Surface};
+
+    #[test]
+    fn what_is_written_comes_back() {
+        let cloud = Cloud {
+            points: vec![Point3::new(1.0 / 3.0, 4.5e6 + 0.001, -1e-9), Point3::origin()],
+            normals: Some(vec![nalgebra::Vector3::x(), nalgebra::Vector3::new(0.6, 0.0, 0.8)]),
+            colors: Some(vec![[1, 0, 1], [0, 254, 0]]),
+            intensities: None,
+        };
+        assert_eq!(read(&write_cloud(&cloud), &ReadLimits::default()).expect("own files").surface.cloud, cloud);
+    }
 
     fn read_text(text: &str) -> Result<Surface, FormatError> {
         read(text.as_bytes(), &ReadLimits::default()).map(|reading| reading.surface)
