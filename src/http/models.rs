@@ -117,6 +117,7 @@ async fn described(state: &AppState, mut form: Form) -> Result<Upload, Problem> 
             "send the mesh or cloud as a file named `model`",
         )
     })?;
+    let file = upload::unpacked(state, file).await?;
     let turn = describe::turn(state, &file).await?;
     let (file, Reading { surface, dropped, .. }) = upload::read(state, file).await?;
     let asset = AssetRecord {

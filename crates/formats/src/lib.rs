@@ -40,12 +40,13 @@ pub mod stl;
 mod table;
 mod text;
 mod unite;
+pub mod vtk;
 
 pub use budget::ReadLimits;
 pub use number::{NoCoordinate, checked_coordinate};
 pub use reading::{DeclaredUnit, Dropped, Reading, ScanReading};
 pub use table::{
-    Content, Format, Reader, ScansReader, SurfaceReader, Writers, markdown, surface_endings, surface_names,
+    Content, Format, Reader, ScansReader, SurfaceReader, Writers, is_common, markdown, surface_endings, surface_names,
 };
 
 use visage_geometry::Surface;
@@ -62,6 +63,7 @@ pub const FORMATS: &[&Format] = &[
     &columns::XYZRGB,
     &columns::PTS,
     &ptx::FORMAT,
+    &vtk::FORMAT,
     &poses::JSON,
     &poses::CONF,
     &poses::TEXT,

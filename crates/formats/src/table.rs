@@ -3,7 +3,7 @@
 use std::fmt;
 
 use super::poses::PoseFile;
-use super::{FORMATS, FormatError, ReadLimits, Reading, ScanReading};
+use super::{FORMATS, FormatError, ReadLimits, Reading, ScanReading, extension, packed};
 use visage_geometry::{Cloud, Mesh, Motion};
 
 /// The media type of scans and models. They are sent as bytes, also where a type is registered: an operation has one
@@ -138,6 +138,15 @@ impl fmt::Debug for Format {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.name)
     }
+}
+
+/// Endings that files of all kinds have: tables, notes, arrays.
+const COMMON: &[&str] = &["asc", "bin", "csv", "npy", "npz", "txt"];
+
+/// Whether a file of this name may well be no scan although its ending is that of a format: where scans are looked for,
+/// rather than named, those of other formats come first.
+pub fn is_common(name: &str) -> bool {
+    COMMON.contains(&&*extension(packed::inner_name(name).unwrap_or(name)))
 }
 
 /// Endings (lower case, no dot) of the files that are read as scans or models.

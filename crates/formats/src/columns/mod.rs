@@ -17,10 +17,10 @@ use super::{FormatError, ReadLimits, Reading};
 
 const HOLDS: &[Content] = &[Content::Points, Content::Normals, Content::Colors, Content::Intensities];
 
-/// XYZ and all that looks like it. The files that end with `.txt` are read as poses.
+/// XYZ and all that looks like it. A text that is given as a scan is one: those given as poses have no ending of their own.
 pub const XYZ: Format = Format {
     name: "XYZ",
-    endings: &["xyz", "asc", "csv"],
+    endings: &["xyz", "asc", "csv", "txt"],
     media_type: BYTES,
     holds: HOLDS,
     reader: Reader::Surface(read),
