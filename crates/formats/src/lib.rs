@@ -25,6 +25,8 @@ mod budget;
 mod colors;
 pub mod columns;
 mod header_lines;
+pub mod kitti_bin;
+pub mod npy;
 mod number;
 pub mod obj;
 pub mod off;
@@ -40,6 +42,7 @@ pub mod stl;
 mod table;
 mod text;
 mod unite;
+pub mod uos;
 pub mod vtk;
 
 pub use budget::ReadLimits;
@@ -64,6 +67,10 @@ pub const FORMATS: &[&Format] = &[
     &columns::PTS,
     &ptx::FORMAT,
     &vtk::FORMAT,
+    &npy::NPY,
+    &npy::NPZ,
+    &kitti_bin::FORMAT,
+    &uos::FORMAT,
     &poses::JSON,
     &poses::CONF,
     &poses::TEXT,

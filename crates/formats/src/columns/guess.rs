@@ -3,7 +3,7 @@
 use crate::points::{COLOR, NORMAL};
 
 /// Rows from which is told what the columns are.
-pub(super) const SAMPLE: usize = 1 << 10;
+pub(crate) const SAMPLE: usize = 1 << 10;
 /// A length this near to 1 is that of a normal: files round them to two digits.
 const UNIT_TOLERANCE: f64 = 0.02;
 /// Fewer rows do not show that a column counts them.
@@ -11,14 +11,14 @@ const LEAST_COUNTED: usize = 8;
 
 /// What the values of a triple of columns look like.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Triple {
+pub(crate) enum Triple {
     Normal,
     Color,
 }
 
 impl Triple {
     /// Where its values go.
-    pub(super) fn slot(self) -> usize {
+    pub(crate) fn slot(self) -> usize {
         match self {
             Triple::Normal => NORMAL,
             Triple::Color => COLOR,
@@ -26,7 +26,7 @@ impl Triple {
     }
 
     /// In words, for messages.
-    pub(super) fn name(self) -> &'static str {
+    pub(crate) fn name(self) -> &'static str {
         match self {
             Triple::Normal => "normals",
             Triple::Color => "colours",
@@ -35,7 +35,7 @@ impl Triple {
 
     /// Whether the values of a row can be this.
     #[inline]
-    pub(super) fn fits(self, values: [f64; 3]) -> bool {
+    pub(crate) fn fits(self, values: [f64; 3]) -> bool {
         let is_known = !values.iter().any(|x| x.is_nan());
         match self {
             Triple::Color => !is_known || values.iter().all(|x| (0.0..=255.0).contains(x) && x.fract() == 0.0),
@@ -58,16 +58,16 @@ impl Triple {
 
 /// What was found out about the columns.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub(super) struct Guess {
+pub(crate) struct Guess {
     /// Whether the first column counts the points.
-    pub(super) is_counted: bool,
+    pub(crate) is_counted: bool,
     /// The first columns of triples.
-    pub(super) triples: Vec<(usize, Triple)>,
+    pub(crate) triples: Vec<(usize, Triple)>,
 }
 
 impl Guess {
     /// From sample rows, all with as many values; words that are no numbers are NaN. `known` columns are none to guess.
-    pub(super) fn of(rows: &[Vec<f64>], columns: usize, known: usize) -> Self {
+    pub(crate) fn of(rows: &[Vec<f64>], columns: usize, known: usize) -> Self {
         let is_counted = known == 0 && columns > 3 && rows.len() >= LEAST_COUNTED && counts(rows);
         let first = known.max(3 + usize::from(is_counted));
         let at = |row: &Vec<f64>, place: usize| [row[place], row[place + 1], row[place + 2]];

@@ -4,7 +4,7 @@ use super::dialect::{Dialect, MOST_COLUMNS};
 use super::guess::{Guess, SAMPLE, Triple};
 use super::names::{Name, have_positions, names_of, unit_of};
 use crate::points::{COLOR, NORMAL, SLOTS, X};
-use crate::text::{TextLines, has_fraction};
+use crate::text::{TextLines, has_fraction, words};
 use crate::{DeclaredUnit, FormatError, quote};
 use visage_geometry::Unit;
 
@@ -42,6 +42,12 @@ pub(super) fn is_comment(line: &[u8]) -> bool {
 pub(super) fn count_in(line: &[u8]) -> Option<u64> {
     let is_digits = !line.is_empty() && line.iter().all(u8::is_ascii_digit);
     std::str::from_utf8(line).ok().filter(|_| is_digits)?.parse().ok()
+}
+
+/// Whether the line says how large a scan is: `640 x 480`.
+fn is_size(line: &[u8]) -> bool {
+    let words: Vec<&[u8]> = words(line).take(4).collect();
+    matches!(words[..], [columns, b"x", rows] if count_in(columns).is_some() && count_in(rows).is_some())
 }
 
 impl Columns {
@@ -201,7 +207,7 @@ impl<'a> Head<'a> {
                 let problem = "this is a grid of heights (Esri ASCII), no list of points";
                 return Err(FormatError::malformed("line 1", problem, "export it as points: x y z"));
             }
-            if count_in(line).is_none() {
+            if count_in(line).is_none() && !is_size(line) {
                 before.push((lines.number(), line));
             }
             if before.len() > MOST_BEFORE {

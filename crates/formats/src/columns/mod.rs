@@ -4,7 +4,7 @@
 //! file that leaves doubt is read without what is in doubt, with a note, or refused where the doubt is about positions.
 
 mod dialect;
-mod guess;
+pub(super) mod guess;
 mod layout;
 mod names;
 mod reader;
