@@ -270,7 +270,7 @@ mod tests {
         assert_eq!(scalar(">i2").number(&(-2i16).to_be_bytes()), -2.0);
         assert_eq!(scalar("|u1").number(&[200]), 200.0);
         assert_eq!(scalar("<u8").number(&u64::MAX.to_le_bytes()), u64::MAX as f64);
-        assert_eq!(["<f2"; 4].map(|code| scalar(code)).map(|half| half.number(&[0, 0xc1])), [-2.5; 4]);
+        assert_eq!(["<f2"; 4].map(scalar).map(|half| half.number(&[0, 0xc1])), [-2.5; 4]);
         assert_eq!((half(0x7c00), half(0x0001)), (f64::INFINITY, 2f64.powi(-24)));
         for code in ["", "f4", "<g8", "<O", "<i16", "?f4"] {
             assert_eq!(Scalar::of(code), None, "{code}");

@@ -96,6 +96,9 @@ fn in_array(path: &str, error: FormatError) -> FormatError {
     }
 }
 
+/// Reads one value of any row.
+type ValueReader<'a> = Box<dyn Fn(u64) -> f64 + 'a>;
+
 /// Where the values of points come from.
 #[derive(Default)]
 struct Sources<'a> {
@@ -160,7 +163,7 @@ impl<'a> Sources<'a> {
         // an attribute with an array of its own does not come from a column too
         let own = |slot: usize| self.attributes.iter().any(|(first, count, _)| (*first..first + count).contains(&slot));
         self.columns.retain(|(slot, _)| !own(*slot));
-        let mut readers: Vec<(usize, Scalar, Box<dyn Fn(u64) -> f64 + '_>)> = Vec::new();
+        let mut readers: Vec<(usize, Scalar, ValueReader)> = Vec::new();
         for (slot, column) in &self.columns {
             if let Some(scalar) = array.scalar(*column) {
                 readers.push((*slot, scalar, Box::new(array.column(*column))));
