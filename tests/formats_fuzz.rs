@@ -20,6 +20,14 @@ const MOST_GROWTH: u64 = 64 << 20;
 
 const LIMITS: ReadLimits = ReadLimits { max_points: 5_000, max_faces: 10_000, max_bytes: 1 << 20 };
 
+/// Where a scan of PTX is.
+const PTX_PLACE: &str = "1 2 3\n1 0 0\n0 1 0\n0 0 1\n1 0 0 0\n0 1 0 0\n0 0 1 0\n1 2 3 1\n";
+const VTK_HEAD: &str = "# vtk DataFile Version 3.0\nt\nASCII\nDATASET POLYDATA\n";
+const VTK_TAIL: &str = "POLYGONS 2 8\n3 0 1 6\n3 0 6 5\nTRIANGLE_STRIPS 1 5\n4 7 8 9 10\nPOINT_DATA 20\n\
+    SCALARS intensity float 1\nLOOKUP_TABLE default\n0 1 2 3 4 5 6 7 8 9 0 1 2 3 4 5 6 7 8 9\n";
+/// An array of 20 x 4 floats; the two bytes before the brace are the length of what follows.
+const NPY_HEAD: &[u8] = b"\x93NUMPY\x01\0\x3f\0{'descr': '<f4', 'fortran_order': False, 'shape': (20, 4), }  \n";
+
 /// A sound file of each kind, by the name that says how it is read.
 fn seeds() -> Vec<(&'static str, Vec<u8>)> {
     let points: Vec<Point3> =
@@ -62,6 +70,8 @@ fn seeds() -> Vec<(&'static str, Vec<u8>)> {
     let named: Vec<_> = (0..3)
         .map(|k| (format!("scan {k}.ply"), Some(Motion::new(Vector3::x() * f64::from(k), Vector3::y()))))
         .collect();
+    let floats: Vec<u8> =
+        points.iter().flat_map(|p| [p.x, p.y, p.z, 0.5]).flat_map(|x| (x as f32).to_le_bytes()).collect();
     let blocks = "a.ply\n1 0 0 1\n0 1 0 2\n0 0 1 3\n0 0 0 1\n# b\nb.ply\n1 0 0 1\n0 1 0 2\n0 0 1 3\n0 0 0 1\n";
     vec![
         ("cloud.ply", formats::ply::write_cloud(&cloud, Some(&[0; 20]))),
@@ -75,6 +85,19 @@ fn seeds() -> Vec<(&'static str, Vec<u8>)> {
         ("mesh.obj", format!("{obj}f 1/1/1 2/1/2 3/1/3 4/1/4\n").into_bytes()),
         ("text.stl", text_stl.into_bytes()),
         ("binary.stl", formats::stl::write_mesh(&mesh)),
+        ("mesh.off", formats::off::write_mesh(&mesh)),
+        ("cloud.off", formats::off::write_cloud(&cloud)),
+        ("cloud.obj", formats::obj::write_cloud(&cloud)),
+        ("cloud.pcd", formats::pcd::write_cloud(&cloud)),
+        ("cloud.xyz", formats::columns::write_cloud(&cloud)),
+        ("table.csv", format!("id;X[mm];Y[mm];Z[mm];R;G;B\n{}", "1;0,5;1;2;255;0;9\n".repeat(20)).into_bytes()),
+        ("bare.txt", rows(&|p| format!("{} {} {} 0.6 0 -0.8 200 3 4\n", p.x, p.y, p.z)).into_bytes()),
+        ("leica.pts", format!("20\n{}", rows(&|p| format!("{} {} {} -12 9 9 9\n", p.x, p.y, p.z))).into_bytes()),
+        ("leica.ptx", format!("5\n4\n{PTX_PLACE}{}", rows(&|p| format!("{} {} {} 0.5\n", p.x, p.y, p.z))).into_bytes()),
+        ("mesh.vtk", format!("{VTK_HEAD}POINTS 20 float\n{xyz}{VTK_TAIL}").into_bytes()),
+        ("array.npy", [NPY_HEAD, &floats].concat()),
+        ("lidar.bin", floats.repeat(8)),
+        ("scan.3d", format!("5 x 4\n{xyz}").into_bytes()),
         ("poses.json", poses::write_json(&named).into_bytes()),
         ("poses.conf", poses::write_conf(&named).into_bytes()),
         ("poses.txt", blocks.as_bytes().to_vec()),

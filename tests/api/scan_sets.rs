@@ -99,7 +99,7 @@ async fn files_that_are_no_scans_are_named_with_a_remedy() {
         ("cut.ply", cut, "unreadable_scan"),
         ("word.ply", word, "unreadable_scan"),
         ("far.ply", far, "unreadable_scan"),
-        ("scan.ply.gz", files::ply(9), "unsupported_format"),
+        ("scan.ply.xz", files::ply(9), "unsupported_format"),
         ("huge.ply", huge, "unreadable_scan"),
         ("none.ply", files::ply(0), "unreadable_scan"),
         ("none.obj", b"# nothing\n".to_vec(), "unreadable_scan"),

@@ -13,36 +13,68 @@
 //! let text = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
 //! let surface = read_surface("triangle.obj", text, &ReadLimits::default())?;
 //! assert_eq!(surface.cloud.len(), 3);
-//! let error = read_surface("scan.xyz", b"", &ReadLimits::default()).expect_err("not read");
+//! let error = read_surface("scan.doc", b"", &ReadLimits::default()).expect_err("not read");
 //! assert!(error.to_string().contains("send PLY"));
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
 #![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used))]
 
+pub mod archive;
 mod budget;
 mod colors;
+pub mod columns;
 mod header_lines;
+pub mod kitti_bin;
+pub mod npy;
 mod number;
 pub mod obj;
+pub mod off;
+pub mod packed;
 pub mod pcd;
 pub mod ply;
 mod points;
 pub mod poses;
+mod precision;
+pub mod ptx;
 mod reading;
 pub mod stl;
 mod table;
+mod text;
+mod unite;
+pub mod uos;
+pub mod vtk;
 
 pub use budget::ReadLimits;
 pub use number::{NoCoordinate, checked_coordinate};
-pub use reading::{Dropped, Reading};
-pub use table::{Content, Format, Reader, SurfaceReader, Writers, markdown, surface_endings, surface_names};
+pub use reading::{DeclaredUnit, Dropped, Reading, ScanReading};
+pub use table::{
+    Content, Format, Reader, ScansReader, SurfaceReader, Writers, is_common, markdown, surface_endings, surface_names,
+};
 
 use visage_geometry::Surface;
 
 /// Every format, in the order in which people read about them.
-pub const FORMATS: &[&Format] =
-    &[&ply::FORMAT, &pcd::FORMAT, &obj::FORMAT, &stl::FORMAT, &poses::JSON, &poses::CONF, &poses::TEXT];
+pub const FORMATS: &[&Format] = &[
+    &ply::FORMAT,
+    &pcd::FORMAT,
+    &obj::FORMAT,
+    &stl::FORMAT,
+    &off::FORMAT,
+    &columns::XYZ,
+    &columns::XYZN,
+    &columns::XYZRGB,
+    &columns::PTS,
+    &ptx::FORMAT,
+    &vtk::FORMAT,
+    &npy::NPY,
+    &npy::NPZ,
+    &kitti_bin::FORMAT,
+    &uos::FORMAT,
+    &poses::JSON,
+    &poses::CONF,
+    &poses::TEXT,
+];
 
 /// Why a file could not be read. Messages name the place in the file and what to do.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -138,28 +170,46 @@ pub fn extension(name: &str) -> String {
     name.rsplit_once('.').map_or("", |(_, extension)| extension).to_ascii_lowercase()
 }
 
-/// The format of a scan or model by the name of its file.
+/// The format of a scan or model by the name of its file; a name that ends with `.gz` is that of what is packed in it.
 ///
 /// # Errors
 /// [`FormatError::UnknownExtension`] or [`FormatError::Packed`], by its ending.
 pub fn check_name(name: &str) -> Result<&'static Format, FormatError> {
-    reader_of(name).map(|(format, _)| format)
-}
-
-/// What reads a file of this name.
-fn reader_of(name: &str) -> Result<(&'static Format, SurfaceReader), FormatError> {
-    let extension = extension(name);
+    let inner = packed::inner_name(name);
+    let extension = extension(inner.unwrap_or(name));
+    let shown = || match inner {
+        Some(_) if extension.is_empty() => "gz".to_owned(),
+        Some(_) => format!("{extension}.gz"),
+        None => extension.clone(),
+    };
     match Format::of_ending(&extension) {
-        Some(format @ Format { reader: Reader::Surface(read), .. }) => Ok((format, *read)),
-        _ if PACKED.contains(&extension.as_str()) => Err(FormatError::Packed { extension }),
-        _ => Err(FormatError::UnknownExtension { extension }),
+        Some(format) if format.is_surface() => Ok(format),
+        _ if PACKED.contains(&extension.as_str()) => Err(FormatError::Packed { extension: shown() }),
+        _ if inner.is_some() && extension.is_empty() => Err(FormatError::Packed { extension: shown() }),
+        _ => Err(FormatError::UnknownExtension { extension: shown() }),
     }
 }
 
-/// Reads a scan or model, and says what of it was not taken; the extension of `name` is that of the format.
+/// Reads a scan or model, and says what of it was not taken; the extension of `name` is that of the format. The scans of
+/// a file that holds several become one surface, in the frame that they share.
 pub fn read(name: &str, bytes: &[u8], limits: &ReadLimits) -> Result<Reading, FormatError> {
-    let (_, read) = reader_of(name)?;
-    read(bytes, limits)
+    let reader = check_name(name)?.reader;
+    let (name, bytes) = &packed::unpacked(name, bytes, limits)?;
+    match reader {
+        Reader::Surface(read) => read(bytes, limits),
+        _ => unite::unite(read_scans(name, bytes, limits)?, limits),
+    }
+}
+
+/// Reads the scans of a file, each in its own frame; a file of a format that holds one has one, without a name or place.
+pub fn read_scans(name: &str, bytes: &[u8], limits: &ReadLimits) -> Result<Vec<ScanReading>, FormatError> {
+    let reader = check_name(name)?.reader;
+    let (_, bytes) = &packed::unpacked(name, bytes, limits)?;
+    match reader {
+        Reader::Surface(read) => read(bytes, limits).map(|reading| vec![reading.into()]),
+        Reader::Scans(read) => read(bytes, limits),
+        Reader::Poses(_) => Ok(Vec::new()),
+    }
 }
 
 /// The same without what was not taken.
@@ -173,14 +223,14 @@ mod tests {
 
     #[test]
     fn an_unknown_extension_is_named_with_the_remedy() {
-        for name in ["scan.xyz", "scan.XYZ"] {
-            let error = read_surface(name, b"", &ReadLimits::default()).expect_err("xyz is not read");
-            assert_eq!(error.to_string(), format!("files ending in \"xyz\" are not read; send {}", surface_names()));
+        for name in ["scan.doc", "scan.DOC"] {
+            let error = read_surface(name, b"", &ReadLimits::default()).expect_err("no format");
+            assert_eq!(error.to_string(), format!("files ending in \"doc\" are not read; send {}", surface_names()));
         }
         assert!(matches!(read_surface("ply", b"", &ReadLimits::default()), Err(FormatError::UnknownExtension { .. })));
-        let packed = read_surface("scan.ply.gz", b"", &ReadLimits::default()).expect_err("packed").to_string();
+        let packed = read_surface("scan.ply.xz", b"", &ReadLimits::default()).expect_err("packed").to_string();
         let remedy = format!("unpack the file and send {}", surface_names());
-        assert_eq!(packed, format!("files ending in \"gz\" are packed; {remedy}"));
+        assert_eq!(packed, format!("files ending in \"xz\" are packed; {remedy}"));
     }
 
     #[test]

@@ -2,13 +2,15 @@
 //! coordinates, groups and lines are passed over.
 
 use std::borrow::Cow;
+use std::fmt::Write;
 
 use super::budget::Budget;
 use super::colors::Channels;
 use super::points::{COLOR, INTENSITY, Layout, NONE, NORMAL, Points, SLOTS, X};
 use super::table::{self, BYTES, Content, Format, Writers};
+use super::text::TextLines;
 use super::{FormatError, ReadLimits, Reading, number, quote, text_start};
-use visage_geometry::Vector3;
+use visage_geometry::{Cloud, Mesh, Vector3};
 
 /// Its line in the table of formats.
 pub const FORMAT: Format = Format {
@@ -17,7 +19,7 @@ pub const FORMAT: Format = Format {
     media_type: BYTES,
     holds: &[Content::Points, Content::Mesh, Content::Normals, Content::Colors],
     reader: table::Reader::Surface(read),
-    writers: Writers::NONE,
+    writers: Writers { cloud: Some(write_cloud), mesh: Some(write_mesh), ..Writers::NONE },
 };
 
 /// Reads an OBJ file: `v x y z` (also with a weight, or with red green blue behind, of any range), `vn` and `f`.
@@ -32,7 +34,7 @@ pub const FORMAT: Format = Format {
 pub fn read(bytes: &[u8], limits: &ReadLimits) -> Result<Reading, FormatError> {
     let text = &bytes[text_start(bytes)?..];
     let mut reader = Reader::new(limits);
-    let mut lines = Lines { text, number: 0 };
+    let mut lines = Lines { parts: TextLines::new(text) };
     while let Some((number, line)) = lines.next() {
         reader.line(&line).map_err(|fault| match fault {
             Fault::Wrong(problem) => {
@@ -46,36 +48,23 @@ pub fn read(bytes: &[u8], limits: &ReadLimits) -> Result<Reading, FormatError> {
 
 /// Lines, whatever ends them. A backslash at the end joins a line with the next.
 struct Lines<'a> {
-    text: &'a [u8],
-    number: usize,
+    parts: TextLines<'a>,
 }
 
 impl<'a> Lines<'a> {
     /// The next line, and the number of its first part.
     fn next(&mut self) -> Option<(usize, Cow<'a, [u8]>)> {
-        let mut line = Cow::Borrowed(self.part()?);
-        let number = self.number;
+        let mut line = Cow::Borrowed(self.parts.next()?);
+        let number = self.parts.number();
         while let Some(continued) = line.trim_ascii_end().strip_suffix(b"\\")
             && !line.trim_ascii_start().starts_with(b"#")
         {
             let mut joined = [continued, b" "].concat();
-            let Some(part) = self.part() else { return Some((number, joined.into())) };
+            let Some(part) = self.parts.next() else { return Some((number, joined.into())) };
             joined.extend_from_slice(part);
             line = joined.into();
         }
         Some((number, line))
-    }
-
-    /// The next line as it stands.
-    fn part(&mut self) -> Option<&'a [u8]> {
-        if self.text.is_empty() {
-            return None;
-        }
-        self.number += 1;
-        let length = memchr::memchr2(b'\n', b'\r', self.text).unwrap_or(self.text.len());
-        let (line, rest) = self.text.split_at(length);
-        self.text = rest.strip_prefix(b"\r\n").or(rest.get(1..)).unwrap_or_default();
-        Some(line)
     }
 }
 
@@ -268,10 +257,53 @@ fn index(what: &str, word: Option<&[u8]>, count: usize) -> Result<u32, String> {
     Ok(zero_based.and_then(|index| u32::try_from(index).ok()).unwrap_or(NONE))
 }
 
+/// Writes a cloud with its normals, and its colours as fractions behind the positions; intensities have no place in OBJ.
+/// Numbers are those that are read back as the same values.
+pub fn write_cloud(cloud: &Cloud) -> Vec<u8> {
+    let mut text = String::new();
+    for (index, point) in cloud.points.iter().enumerate() {
+        // writing to a string can't fail
+        let _ = write!(text, "v {} {} {}", point.x, point.y, point.z);
+        if let Some(colors) = &cloud.colors {
+            let [red, green, blue] = colors[index].map(|channel| f64::from(channel) / 255.0);
+            let _ = write!(text, " {red} {green} {blue}");
+        }
+        text.push('\n');
+    }
+    for normal in cloud.normals.iter().flatten() {
+        let _ = writeln!(text, "vn {} {} {}", normal.x, normal.y, normal.z);
+    }
+    text.into_bytes()
+}
+
+/// Writes a mesh.
+pub fn write_mesh(mesh: &Mesh) -> Vec<u8> {
+    let mut text = String::new();
+    for point in &mesh.vertices {
+        let _ = writeln!(text, "v {} {} {}", point.x, point.y, point.z);
+    }
+    for face in &mesh.faces {
+        let [a, b, c] = face.map(|vertex| u64::from(vertex) + 1);
+        let _ = writeln!(text, "f {a} {b} {c}");
+    }
+    text.into_bytes()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use visage_geometry::Surface;
+    use visage_geometry::{Point3, Surface};
+
+    #[test]
+    fn what_is_written_comes_back() {
+        let cloud = Cloud {
+            points: vec![Point3::new(1.0 / 3.0, 4.5e6 + 0.001, -1e-9), Point3::origin()],
+            normals: Some(vec![nalgebra::Vector3::x(), nalgebra::Vector3::new(0.6, 0.0, 0.8)]),
+            colors: Some(vec![[1, 0, 1], [0, 254, 0]]),
+            intensities: None,
+        };
+        assert_eq!(read(&write_cloud(&cloud), &ReadLimits::default()).expect("own files").surface.cloud, cloud);
+    }
 
     fn read_text(text: &str) -> Result<Surface, FormatError> {
         read(text.as_bytes(), &ReadLimits::default()).map(|reading| reading.surface)

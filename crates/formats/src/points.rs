@@ -30,7 +30,7 @@ pub(super) fn slot_of(name: &str) -> Option<usize> {
         "red" | "diffuse_red" | "r" => COLOR,
         "green" | "diffuse_green" | "g" => COLOR + 1,
         "blue" | "diffuse_blue" | "b" => COLOR + 2,
-        "intensity" | "scalar_intensity" => INTENSITY,
+        "intensity" | "scalar_intensity" | "reflectance" | "scalar_reflectance" | "reflectivity" => INTENSITY,
         "rgb" | "rgba" => PACKED,
         _ => return None,
     })
@@ -190,7 +190,7 @@ impl Points {
             colors: self.colors.and_then(Colors::finish),
             intensities: self.intensities.filter(|_| self.dropped.intensities < points),
         };
-        Ok(Reading { surface: Surface { cloud, faces, grid, sensor }, dropped: self.dropped })
+        Ok(Reading { surface: Surface { cloud, faces, grid, sensor }, dropped: self.dropped, unit: None })
     }
 }
 

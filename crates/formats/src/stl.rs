@@ -80,26 +80,31 @@ struct Facets<'a> {
     budget: Budget,
     points: Points,
     /// Where a vertex is among the points, by the bits of its coordinates.
-    places: HashMap<[u64; 3], u32>,
+    /// The hash is a quick one with a random seed: files can't be made to collide.
+    places: HashMap<[u64; 3], u32, foldhash::fast::RandomState>,
     faces: Vec<[u32; 3]>,
     /// Facets of the file, with those that were left out.
     seen: u64,
 }
 
 impl<'a> Facets<'a> {
-    fn new(limits: &'a ReadLimits) -> Result<Self, FormatError> {
+    /// None yet; about so many will come, for which there are bytes.
+    fn new(limits: &'a ReadLimits, expected: usize) -> Result<Self, FormatError> {
+        // a closed surface has half as many vertices as facets
+        let vertices = (expected / 2).min(limits.most_points() as usize);
         let layout = Layout::of(|slot| slot < NORMAL, |_| Channels::Floats)?;
         Ok(Facets {
             limits,
             budget: limits.budget(),
-            points: Points::new(&layout, 0),
-            places: HashMap::new(),
-            faces: Vec::new(),
+            points: Points::new(&layout, vertices),
+            places: HashMap::with_capacity_and_hasher(vertices, foldhash::fast::RandomState::default()),
+            faces: Vec::with_capacity(expected),
             seen: 0,
         })
     }
 
     /// Takes the next facet; `place` says where it is.
+    #[inline]
     fn push(&mut self, corners: &[[f64; 3]; 3], place: impl Fn() -> String) -> Result<(), FormatError> {
         self.seen += 1;
         if !corners.iter().flatten().all(|x| x.is_finite()) {
@@ -156,7 +161,7 @@ fn read_binary(bytes: &[u8], count: u32, limits: &ReadLimits) -> Result<Reading,
     if found > limit {
         return Err(FormatError::TooLarge { what: "faces", found, limit });
     }
-    let mut facets = Facets::new(limits)?;
+    let mut facets = Facets::new(limits, count as usize)?;
     let mut rest = &bytes[HEAD..];
     for index in 0..count {
         let Some((facet, behind)) = rest.split_first_chunk::<FACET>() else { break };
@@ -211,7 +216,7 @@ impl<'a> Words<'a> {
 }
 
 fn read_text(text: &[u8], limits: &ReadLimits) -> Result<Reading, FormatError> {
-    let mut facets = Facets::new(limits)?;
+    let mut facets = Facets::new(limits, 0)?;
     let mut words = Words { text, position: 0 };
     let (mut corners, mut count) = ([[0.0; 3]; 3], 0);
     let mut is_ended = false;

@@ -114,8 +114,9 @@ async fn described(state: &AppState, mut form: Form) -> Result<Upload, Problem> 
             "send the mesh or cloud as a file named `model`",
         )
     })?;
+    let file = upload::unpacked(state, file).await?;
     let turn = describe::turn(state, &file).await?;
-    let (file, Reading { surface, dropped }) = upload::read(state, file).await?;
+    let (file, Reading { surface, dropped, .. }) = upload::read(state, file).await?;
     let asset = AssetRecord {
         name: asset_name(&file.name, &surface)?,
         bytes: file.staged.bytes,

@@ -84,7 +84,7 @@ mod tests {
     #[test]
     fn the_ending_tells_the_format() {
         assert_eq!(surface_file_name("a.b.PLY").expect("read here"), "a.b.PLY");
-        for name in ["photo.jpg", "ply", "a.ply.gz"] {
+        for name in ["photo.jpg", "ply", "a.ply.xz", "a.zip"] {
             assert_eq!(surface_file_name(name).expect_err(name).code(), Code::UnsupportedFormat);
         }
     }

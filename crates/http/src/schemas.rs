@@ -112,7 +112,7 @@ fn scan_name_pattern() -> String {
     let either = |c: char| format!("[{}{}]", c.to_ascii_lowercase(), c.to_ascii_uppercase());
     let endings: Vec<String> = surface_endings().iter().map(|ending| ending.chars().map(either).collect()).collect();
     let plain = r"/\\\u0000-\u001f\u007f-\u009f";
-    format!(r"^([^\s{plain}][^{plain}]*)?\.({})$", endings.join("|"))
+    format!(r"^([^\s{plain}][^{plain}]*)?\.({})(\.[gG][zZ])?$", endings.join("|"))
 }
 
 /// `names::text` as a regular expression of ECMA 262.
@@ -127,7 +127,7 @@ mod tests {
     use super::*;
 
     /// Names at the borders of the rules, and inside.
-    const NAMES: [&str; 26] = [
+    const NAMES: [&str; 29] = [
         "a.ply",
         "A.PLY",
         "a.b.pcd",
@@ -140,6 +140,9 @@ mod tests {
         "a\u{a0}.ply",
         "ply",
         "a.ply.gz",
+        "a.PLY.Gz",
+        "a.gz",
+        "a.ply.gz.gz",
         "a.stl",
         "a.plyx",
         "",

@@ -119,6 +119,7 @@ async fn annotated(state: &AppState, mut form: Form) -> Result<(NewStandard, Upl
         return Err(DatabaseError::NameTaken { kind: "standard", name }.into());
     }
     let file = form.files.pop().ok_or_else(|| missing("model", "send a mesh or cloud as a file named `model`"))?;
+    let file = upload::unpacked(state, file).await?;
     let turn = describe::turn(state, &file).await?;
     let (file, surface) = upload::read_surface(state, file).await?;
     let format = names::surface_format(&file.name)?;

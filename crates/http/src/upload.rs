@@ -216,6 +216,24 @@ pub async fn read(state: &AppState, file: UploadedFile) -> Result<(UploadedFile,
     .await?
 }
 
+/// The file as it is kept under the name of its format: one that came packed is unpacked.
+pub async fn unpacked(state: &AppState, file: UploadedFile) -> Result<UploadedFile, Problem> {
+    let Some(inner) = formats::packed::inner_name(&file.name).map(str::to_owned) else { return Ok(file) };
+    let permit = state.checks.clone().acquire_owned().await.map_err(Problem::internal)?;
+    let limits = state.limits().read_limits();
+    let objects = state.context.objects.clone();
+    let bytes = blocking(move || {
+        let bytes = objects.read_staged(&file.staged)?;
+        let unpacked = formats::packed::unpacked(&file.name, &bytes, &limits).map(|(_, bytes)| bytes.into_owned());
+        unpacked.map_err(|error| Problem::unreadable(&file.name, &error))
+    })
+    .await??;
+    let mut writer = state.context.objects.receive().await?;
+    writer.write(&bytes).await?;
+    drop(permit);
+    Ok(UploadedFile { name: inner, staged: writer.finish().await? })
+}
+
 /// A scan that was read and can be kept.
 #[derive(Debug)]
 pub struct CheckedScan {
@@ -230,7 +248,7 @@ pub struct CheckedScan {
 /// Checks received scans.
 pub async fn check_scans(state: &AppState, files: Vec<UploadedFile>) -> Result<Vec<CheckedScan>, Problem> {
     let checks = files.into_iter().map(|file| async {
-        let (file, Reading { surface, dropped }) = read(state, file).await?;
+        let (file, Reading { surface, dropped, .. }) = read(state, file).await?;
         Ok(CheckedScan { file, points: surface.cloud.len() as u64, dropped })
     });
     futures_util::future::try_join_all(checks).await

@@ -53,8 +53,11 @@ impl<'a> Folder<'a> {
     }
 
     /// The files that may be scans: hidden ones are none, such as the `._scan.ply` that a Mac leaves beside a scan.
+    /// Files that may be anything (`.csv`) are scans where there is nothing better.
     fn scans(&self) -> impl Iterator<Item = &str> {
-        self.names().filter(|name| formats::check_name(name).is_ok() && !name.starts_with('.'))
+        let may_be = |name: &&str| formats::check_name(name).is_ok() && !name.starts_with('.');
+        let has_sure = self.names().filter(may_be).any(|name| !formats::is_common(name));
+        self.names().filter(may_be).filter(move |name| !has_sure || !formats::is_common(name))
     }
 
     /// Names the poses of a file as the scans are named.
@@ -137,7 +140,8 @@ impl<'a> Folder<'a> {
         let is_pose_file = |name: &str| formats::poses::CONF.endings.contains(&&*formats::extension(name));
         let mut endings: BTreeMap<String, usize> = BTreeMap::new();
         let others = self.names().filter(|name| !name.starts_with('.') && name.contains('.') && !is_pose_file(name));
-        for name in others.filter(|name| formats::check_name(name).is_err()) {
+        let scans: Vec<&str> = self.scans().collect();
+        for name in others.filter(|name| !scans.contains(name)) {
             *endings.entry(formats::extension(name)).or_default() += 1;
         }
         let mut notes = Vec::new();
@@ -171,11 +175,11 @@ mod tests {
 
     #[test]
     fn droppings_are_passed_over_and_other_formats_are_mentioned() {
-        let folder = folder(&["a10.ply", "a9.PCD", "._a9.PCD", ".b.ply", "c.glb", "d.xyz", "e.las", "README"]);
+        let folder = folder(&["a10.ply", "a9.PCD", "._a9.PCD", ".b.ply", "c.jpg", "d.csv", "e.doc", "README"]);
         let list = Folder::list(folder.path()).expect("listed");
         assert_eq!(list.choose(None, None, None).expect("two scans"), ["a9.PCD", "a10.ply"]);
         assert_eq!(list.choose(Some("*"), None, None).expect("a glob").len(), 6, "all but the hidden ones");
-        assert_eq!(list.not_read(), ["3 files are not read (glb, las, xyz)"]);
+        assert_eq!(list.not_read(), ["3 files are not read (csv, doc, jpg)"]);
     }
 
     #[test]
@@ -188,12 +192,19 @@ mod tests {
     }
 
     #[test]
-    fn packed_files_are_to_be_unpacked() {
-        let folder = folder(&["a.ply.gz", "b.ply.gz"]);
-        let error =
-            Folder::list(folder.path()).expect("listed").choose(None, None, None).expect_err("none").to_string();
+    fn packed_scans_are_scans_and_archives_are_to_be_unpacked() {
+        let list = |names: &[&str]| Folder::list(folder(names).path()).expect("listed").choose(None, None, None);
+        assert_eq!(list(&["a.ply.gz", "b.PLY.GZ", "c.ply"]).expect("three"), ["a.ply.gz", "b.PLY.GZ", "c.ply"]);
+        let error = list(&["a.zip", "b.ply.xz"]).expect_err("none").to_string();
         assert!(error.ends_with("; 2 files are packed: unpack them)"), "{error}");
         assert!(error.contains(&format!("(read are: {};", formats::surface_endings().join(", "))), "{error}");
+    }
+
+    #[test]
+    fn files_that_may_be_anything_are_scans_where_there_are_no_others() {
+        let list = |names: &[&str]| Folder::list(folder(names).path()).expect("listed").choose(None, None, None);
+        assert_eq!(list(&["a.ply", "poses.txt", "times.csv"]).expect("one"), ["a.ply"]);
+        assert_eq!(list(&["a.txt", "b.csv.gz"]).expect("two"), ["a.txt", "b.csv.gz"]);
     }
 
     #[test]

@@ -6,8 +6,10 @@
 mod header;
 mod lzf;
 mod reader;
+mod writer;
 
 pub use reader::read;
+pub use writer::write_cloud;
 
 use super::table::{BYTES, Content, Format, Reader, Writers};
 
@@ -18,5 +20,5 @@ pub const FORMAT: Format = Format {
     media_type: BYTES,
     holds: &[Content::Points, Content::Normals, Content::Colors, Content::Intensities, Content::Grid, Content::Sensor],
     reader: Reader::Surface(read),
-    writers: Writers::NONE,
+    writers: Writers { cloud: Some(write_cloud), ..Writers::NONE },
 };

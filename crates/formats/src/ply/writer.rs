@@ -1,9 +1,7 @@
 //! Clouds and meshes to binary little-endian PLY.
 
+use crate::precision::fits_float;
 use visage_geometry::{Cloud, Mesh, Point3};
-
-/// Positions are stored as `float` if that moves no point by more than this share of the cloud's diagonal.
-const FLOAT_ROUNDING: f64 = 1e-7;
 
 /// Writes a cloud with the attributes it has, and for each point the index of its view if `views` is given.
 ///
@@ -96,15 +94,6 @@ impl Writer {
             }
         }
     }
-}
-
-/// Whether f32 holds these positions to [`FLOAT_ROUNDING`] of their extent.
-fn fits_float(points: &[Point3]) -> bool {
-    let Some(bounds) = visage_geometry::Bounds::of(points) else {
-        return true;
-    };
-    let tolerance = FLOAT_ROUNDING * bounds.diagonal();
-    points.iter().flat_map(|p| p.iter()).all(|x| (f64::from(*x as f32) - x).abs() <= tolerance)
 }
 
 #[cfg(test)]
