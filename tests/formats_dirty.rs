@@ -183,7 +183,7 @@ fn stl_cases() -> Vec<Case> {
 #[test]
 fn every_dirty_file_gives_what_it_holds() {
     for case in ply_cases().into_iter().chain(pcd_cases()).chain(obj_cases()).chain(stl_cases()) {
-        let Reading { surface, dropped } = read(case.name, case.text.as_bytes());
+        let Reading { surface, dropped, .. } = read(case.name, case.text.as_bytes());
         let what = case.what;
         assert_eq!(surface.cloud.len(), case.points, "{what}");
         assert_eq!(surface.faces.len(), case.faces, "{what}");
@@ -381,7 +381,7 @@ proptest! {
                 prop_assert!(result.is_err());
                 continue;
             }
-            let Reading { surface, dropped } = result.expect("some points are sound");
+            let Reading { surface, dropped, .. } = result.expect("some points are sound");
             let unsound = |k: usize| kept.iter().filter(|row| !row.0[k]).count() as u64;
             let xs: Vec<f64> = surface.cloud.points.iter().map(|p| p.x).collect();
             prop_assert_eq!(xs, kept.iter().map(|row| f64::from(row.1)).collect::<Vec<_>>());

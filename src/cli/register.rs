@@ -134,7 +134,7 @@ fn read_scans(dir: &Path, names: &[String], progress: &Progress) -> anyhow::Resu
         .map(|name| {
             let path = dir.join(name);
             let bytes = std::fs::read(&path).with_context(|| format!("reading {}", path.display()))?;
-            let Reading { surface, dropped } = formats::read(name, &bytes, &ReadLimits::default())
+            let Reading { surface, dropped, .. } = formats::read(name, &bytes, &ReadLimits::default())
                 .with_context(|| format!("reading {}", path.display()))?;
             if !dropped.is_empty() {
                 eprintln!("note: {name}: {dropped}");

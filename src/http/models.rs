@@ -118,7 +118,7 @@ async fn described(state: &AppState, mut form: Form) -> Result<Upload, Problem> 
         )
     })?;
     let turn = describe::turn(state, &file).await?;
-    let (file, Reading { surface, dropped }) = upload::read(state, file).await?;
+    let (file, Reading { surface, dropped, .. }) = upload::read(state, file).await?;
     let asset = AssetRecord {
         name: asset_name(&file.name, &surface)?,
         bytes: file.staged.bytes,

@@ -230,7 +230,7 @@ pub struct CheckedScan {
 /// Checks received scans.
 pub async fn check_scans(state: &AppState, files: Vec<UploadedFile>) -> Result<Vec<CheckedScan>, Problem> {
     let checks = files.into_iter().map(|file| async {
-        let (file, Reading { surface, dropped }) = read(state, file).await?;
+        let (file, Reading { surface, dropped, .. }) = read(state, file).await?;
         Ok(CheckedScan { file, points: surface.cloud.len() as u64, dropped })
     });
     futures_util::future::try_join_all(checks).await

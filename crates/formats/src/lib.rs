@@ -32,11 +32,14 @@ pub mod poses;
 mod reading;
 pub mod stl;
 mod table;
+mod unite;
 
 pub use budget::ReadLimits;
 pub use number::{NoCoordinate, checked_coordinate};
-pub use reading::{Dropped, Reading};
-pub use table::{Content, Format, Reader, SurfaceReader, Writers, markdown, surface_endings, surface_names};
+pub use reading::{DeclaredUnit, Dropped, Reading, ScanReading};
+pub use table::{
+    Content, Format, Reader, ScansReader, SurfaceReader, Writers, markdown, surface_endings, surface_names,
+};
 
 use visage_geometry::Surface;
 
@@ -143,23 +146,30 @@ pub fn extension(name: &str) -> String {
 /// # Errors
 /// [`FormatError::UnknownExtension`] or [`FormatError::Packed`], by its ending.
 pub fn check_name(name: &str) -> Result<&'static Format, FormatError> {
-    reader_of(name).map(|(format, _)| format)
-}
-
-/// What reads a file of this name.
-fn reader_of(name: &str) -> Result<(&'static Format, SurfaceReader), FormatError> {
     let extension = extension(name);
     match Format::of_ending(&extension) {
-        Some(format @ Format { reader: Reader::Surface(read), .. }) => Ok((format, *read)),
+        Some(format) if format.is_surface() => Ok(format),
         _ if PACKED.contains(&extension.as_str()) => Err(FormatError::Packed { extension }),
         _ => Err(FormatError::UnknownExtension { extension }),
     }
 }
 
-/// Reads a scan or model, and says what of it was not taken; the extension of `name` is that of the format.
+/// Reads a scan or model, and says what of it was not taken; the extension of `name` is that of the format. The scans of
+/// a file that holds several become one surface, in the frame that they share.
 pub fn read(name: &str, bytes: &[u8], limits: &ReadLimits) -> Result<Reading, FormatError> {
-    let (_, read) = reader_of(name)?;
-    read(bytes, limits)
+    match check_name(name)?.reader {
+        Reader::Surface(read) => read(bytes, limits),
+        _ => unite::unite(read_scans(name, bytes, limits)?, limits),
+    }
+}
+
+/// Reads the scans of a file, each in its own frame; a file of a format that holds one has one, without a name or place.
+pub fn read_scans(name: &str, bytes: &[u8], limits: &ReadLimits) -> Result<Vec<ScanReading>, FormatError> {
+    match check_name(name)?.reader {
+        Reader::Surface(read) => read(bytes, limits).map(|reading| vec![reading.into()]),
+        Reader::Scans(read) => read(bytes, limits),
+        Reader::Poses(_) => Ok(Vec::new()),
+    }
 }
 
 /// The same without what was not taken.

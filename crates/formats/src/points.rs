@@ -190,7 +190,7 @@ impl Points {
             colors: self.colors.and_then(Colors::finish),
             intensities: self.intensities.filter(|_| self.dropped.intensities < points),
         };
-        Ok(Reading { surface: Surface { cloud, faces, grid, sensor }, dropped: self.dropped })
+        Ok(Reading { surface: Surface { cloud, faces, grid, sensor }, dropped: self.dropped, unit: None })
     }
 }
 

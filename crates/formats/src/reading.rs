@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use visage_geometry::Surface;
+use visage_geometry::{Motion, Surface, Unit};
 
 /// A file that was read.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -11,6 +11,44 @@ pub struct Reading {
     pub surface: Surface,
     /// What of it was not taken.
     pub dropped: Dropped,
+    /// The unit of its coordinates, where the file or its format says so.
+    pub unit: Option<DeclaredUnit>,
+}
+
+/// One of the scans of a file that may hold several.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct ScanReading {
+    /// What the file calls it.
+    pub name: Option<String>,
+    /// The scan in its own frame.
+    pub reading: Reading,
+    /// Where it is in the frame that the file's scans share, if the file says so.
+    pub world_from_scan: Option<Motion>,
+}
+
+impl From<Reading> for ScanReading {
+    /// The only scan of a file.
+    fn from(reading: Reading) -> Self {
+        ScanReading { name: None, reading, world_from_scan: None }
+    }
+}
+
+/// A unit of length as a file declares it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DeclaredUnit {
+    /// Metres in one such unit.
+    pub metres: f64,
+}
+
+impl DeclaredUnit {
+    /// Metres.
+    pub const METRE: DeclaredUnit = DeclaredUnit { metres: 1.0 };
+
+    /// The same among the units that can be chosen, if it is one of them.
+    pub fn unit(self) -> Option<Unit> {
+        let is_same = |unit: &Unit| unit.in_mm().is_some_and(|mm| (self.metres * 1000.0 - mm).abs() <= 1e-9 * mm);
+        [Unit::Mm, Unit::Cm, Unit::M, Unit::In].into_iter().find(is_same)
+    }
 }
 
 /// What of a file was not taken, because it can't be used. Nothing else of the file is lost by it.
@@ -31,6 +69,16 @@ pub struct Dropped {
 }
 
 impl Dropped {
+    /// Adds what was not taken of another scan of the same file, `name` says of which.
+    pub(super) fn add(&mut self, other: Dropped, name: &str) {
+        self.no_return += other.no_return;
+        self.faces += other.faces;
+        self.normals += other.normals;
+        self.colors += other.colors;
+        self.intensities += other.intensities;
+        self.notes.extend(other.notes.into_iter().map(|note| format!("{name}: {note}")));
+    }
+
     /// Whether everything in the file was taken.
     pub fn is_empty(&self) -> bool {
         *self == Dropped::default()
@@ -62,5 +110,12 @@ mod tests {
         let dropped = Dropped { no_return: 3, colors: 1, notes: vec!["no grid".into()], ..Dropped::default() };
         assert_eq!(dropped.to_string(), "3 points without a return left out; 1 points without a sound colour; no grid");
         assert!(!dropped.is_empty() && Dropped::default().is_empty());
+    }
+
+    #[test]
+    fn a_declared_unit_is_one_that_can_be_chosen_or_none() {
+        let unit = |metres| DeclaredUnit { metres }.unit();
+        assert_eq!((unit(1.0), unit(0.001), unit(0.0254)), (Some(Unit::M), Some(Unit::Mm), Some(Unit::In)));
+        assert_eq!((unit(0.3048), unit(1e-6)), (None, None));
     }
 }

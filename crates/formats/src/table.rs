@@ -3,7 +3,7 @@
 use std::fmt;
 
 use super::poses::PoseFile;
-use super::{FORMATS, FormatError, ReadLimits, Reading};
+use super::{FORMATS, FormatError, ReadLimits, Reading, ScanReading};
 use visage_geometry::{Cloud, Mesh, Motion};
 
 /// The media type of scans and models. They are sent as bytes, also where a type is registered: an operation has one
@@ -66,11 +66,16 @@ impl Content {
 /// Reads a scan or a model, and says what of it was not taken.
 pub type SurfaceReader = fn(&[u8], &ReadLimits) -> Result<Reading, FormatError>;
 
+/// Reads the scans of a file that may hold several.
+pub type ScansReader = fn(&[u8], &ReadLimits) -> Result<Vec<ScanReading>, FormatError>;
+
 /// Reads the bytes of a file.
 #[derive(Clone, Copy)]
 pub enum Reader {
     /// A scan or a model.
     Surface(SurfaceReader),
+    /// Scans, each with its place among the others.
+    Scans(ScansReader),
     /// Poses by scan name; the name of the file serves messages.
     Poses(fn(&str, &[u8]) -> Result<PoseFile, FormatError>),
 }
@@ -107,7 +112,12 @@ impl Format {
 
     /// The formats of scans and models, in the order in which people read about them.
     pub fn surfaces() -> impl Iterator<Item = &'static Format> + Clone {
-        FORMATS.iter().copied().filter(|format| matches!(format.reader, Reader::Surface(_)))
+        FORMATS.iter().copied().filter(|format| format.is_surface())
+    }
+
+    /// Whether its files are scans or models.
+    pub fn is_surface(&self) -> bool {
+        matches!(self.reader, Reader::Surface(_) | Reader::Scans(_))
     }
 
     /// The ending that is written.
@@ -170,7 +180,7 @@ fn or_none(cell: &str) -> &str {
 
 #[cfg(test)]
 mod tests {
-    use super::super::check_name;
+    use super::super::{check_name, read_surface};
     use super::*;
     use visage_geometry::Point3;
 
@@ -184,9 +194,8 @@ mod tests {
         assert_eq!(endings.len(), count);
         for format in FORMATS {
             for ending in format.endings {
-                let is_surface = matches!(format.reader, Reader::Surface(_));
                 let found = check_name(&format!("a.b.{}", ending.to_uppercase())).ok();
-                assert_eq!(found, is_surface.then_some(*format));
+                assert_eq!(found, format.is_surface().then_some(*format));
             }
         }
         assert!(check_name("ply").is_err());
@@ -199,8 +208,9 @@ mod tests {
         let poses = vec![("a".to_owned(), Some(Motion::translation(1.0, 2.0, 3.0))), ("b".to_owned(), None)];
         for format in FORMATS {
             match format.reader {
-                Reader::Surface(read) => {
-                    let read = |bytes: Vec<u8>| read(&bytes, &ReadLimits::default()).expect(format.name).surface;
+                Reader::Surface(_) | Reader::Scans(_) => {
+                    let name = format!("a.{}", format.ending());
+                    let read = |bytes: Vec<u8>| read_surface(&name, &bytes, &ReadLimits::default()).expect(format.name);
                     if let Some(write) = format.writers.mesh {
                         assert!(format.holds.contains(&Content::Mesh));
                         assert_eq!(read(write(&mesh)).mesh().as_ref(), Some(&mesh), "{format:?}");
