@@ -22,10 +22,12 @@
 
 mod budget;
 mod colors;
+pub mod gltf;
 mod header_lines;
 mod number;
 pub mod obj;
 pub mod pcd;
+mod picture;
 pub mod ply;
 mod points;
 pub mod poses;
@@ -44,8 +46,17 @@ pub use table::{
 use visage_geometry::Surface;
 
 /// Every format, in the order in which people read about them.
-pub const FORMATS: &[&Format] =
-    &[&ply::FORMAT, &pcd::FORMAT, &obj::FORMAT, &stl::FORMAT, &poses::JSON, &poses::CONF, &poses::TEXT];
+pub const FORMATS: &[&Format] = &[
+    &ply::FORMAT,
+    &pcd::FORMAT,
+    &obj::FORMAT,
+    &stl::FORMAT,
+    &gltf::GLB,
+    &gltf::GLTF,
+    &poses::JSON,
+    &poses::CONF,
+    &poses::TEXT,
+];
 
 /// Why a file could not be read. Messages name the place in the file and what to do.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
