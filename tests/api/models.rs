@@ -121,6 +121,7 @@ async fn an_uploaded_model_comes_back_as_it_was_sent() {
         ("mesh.stl", visage::formats::stl::write_mesh(&mesh)),
         ("mesh.glb", visage::formats::gltf::write_mesh(&mesh)),
         ("mesh.gltf", gltf),
+        ("cloud.e57", visage::formats::e57::write_cloud(&surface.cloud)),
         ("cloud.pcd", pcd.into_bytes()),
     ];
     assert_eq!(sent.len(), visage::formats::Format::surfaces().count(), "a new format wants a row");

@@ -22,6 +22,7 @@
 
 mod budget;
 mod colors;
+pub mod e57;
 pub mod gltf;
 mod header_lines;
 mod number;
@@ -53,6 +54,7 @@ pub const FORMATS: &[&Format] = &[
     &stl::FORMAT,
     &gltf::GLB,
     &gltf::GLTF,
+    &e57::FORMAT,
     &poses::JSON,
     &poses::CONF,
     &poses::TEXT,
