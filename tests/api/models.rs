@@ -122,6 +122,9 @@ async fn an_uploaded_model_comes_back_as_it_was_sent() {
         ("mesh.glb", visage::formats::gltf::write_mesh(&mesh)),
         ("mesh.gltf", gltf),
         ("cloud.e57", visage::formats::e57::write_cloud(&surface.cloud)),
+        ("cloud.las", visage::formats::las::write_cloud(&surface.cloud)),
+        // the head says whether it is compressed
+        ("cloud.laz", visage::formats::las::write_cloud(&surface.cloud)),
         ("cloud.pcd", pcd.into_bytes()),
     ];
     assert_eq!(sent.len(), visage::formats::Format::surfaces().count(), "a new format wants a row");

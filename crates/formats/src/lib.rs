@@ -25,6 +25,7 @@ mod colors;
 pub mod e57;
 pub mod gltf;
 mod header_lines;
+pub mod las;
 mod number;
 pub mod obj;
 pub mod pcd;
@@ -55,6 +56,8 @@ pub const FORMATS: &[&Format] = &[
     &gltf::GLB,
     &gltf::GLTF,
     &e57::FORMAT,
+    &las::LAS,
+    &las::LAZ,
     &poses::JSON,
     &poses::CONF,
     &poses::TEXT,
