@@ -36,6 +36,7 @@ pub mod poses;
 mod reading;
 pub mod stl;
 mod table;
+pub mod threemf;
 mod unite;
 
 pub use budget::ReadLimits;
@@ -55,6 +56,7 @@ pub const FORMATS: &[&Format] = &[
     &stl::FORMAT,
     &gltf::GLB,
     &gltf::GLTF,
+    &threemf::FORMAT,
     &e57::FORMAT,
     &las::LAS,
     &las::LAZ,
