@@ -62,8 +62,8 @@ impl Budget {
         }
     }
 
-    /// Takes `bytes` for `count` things that describe the file and are no points: the first [`DESCRIPTION`] are free, so
-    /// that small limits on points don't refuse the description of a few.
+    /// Takes `bytes` for all `count` things that describe the file and are no points, at once: the first
+    /// [`DESCRIPTION`] are free, so that small limits on points don't refuse the description of a few.
     pub(super) fn take_description(&mut self, count: u64, bytes: usize) -> Result<(), FormatError> {
         self.take(count.saturating_mul(bytes as u64).saturating_sub(DESCRIPTION), 1)
     }

@@ -28,6 +28,7 @@ mod header_lines;
 pub mod las;
 mod number;
 pub mod obj;
+pub mod obj_textures;
 pub mod pcd;
 mod picture;
 pub mod ply;
@@ -172,8 +173,8 @@ pub fn check_name(name: &str) -> Result<&'static Format, FormatError> {
     }
 }
 
-/// Reads a scan or model, and says what of it was not taken; the extension of `name` is that of the format. The scans of
-/// a file that holds several become one surface, in the frame that they share.
+/// Reads a scan or model, and says what of it was not taken; the extension of `name` is that of the format. The scans
+/// of a file that holds several become one surface, in the frame that they share.
 pub fn read(name: &str, bytes: &[u8], limits: &ReadLimits) -> Result<Reading, FormatError> {
     match check_name(name)?.reader {
         Reader::Surface(read) => read(bytes, limits),
@@ -181,7 +182,8 @@ pub fn read(name: &str, bytes: &[u8], limits: &ReadLimits) -> Result<Reading, Fo
     }
 }
 
-/// Reads the scans of a file, each in its own frame; a file of a format that holds one has one, without a name or place.
+/// Reads the scans of a file, each in its own frame; a file of a format that holds one has one, without a name or
+/// place.
 pub fn read_scans(name: &str, bytes: &[u8], limits: &ReadLimits) -> Result<Vec<ScanReading>, FormatError> {
     match check_name(name)?.reader {
         Reader::Surface(read) => read(bytes, limits).map(|reading| vec![reading.into()]),

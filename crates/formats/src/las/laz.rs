@@ -1,7 +1,7 @@
 //! Compressed records: chunks, which the crate `laz` unpacks one by one, on all threads of the caller's pool.
 //!
-//! The crate trusts what it reads. What could make it take memory, or panic, is checked before: the number of chunks, the
-//! items of a record, the sizes of layers; a chunk that makes it panic all the same is an error.
+//! The crate trusts what it reads. What could make it take memory, or panic, is checked before: the number of chunks,
+//! the items of a record, the sizes of layers; a chunk that makes it panic all the same is an error.
 
 use std::io::{Cursor, Seek, SeekFrom};
 use std::panic::{AssertUnwindSafe, catch_unwind};

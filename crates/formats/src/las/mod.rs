@@ -1,5 +1,5 @@
-//! LAS and LAZ, the formats of lidars in the air: points with intensities and perhaps colours, whole numbers with a scale
-//! and an offset. LAZ is the same, compressed.
+//! LAS and LAZ, the formats of lidars in the air: points with intensities and perhaps colours, whole numbers with a
+//! scale and an offset. LAZ is the same, compressed.
 
 mod header;
 mod laz;

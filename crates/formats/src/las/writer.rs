@@ -7,9 +7,9 @@ const HEAD: u16 = 227;
 /// Steps from the middle of a cloud to its end: ten million at least, a hundred million at most.
 const STEPS: f64 = 1e7;
 
-/// Writes a cloud with its colours and intensities. Coordinates are whole numbers with a step of a power of ten, at most a
-/// ten-thousandth unless the cloud is too large for that. Intensities are whole numbers up to 65535: others are scaled to
-/// that range. The same cloud always gives the same bytes.
+/// Writes a cloud with its colours and intensities. Coordinates are whole numbers with a step of a power of ten, at
+/// most a ten-thousandth unless the cloud is too large for that. Intensities are whole numbers up to 65535: others are
+/// scaled to that range. The same cloud always gives the same bytes.
 pub fn write_cloud(cloud: &Cloud) -> Vec<u8> {
     let bounds = cloud.bounds().unwrap_or(Bounds { min: Point3::origin(), max: Point3::origin() });
     let offset = bounds.center().coords.map(f64::round);

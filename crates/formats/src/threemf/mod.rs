@@ -1,5 +1,5 @@
-//! 3MF, the format of 3D printing: a zip archive with objects as XML, put together by components and a list of what is to be
-//! built; with a unit, and perhaps colours.
+//! 3MF, the format of 3D printing: a zip archive with objects as XML, put together by components and a list of what is
+//! to be built; with a unit, and perhaps colours.
 
 mod model;
 mod package;
@@ -37,9 +37,9 @@ const MOST_DEPTH: usize = 32;
 /// Reads what a file wants to be built, as one surface; of a file that doesn't say, all objects.
 ///
 /// # Errors
-/// [`FormatError::TooLarge`] and [`FormatError::TooManyBytes`] beyond the limits, before more than they allow is unpacked;
-/// [`FormatError::Malformed`] with the part and the object for the rest: no zip archive, objects that aren't there, words
-/// that are no numbers.
+/// [`FormatError::TooLarge`] and [`FormatError::TooManyBytes`] beyond the limits, before more than they allow is
+/// unpacked; [`FormatError::Malformed`] with the part and the object for the rest: no zip archive, objects that aren't
+/// there, words that are no numbers.
 pub fn read(bytes: &[u8], limits: &ReadLimits) -> Result<Reading, FormatError> {
     let mut budget = limits.budget();
     let mut package = Package::new(bytes, limits)?;
