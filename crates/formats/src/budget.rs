@@ -8,6 +8,9 @@ const POINT_BYTES: u64 = (size_of::<Point3>() + size_of::<[f32; 3]>() * 2 + size
 /// What is kept of one triangle (bytes).
 const FACE_BYTES: u64 = size_of::<[u32; 3]>() as u64;
 
+/// What the description of a file may take whatever the limits (bytes).
+const DESCRIPTION: u64 = 1 << 20;
+
 /// Bounds on what a reader accepts.
 #[derive(Debug, Clone, Copy)]
 pub struct ReadLimits {
@@ -59,6 +62,12 @@ impl Budget {
         }
     }
 
+    /// Takes `bytes` for all `count` things that describe the file and are no points, at once: the first
+    /// [`DESCRIPTION`] are free, so that small limits on points don't refuse the description of a few.
+    pub(super) fn take_description(&mut self, count: u64, bytes: usize) -> Result<(), FormatError> {
+        self.take(count.saturating_mul(bytes as u64).saturating_sub(DESCRIPTION), 1)
+    }
+
     #[cold]
     fn exceeded(&self, count: u64, bytes: usize) -> FormatError {
         let found = (self.limit - self.left).saturating_add(count.saturating_mul(bytes as u64));
@@ -80,5 +89,6 @@ mod tests {
         let error = budget.take(1, 4).expect_err("used up").to_string();
         assert!(error.starts_with("what it holds takes 624 bytes, more than the 620 that are allowed"), "{error}");
         assert!(budget.take(u64::MAX, usize::MAX).is_err());
+        assert!(budget.take_description(1 << 20, 1).is_ok() && budget.take_description(1 << 20, 2).is_err());
     }
 }

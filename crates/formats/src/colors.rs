@@ -80,7 +80,10 @@ impl Colors {
     /// The value of full light.
     fn full(&self) -> f32 {
         let largest = self.values.iter().flatten().copied().fold(0.0, f32::max);
+        let is_shifted = || self.values.iter().flatten().all(|channel| channel % 256.0 == 0.0);
         match self.channels {
+            // bytes in the upper half of two
+            Channels::Whole(65535) if largest > FULL[0] && is_shifted() => FULL[0] * 256.0,
             Channels::Floats if largest <= 1.0 + ROUNDING => 1.0,
             Channels::Whole(most) if largest > FULL[0] && (most as f32) < FULL[1] => most as f32,
             _ => FULL.into_iter().find(|full| largest <= *full).unwrap_or(largest),
@@ -106,6 +109,7 @@ mod tests {
         assert_eq!(all(Channels::Floats, &[[1.0002, 0.2, -0.1]]), Some(vec![[255, 51, 0]]));
         assert_eq!(all(Channels::Whole(65535), &[[257.0, 0.0, 65535.0]]), Some(vec![[1, 0, 255]]));
         assert_eq!(all(Channels::Whole(65535), &[[1.0, 0.0, 255.0]]), Some(vec![[1, 0, 255]]));
+        assert_eq!(all(Channels::Whole(65535), &[[256.0, 0.0, 65280.0]]), Some(vec![[1, 0, 255]]));
         assert_eq!(all(Channels::Whole(32767), &[[0.0, 16384.0, 32767.0]]), Some(vec![[0, 128, 255]]));
         assert_eq!(all(Channels::SignedBytes, &[[-1.0, -128.0, 127.0]]), Some(vec![[255, 128, 127]]));
         assert_eq!(all(Channels::Bytes, &[[-1.0, 300.0, 127.0]]), Some(vec![[0, 255, 127]]));

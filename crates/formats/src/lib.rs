@@ -31,7 +31,15 @@ mod number;
 pub mod obj;
 pub mod off;
 pub mod packed;
+pub mod e57;
+pub mod gltf;
+mod header_lines;
+pub mod las;
+mod number;
+pub mod obj;
+pub mod obj_textures;
 pub mod pcd;
+mod picture;
 pub mod ply;
 mod points;
 pub mod poses;
@@ -44,6 +52,8 @@ mod text;
 mod unite;
 pub mod uos;
 pub mod vtk;
+pub mod threemf;
+mod unite;
 
 pub use budget::ReadLimits;
 pub use number::{NoCoordinate, checked_coordinate};
@@ -71,6 +81,12 @@ pub const FORMATS: &[&Format] = &[
     &npy::NPZ,
     &kitti_bin::FORMAT,
     &uos::FORMAT,
+    &gltf::GLB,
+    &gltf::GLTF,
+    &threemf::FORMAT,
+    &e57::FORMAT,
+    &las::LAS,
+    &las::LAZ,
     &poses::JSON,
     &poses::CONF,
     &poses::TEXT,
