@@ -41,8 +41,18 @@ pub use table::{Content, Format, Reader, SurfaceReader, Writers, markdown, surfa
 use visage_geometry::Surface;
 
 /// Every format, in the order in which people read about them.
-pub const FORMATS: &[&Format] =
-    &[&ply::FORMAT, &pcd::FORMAT, &obj::FORMAT, &stl::FORMAT, &poses::JSON, &poses::CONF, &poses::TEXT];
+pub const FORMATS: &[&Format] = &[
+    &ply::FORMAT,
+    &pcd::FORMAT,
+    &obj::FORMAT,
+    &stl::FORMAT,
+    &poses::JSON,
+    &poses::CONF,
+    &poses::ALN,
+    &poses::MLP,
+    &poses::LOG,
+    &poses::TEXT,
+];
 
 /// Why a file could not be read. Messages name the place in the file and what to do.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
