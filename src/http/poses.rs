@@ -45,9 +45,10 @@ pub(super) async fn put_poses(
 
 /// Set the initial poses of a scan set by a pose file of any format.
 ///
-/// A Stanford `.conf`, JSON `{"scan name": 4x4}` or `{"poses": {...}}`, or text blocks of a name and 4 rows. The
-/// format is recognised by the content, whatever the `Content-Type`. A pose maps its scan into the world frame; matrices are
-/// row-major.
+/// JSON `{"scan name": 4x4}` or `{"poses": {...}}`, text blocks of a name and 4 rows, a Stanford `.conf`, MeshLab's `.aln` and
+/// `.mlp`, Open3D's `.log`, pose graphs and trajectories, TUM, KITTI, COLMAP's `images.txt`, `transforms.json` or a table with a
+/// header. It is recognised by the content, whatever the `Content-Type`. A pose maps its scan into the world frame; matrices are
+/// row-major. Poses without names are those of the scans in natural order, if there are as many: send the scans first.
 #[utoipa::path(
     put, path = "/v1/scan-sets/{id}/pose-file", tag = TAG, operation_id = "putPoseFile",
     params(("id" = String, Path, format = "uuid", description = "The scan set."), ConditionHeaders),

@@ -1,6 +1,7 @@
 //! Scans to model to signature, stage by stage: the whole path, free of files, clocks and HTTP.
 
 mod cleaning;
+mod convention;
 mod copies;
 mod hints;
 mod ready;
@@ -116,6 +117,7 @@ pub fn run_from(
     for (scan, view) in scans.iter().zip(&mut views) {
         view.sensor = sensor_of(scan, view, options);
     }
+    let convention = convention::settle(&mut setting, &views, &names, progress)?;
     let (views, sensors, registered) = setting.register(&scans, views, &names, options, progress)?;
     let has_support = left_out.iter().flatten().any(|left_out| left_out.support > 0);
     let whole = whole.filter(|_| has_support && setting.may_be_refined(options));
@@ -172,6 +174,9 @@ pub fn run_from(
     placement.write_into(&mut report, &names);
     if let Some(said) = said {
         report["hints"] = said;
+    }
+    if let Some(convention) = convention {
+        report["pose_convention"] = convention;
     }
     for (index, entry) in report["views"].as_array_mut().into_iter().flatten().enumerate() {
         if let Some((_, outward)) = &merged {

@@ -22,6 +22,7 @@
 
 mod budget;
 mod colors;
+pub mod depth_image;
 mod header_lines;
 mod number;
 pub mod obj;

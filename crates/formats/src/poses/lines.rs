@@ -3,14 +3,14 @@
 use std::borrow::Cow;
 
 /// The lines that are neither empty nor comments, with their places.
-pub(super) fn data(text: &str) -> impl Iterator<Item = (usize, &str)> + Clone {
+pub(crate) fn data(text: &str) -> impl Iterator<Item = (usize, &str)> + Clone {
     let lines = text.lines().enumerate().map(|(index, line)| (index, line.trim()));
     lines.filter(|(_, line)| !line.is_empty() && !line.starts_with('#'))
 }
 
 /// The words of a line: between blanks, commas, semicolons and brackets. Where a comma stands for the decimal point, it
 /// becomes one: `0,5; 1,0` and `0,5 1,0` are two numbers.
-pub(super) fn words(line: &str) -> Vec<Cow<'_, str>> {
+pub(crate) fn words(line: &str) -> Vec<Cow<'_, str>> {
     let is_between = |c: char| c.is_whitespace() || matches!(c, ';' | '[' | ']' | '(' | ')');
     if !has_decimal_commas(line) {
         return line.split(|c| is_between(c) || c == ',').filter(|word| !word.is_empty()).map(Cow::from).collect();
@@ -38,12 +38,12 @@ fn has_decimal_commas(line: &str) -> bool {
 }
 
 /// The numbers of a line, if all of its words are numbers and there are `N`.
-pub(super) fn numbers<const N: usize>(line: &str) -> Option<[f64; N]> {
+pub(crate) fn numbers<const N: usize>(line: &str) -> Option<[f64; N]> {
     numbers_of(&words(line))
 }
 
 /// The same of words.
-pub(super) fn numbers_of<const N: usize>(words: &[Cow<'_, str>]) -> Option<[f64; N]> {
+pub(crate) fn numbers_of<const N: usize>(words: &[Cow<'_, str>]) -> Option<[f64; N]> {
     if words.len() != N {
         return None;
     }
@@ -55,17 +55,17 @@ pub(super) fn numbers_of<const N: usize>(words: &[Cow<'_, str>]) -> Option<[f64;
 }
 
 /// How many numbers a line holds, if it holds nothing else.
-pub(super) fn count_numbers(line: &str) -> Option<usize> {
+pub(crate) fn count_numbers(line: &str) -> Option<usize> {
     let words = words(line);
     words.iter().all(|word| is_number(word)).then_some(words.len())
 }
 
-pub(super) fn is_number(word: &str) -> bool {
+pub(crate) fn is_number(word: &str) -> bool {
     word.parse::<f64>().is_ok()
 }
 
 /// Whether a word is a whole number that is not negative.
-pub(super) fn is_index(word: &str) -> bool {
+pub(crate) fn is_index(word: &str) -> bool {
     !word.is_empty() && word.bytes().all(|byte| byte.is_ascii_digit())
 }
 

@@ -6,11 +6,11 @@ mod conf;
 mod fit;
 mod json;
 mod kinds;
-mod lines;
+pub(crate) mod lines;
 mod log;
 mod matrices;
 mod meshlab;
-mod node;
+pub(crate) mod node;
 mod quaternions;
 mod text;
 
@@ -214,7 +214,7 @@ pub fn read_scaled(name: &str, bytes: &[u8]) -> Result<PoseFile, FormatError> {
 }
 
 /// What is wrong and where, before the file's name is put in front.
-struct Fault {
+pub(crate) struct Fault {
     place: String,
     problem: String,
     remedy: String,

@@ -14,11 +14,11 @@ const MOST_NUMBERS: usize = 16;
 /// What is kept of a file in all: every pose a named 4x4 matrix.
 const MOST_NODES: usize = 32 * MOST_ENTRIES;
 /// Keys of what belongs to no pose and may be long: it is not looked into.
-const PASSED_OVER: &[&str] = &["edges", "camera_model", "intrinsic"];
+const PASSED_OVER: &[&str] = &["edges"];
 
 /// JSON that keeps the order of its keys (and keys that come twice), and whose numbers are exact to the last bit, so
 /// that a model's poses come back as they were written (serde_json alone may be off by one in the last place).
-pub(super) enum Node {
+pub(crate) enum Node {
     Null,
     Number(f64),
     Text(String),
@@ -30,7 +30,7 @@ pub(super) enum Node {
 
 impl Node {
     /// Parses a JSON file.
-    pub(super) fn read(text: &str) -> Result<Node, Fault> {
+    pub(crate) fn read(text: &str) -> Result<Node, Fault> {
         Node::parse(text, DEPTH, &mut { MOST_NODES }).map_err(|error| Fault {
             place: format!("line {}, column {}", error.line(), error.column()),
             problem: "it is no sound JSON".into(),
@@ -72,32 +72,36 @@ impl Node {
     }
 
     /// The items of a list; nothing for anything else.
-    pub(super) fn items(&self) -> &[Node] {
+    pub(crate) fn items(&self) -> &[Node] {
         if let Node::List(items) = self { items } else { &[] }
     }
 
     /// The first entry of an object with this key.
-    pub(super) fn get(&self, key: &str) -> Option<&Node> {
+    pub(crate) fn get(&self, key: &str) -> Option<&Node> {
         let Node::Map(entries) = self else { return None };
         entries.iter().find(|(name, _)| name == key).map(|(_, node)| node)
     }
 
     /// The first entry that one of these keys has.
-    pub(super) fn get_any(&self, keys: &[&str]) -> Option<&Node> {
+    pub(crate) fn get_any(&self, keys: &[&str]) -> Option<&Node> {
         keys.iter().find_map(|key| self.get(key))
     }
 
-    pub(super) fn text(&self) -> Option<&str> {
+    pub(crate) fn text(&self) -> Option<&str> {
         if let Node::Text(text) = self { Some(text) } else { None }
     }
 
+    pub(crate) fn number(&self) -> Option<f64> {
+        if let Node::Number(value) = self { Some(*value) } else { None }
+    }
+
     /// The numbers of a list of numbers, or of a list of such lists, one after the other.
-    pub(super) fn numbers(&self) -> Option<Vec<f64>> {
+    pub(crate) fn numbers(&self) -> Option<Vec<f64>> {
         let Node::List(items) = self else { return None };
         let is_nested = items.iter().all(|item| matches!(item, Node::List(_)));
         let flat: Vec<&Node> =
             if is_nested { items.iter().flat_map(Node::items).collect() } else { items.iter().collect() };
-        flat.into_iter().map(|node| if let Node::Number(value) = node { Some(*value) } else { None }).collect()
+        flat.into_iter().map(Node::number).collect()
     }
 }
 

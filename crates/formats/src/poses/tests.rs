@@ -73,3 +73,105 @@ fn what_is_written_is_read_back() {
         assert!(error.norm() < 1e-14, "{error}");
     }
 }
+
+/// A sound file of each kind, with two scans at the same places.
+fn samples() -> Vec<(&'static str, String)> {
+    let rows = ["0 -1 0 1\n1 0 0 2\n0 0 1 3\n0 0 0 1\n", "1 0 0 4\n0 1 0 5\n0 0 1 6\n0 0 0 1\n"];
+    let list = |rows: &str| format!("[{}]", rows.split_whitespace().collect::<Vec<_>>().join(","));
+    let [a, b] = rows.map(list);
+    let columns = "[0,1,0,0,-1,0,0,0,0,0,1,0,1,2,3,1]";
+    let world_to_a = "[0,-1,0,0,1,0,0,0,0,0,1,0,-2,1,-3,1]";
+    let (moved, back) = ("[1,0,0,0,0,1,0,0,0,0,1,0,4,5,6,1]", "[1,0,0,0,0,1,0,0,0,0,1,0,-4,-5,-6,1]");
+    let half = std::f64::consts::FRAC_1_SQRT_2;
+    let named = format!("a.ply\n{}b.ply\n{}", rows[0], rows[1]);
+    let mesh = |name: &str, rows: &str| format!("<MLMesh filename=\"{name}\"><MLMatrix44>{rows}</MLMatrix44></MLMesh>");
+    let flat = |rows: &str| rows.split_whitespace().take(12).collect::<Vec<_>>().join(" ");
+    vec![
+        (
+            "Open3D pose graph",
+            format!("{{\"class_name\":\"PoseGraph\",\"nodes\":[{{\"pose\":{columns}}},{{\"pose\":{moved}}}]}}"),
+        ),
+        (
+            "Open3D camera trajectory",
+            format!("{{\"parameters\":[{{\"extrinsic\":{world_to_a}}},{{\"extrinsic\":{back}}}]}}"),
+        ),
+        (
+            "NeRF `transforms.json`",
+            format!(
+                "{{\"frames\":[{{\"file_path\":\"./a\",\"transform_matrix\":{a}}},{{\"file_path\":\"./b\",\"transform_matrix\":{b}}}]}}"
+            ),
+        ),
+        ("JSON list of matrices", format!("[{a},{b}]")),
+        ("JSON by name", format!("{{\"a.ply\":{a},\"b.ply\":{b}}}")),
+        (
+            "MeshLab project",
+            format!(
+                "<!DOCTYPE MeshLabDocument><MeshLabProject>{}{}</MeshLabProject>",
+                mesh("a.ply", rows[0]),
+                mesh("b.ply", rows[1])
+            ),
+        ),
+        ("Stanford `.conf`", format!("bmesh a.ply 1 2 3 0 0 {} {half}\nbmesh b.ply 4 5 6 0 0 0 1\n", -half)),
+        ("MeshLab alignment", format!("2\na.ply\n#\n{}b.ply\n#\n{}0\n", rows[0], rows[1])),
+        ("Open3D trajectory", format!("0 0 1\n{}1 1 2\n{}", rows[0], rows[1])),
+        ("quaternion table", format!("name,tx,ty,tz,qx,qy,qz,qw\na,1,2,3,0,0,{half},{half}\nb,4,5,6,0,0,0,1\n")),
+        (
+            "COLMAP `images.txt`",
+            format!("1 {half} 0 0 {} -2 1 -3 1 a.png\n\n2 1 0 0 0 -4 -5 -6 1 b.png\n1 2 -1\n", -half),
+        ),
+        ("TUM trajectory", format!("0.5 1 2 3 0 0 {half} {half}\n1.5 4 5 6 0 0 0 1\n")),
+        ("KITTI poses", format!("{}\n{}\n", flat(rows[0]), flat(rows[1]))),
+        ("bare matrices", rows.concat()),
+        ("text blocks", named),
+    ]
+}
+
+#[test]
+fn every_kind_is_recognised_and_means_the_same() {
+    let samples = samples();
+    assert_eq!(
+        samples.iter().map(|(kind, _)| *kind).collect::<Vec<_>>(),
+        KINDS.iter().map(|k| k.name).collect::<Vec<_>>()
+    );
+    let a = Motion::new(Vector3::new(1.0, 2.0, 3.0), Vector3::z() * std::f64::consts::FRAC_PI_2);
+    for (kind, text) in samples {
+        let file = read("poses", text.as_bytes()).unwrap_or_else(|error| panic!("{kind}: {error}"));
+        assert_eq!(file.kind, kind);
+        let poses = file.named_as(&["b.ply", "a.ply"]).expect(kind).to_map();
+        assert!((poses["a.ply"].to_homogeneous() - a.to_homogeneous()).norm() < 1e-9, "{kind}: {}", poses["a.ply"]);
+        assert_eq!(poses["b.ply"].translation.vector, Vector3::new(4.0, 5.0, 6.0), "{kind}");
+    }
+}
+
+#[test]
+fn files_cut_short_or_changed_are_read_soundly_or_refused() {
+    let check = |bytes: &[u8]| {
+        if let Ok(file) = read_scaled("p", bytes) {
+            assert!(file.poses.iter().all(|(_, pose)| pose.to_homogeneous().iter().all(|x| x.is_finite())));
+            let _ = file.named_as(&["a.ply", "b.ply"]);
+        }
+    };
+    for (_, text) in samples() {
+        let bytes = text.as_bytes();
+        (0..bytes.len()).for_each(|end| check(&bytes[..end]));
+        for place in 0..bytes.len() {
+            for change in [0x01, 0x08, 0x40, 0x80] {
+                let mut changed = bytes.to_vec();
+                changed[place] ^= change;
+                check(&changed);
+            }
+        }
+    }
+}
+
+#[test]
+fn what_is_of_no_kind_says_what_was_seen() {
+    let error = message("1 2 3 4 5\n");
+    let seen =
+        "\"poses.txt\": line 1: \"1 2 3 4 5\" begins no pose file that is read here: it has 5 number(s); send JSON";
+    assert!(error.starts_with(seen), "{error}");
+    assert!(message("3\n").contains("it has 1 number(s)"));
+    for long in ["1 ".repeat(200_000), "a ".repeat(200_000), "1,".repeat(200_000)] {
+        assert!(message(&long).len() < 1000);
+    }
+}
