@@ -44,7 +44,9 @@ impl Intrinsics {
             None => self.likely_size(columns as f64, rows as f64),
         };
         let (by_x, by_y) = (columns as f64 / width, rows as f64 / height);
-        if !((by_x / by_y - 1.0).abs() < SAME_SHAPE) {
+        // an image without rows or columns is of no shape
+        let is_same = (by_x / by_y - 1.0).abs() < SAME_SHAPE;
+        if !is_same {
             let problem = format!("they are of {width} x {height} pixels, the depth image has {columns} x {rows}");
             return Err(FormatError::malformed("the intrinsics", problem, "give those of the depth camera"));
         }

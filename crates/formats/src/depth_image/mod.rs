@@ -41,7 +41,7 @@ pub fn read(
     let camera = intrinsics.of_size(image.columns, image.rows)?;
     let seen = image.values.iter().filter(|value| !NOTHING.contains(value)).count();
     budget.take(seen as u64, size_of::<Point3>() + size_of::<[u8; 3]>())?;
-    let mut dropped = Dropped { no_return: (image.values.len() - seen) as u64, ..Dropped::default() };
+    let mut dropped = Dropped::default();
     let colors = picture.and_then(|picture| match picture::colors(picture, limits, &mut budget) {
         Ok(colors) => Some(colors),
         Err(error) => {
@@ -104,7 +104,7 @@ mod tests {
         let depth = grey16(4, 3, &values());
         let Reading { surface, dropped } =
             read(&depth, &CAMERA, 1000.0, Some(&picture), &ReadLimits::default()).expect("sound");
-        assert_eq!((surface.cloud.len(), dropped.no_return, dropped.notes.len()), (10, 2, 0));
+        assert_eq!((surface.cloud.len(), dropped), (10, Dropped::default()), "a pixel without a depth is no point");
         // the pixel of the principal point, and the last of the first row
         assert_eq!(surface.cloud.points[4], Point3::new(0.0, 0.0, 1.0));
         assert_eq!(surface.cloud.points[2], Point3::new(2.0, -0.5, 2.0));

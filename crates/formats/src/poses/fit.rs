@@ -92,11 +92,10 @@ fn unambiguous(named: &[&str], scans: &[&str]) -> Result<BTreeMap<String, String
     let found = fit(named, scans);
     let taken: BTreeSet<&str> = found.values().map(String::as_str).collect();
     let left: Vec<&str> = scans.iter().copied().filter(|scan| !taken.contains(scan)).collect();
-    let by_form: Vec<(BTreeMap<String, Vec<&str>>, fn(&str) -> String)> =
-        LAST_FORMS.iter().map(|(of_pose, of_scan)| (grouped(&left, *of_scan), *of_pose)).collect();
+    let groups = LAST_FORMS.map(|(_, of_scan)| grouped(&left, of_scan));
     let mut claims: BTreeMap<Vec<&str>, Vec<&str>> = BTreeMap::new();
     for pose in named.iter().filter(|pose| !found.contains_key(**pose)) {
-        let candidates = by_form.iter().find_map(|(groups, of_pose)| groups.get(&of_pose(pose)));
+        let candidates = groups.iter().zip(LAST_FORMS).find_map(|(groups, (of_pose, _))| groups.get(&of_pose(pose)));
         if let Some(candidates) = candidates {
             claims.entry(candidates.clone()).or_default().push(pose);
         }

@@ -155,7 +155,7 @@ pub fn write_matrices(matrices: &[(String, Option<[[f64; 4]; 4]>)]) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{kinds, read_scaled};
+    use super::super::kinds;
     use super::*;
 
     fn read(text: &str) -> Result<PoseFile, Fault> {

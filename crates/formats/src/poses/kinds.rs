@@ -81,16 +81,16 @@ pub const KINDS: &[Kind] = &[
         content: Content::Text { fits: log::fits, read: log::read },
     },
     Kind {
-        name: "quaternion table",
-        looks: "columns with a header that names `tx ty tz qx qy qz qw`, and `name` if there are names",
-        meaning: "scan to world, by name if there are names, else by order",
-        content: Content::Text { fits: quaternions::is_table, read: quaternions::read_table },
-    },
-    Kind {
         name: "COLMAP `images.txt`",
         looks: "lines `ID qw qx qy qz tx ty tz CAMERA NAME`, each followed by a line of points",
         meaning: "world to scan, inverted; by name",
         content: Content::Text { fits: colmap::fits, read: colmap::read },
+    },
+    Kind {
+        name: "quaternion table",
+        looks: "columns with a header that names `tx ty tz qx qy qz qw`, and `name` if there are names",
+        meaning: "scan to world, by name if there are names, else by order",
+        content: Content::Text { fits: quaternions::is_table, read: quaternions::read_table },
     },
     Kind {
         name: "TUM trajectory",

@@ -114,11 +114,14 @@ fn samples() -> Vec<(&'static str, String)> {
         ("Stanford `.conf`", format!("bmesh a.ply 1 2 3 0 0 {} {half}\nbmesh b.ply 4 5 6 0 0 0 1\n", -half)),
         ("MeshLab alignment", format!("2\na.ply\n#\n{}b.ply\n#\n{}0\n", rows[0], rows[1])),
         ("Open3D trajectory", format!("0 0 1\n{}1 1 2\n{}", rows[0], rows[1])),
-        ("quaternion table", format!("name,tx,ty,tz,qx,qy,qz,qw\na,1,2,3,0,0,{half},{half}\nb,4,5,6,0,0,0,1\n")),
         (
             "COLMAP `images.txt`",
-            format!("1 {half} 0 0 {} -2 1 -3 1 a.png\n\n2 1 0 0 0 -4 -5 -6 1 b.png\n1 2 -1\n", -half),
+            format!(
+                "# IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME\n1 {half} 0 0 {} -2 1 -3 1 a.png\n\n2 1 0 0 0 -4 -5 -6 1 b.png\n1 2 -1\n",
+                -half
+            ),
         ),
+        ("quaternion table", format!("name,tx,ty,tz,qx,qy,qz,qw\na,1,2,3,0,0,{half},{half}\nb,4,5,6,0,0,0,1\n")),
         ("TUM trajectory", format!("0.5 1 2 3 0 0 {half} {half}\n1.5 4 5 6 0 0 0 1\n")),
         ("KITTI poses", format!("{}\n{}\n", flat(rows[0]), flat(rows[1]))),
         ("bare matrices", rows.concat()),
