@@ -140,8 +140,8 @@ pub struct PosesView {
 }
 
 impl PosesView {
-    /// A stored pose file, held against the scans. It was read before it was stored, but scans may have come and gone since,
-    /// so that it does not fit any more.
+    /// A stored pose file, held against the scans. It was read before it was stored, but scans may have come and gone
+    /// since, so that it does not fit any more.
     fn held(scans: &[&str], file: &PoseFile) -> Self {
         match admission::fit_poses(scans, file) {
             Ok(fit) => PosesView::of(&file.name, &fit),

@@ -110,8 +110,8 @@ pub(super) struct Setting {
     /// Whether all scans were cut, so that it says nothing that nothing is there.
     is_cut: bool,
     other_conventions: &'static [PoseConvention],
-    /// Scans that have their pose from a copy: the scan, the copy, and the motion that maps the copy's frame into that of the
-    /// scan, in the scale of the copy.
+    /// Scans that have their pose from a copy: the scan, the copy, and the motion that maps the copy's frame into that
+    /// of the scan, in the scale of the copy.
     adopted: Vec<(String, String, Motion)>,
 }
 

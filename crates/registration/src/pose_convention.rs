@@ -1,7 +1,7 @@
 //! How given poses are meant, where their file leaves it open: as the surfaces lie on each other.
 //!
-//! Programs differ in the direction of a pose and in the axes of a camera. Read rightly, the scans lie on each other, roughly
-//! at least; read wrongly, they lie anywhere.
+//! Programs differ in the direction of a pose and in the axes of a camera. Read rightly, the scans lie on each other,
+//! roughly at least; read wrongly, they lie anywhere.
 
 use rayon::prelude::*;
 
@@ -13,10 +13,11 @@ use visage_geometry::{Motion, PoseConvention};
 /// Points that are laid on the other scans: in all, and at least and at most of a scan.
 const SAMPLES: usize = 3000;
 const PER_VIEW: (usize, usize) = (20, 300);
-/// The widest distance at which a point may still lie by another scan's surface, in radii of a scan: initial poses are rough.
+/// The widest distance at which a point may still lie by another scan's surface, in radii of a scan: initial poses are
+/// rough.
 const REACH: f64 = 0.1;
-/// Another reading is taken if by it so many times as much lies on other scans. Where both lie on each other about as well,
-/// the surfaces don't tell.
+/// Another reading is taken if by it so many times as much lies on other scans. Where both lie on each other about as
+/// well, the surfaces don't tell.
 const CLEARLY: f64 = 1.5;
 
 /// How poses are read, and why.
@@ -24,13 +25,13 @@ const CLEARLY: f64 = 1.5;
 pub struct Choice {
     /// The reading that is taken.
     pub read_as: PoseConvention,
-    /// The readings that were tried, with the share of the points that lies by other scans, the mean over distances from the
-    /// spacing to a tenth of a scan's radius. The first is as the poses stand.
+    /// The readings that were tried, with the share of the points that lies by other scans, the mean over distances
+    /// from the spacing to a tenth of a scan's radius. The first is as the poses stand.
     pub touching: Vec<(PoseConvention, f64)>,
 }
 
-/// Chooses between the poses as they stand and `others`. `poses` are scan to world, with `true` for those whose meaning is
-/// certain; `None` where a scan has none. With less than two poses nothing can be told.
+/// Chooses between the poses as they stand and `others`. `poses` are scan to world, with `true` for those whose meaning
+/// is certain; `None` where a scan has none. With less than two poses nothing can be told.
 pub fn choose(
     views: &[View],
     poses: &[Option<(Motion, bool)>],

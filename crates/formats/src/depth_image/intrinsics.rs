@@ -20,7 +20,8 @@ pub struct Intrinsics {
     pub cy: f64,
 }
 
-/// The shares of columns and rows by which a depth image is smaller than the picture of its intrinsics may differ by this.
+/// The shares of columns and rows by which a depth image is smaller than the picture of its intrinsics may differ by
+/// this.
 const SAME_SHAPE: f64 = 0.02;
 /// The principal point is no farther from the middle than this share of the size.
 const OFF_CENTRE: f64 = 0.15;
@@ -36,8 +37,8 @@ const MATRIX_KEYS: [&str; 6] =
 impl Intrinsics {
     /// Those of the same camera for an image of another size, which shows the same.
     ///
-    /// Where their size is not said, it is told from the principal point, which lies near the middle: pictures are larger than
-    /// depth images by halves (1920 columns for 256).
+    /// Where their size is not said, it is told from the principal point, which lies near the middle: pictures are
+    /// larger than depth images by halves (1920 columns for 256).
     pub(super) fn of_size(&self, columns: usize, rows: usize) -> Result<Intrinsics, FormatError> {
         let (width, height) = match self.size {
             Some((width, height)) => (width as f64, height as f64),
@@ -100,8 +101,8 @@ impl Intrinsics {
     }
 }
 
-/// Reads intrinsics, whatever they are written by: JSON with `intrinsic_matrix`, `K`, `intrinsics` or `fx`, `fy`, `cx`, `cy`; a
-/// 3x3 matrix as text; lines of a key and a value (`Fx,603.4`); a line `fx fy cx cy`. `name` serves messages.
+/// Reads intrinsics, whatever they are written by: JSON with `intrinsic_matrix`, `K`, `intrinsics` or `fx`, `fy`, `cx`,
+/// `cy`; a 3x3 matrix as text; lines of a key and a value (`Fx,603.4`); a line `fx fy cx cy`. `name` serves messages.
 ///
 /// # Errors
 /// [`FormatError::Malformed`] if there are none in it.

@@ -1,4 +1,5 @@
-//! Which files of a folder are depth images, and what belongs to each: as Open3D, TUM RGB-D, RealSense and phones lay them out.
+//! Which files of a folder are depth images, and what belongs to each: as Open3D, TUM RGB-D, RealSense and phones lay
+//! them out.
 
 use std::collections::BTreeMap;
 

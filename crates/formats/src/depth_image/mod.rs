@@ -1,5 +1,6 @@
-//! Depth images: what depth cameras and phones write, a 16-bit PNG of distances along the line of sight, and the intrinsics of
-//! the camera. Read, they are organised scans in metres, seen from the origin: x right, y down, z forward.
+//! Depth images: what depth cameras and phones write, a 16-bit PNG of distances along the line of sight, and the
+//! intrinsics of the camera. Read, they are organised scans in metres, seen from the origin: x right, y down, z
+//! forward.
 
 mod intrinsics;
 mod layout;
@@ -14,13 +15,15 @@ pub use layout::{Frame, IntrinsicsOf, Layout, layout};
 /// Values that stand for "nothing was seen": none, and more than can be told.
 const NOTHING: [u16; 2] = [0, u16::MAX];
 
-/// The scan of one depth image, in metres: a pixel of value v that sees along (x, y, 1) is the point (x, y, 1) v / `per_metre`.
+/// The scan of one depth image, in metres: a pixel of value v that sees along (x, y, 1) is the point (x, y, 1) v /
+/// `per_metre`.
 ///
-/// `picture`, if there is one, is a PNG of the same view; its colours are those of the points. It may be larger or smaller. One
-/// that can't be read costs the colours and not the scan, which is noted.
+/// `picture`, if there is one, is a PNG of the same view; its colours are those of the points. It may be larger or
+/// smaller. One that can't be read costs the colours and not the scan, which is noted.
 ///
 /// # Errors
-/// [`FormatError`] if the image is no 16-bit grey PNG, or larger than the limits, or the intrinsics are not those of it.
+/// [`FormatError`] if the image is no 16-bit grey PNG, or larger than the limits, or the intrinsics are not those of
+/// it.
 pub fn read(
     depth: &[u8],
     intrinsics: &Intrinsics,

@@ -1,5 +1,5 @@
-//! COLMAP's `images.txt`: for each image a line with its pose and name, and a line with its points. Poses map the world into
-//! the image.
+//! COLMAP's `images.txt`: for each image a line with its pose and name, and a line with its points. Poses map the world
+//! into the image.
 
 use super::lines;
 use super::{Fault, PoseFile, pose_from_quaternion};

@@ -47,8 +47,8 @@ fn of_picture(name: &str) -> String {
 
 impl PoseFile {
     /// Names the poses as the scans are named, where there is no doubt which is meant: in the plainest form that is
-    /// needed, one pose and one scan have this name. Poses for which there is no scan keep their names. The poses of a file
-    /// without names are those of the scans in natural order, if there are as many.
+    /// needed, one pose and one scan have this name. Poses for which there is no scan keep their names. The poses of a
+    /// file without names are those of the scans in natural order, if there are as many.
     ///
     /// # Errors
     /// [`FormatError::Malformed`] names the scans that a pose may belong to, or the numbers of poses and scans.

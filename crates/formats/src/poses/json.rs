@@ -61,7 +61,8 @@ fn is_class(root: &Node, class: &str) -> bool {
 }
 
 pub(super) fn is_pose_graph(root: &Node) -> bool {
-    is_class(root, "PoseGraph") || matches!(root.get("nodes"), Some(Node::List(_)))
+    let has_pose = |nodes: &Node| nodes.items().iter().any(|node| node.get("pose").is_some());
+    is_class(root, "PoseGraph") || root.get("nodes").is_some_and(has_pose)
 }
 
 /// Open3D's `PoseGraph`: its nodes map the scans into the world, in their order.
@@ -96,8 +97,8 @@ pub(super) fn is_transforms(root: &Node) -> bool {
     root.get("frames").is_some_and(|list| list.items().iter().any(|frame| frame.get("transform_matrix").is_some()))
 }
 
-/// `transforms.json`: cameras in the world, y up and z back (OpenGL). Whether a scan has the axes of the camera, or those of
-/// depth images, the file can't know: the surfaces tell.
+/// `transforms.json`: cameras in the world, y up and z back (OpenGL). Whether a scan has the axes of the camera, or
+/// those of depth images, the file can't know: the surfaces tell.
 pub(super) fn transforms(root: &Node) -> Result<PoseFile, Fault> {
     let mut file = PoseFile { other_conventions: &[PoseConvention::OpenGlCamera], ..PoseFile::default() };
     for (index, frame) in root.get("frames").map(Node::items).unwrap_or_default().iter().enumerate() {
@@ -236,7 +237,10 @@ mod tests {
             assert!((file.poses[0].1.inverse().to_homogeneous() - quarter.to_homogeneous()).norm() < 1e-12);
             assert!(file.said[0].contains("inverted"));
         }
-        assert_eq!(problem("{\"nodes\": [{}]}"), "the pose of \"pose 1\": it is not 16 numbers, column by column");
+        assert_eq!(
+            problem("{\"class_name\": \"PoseGraph\", \"nodes\": [{}]}"),
+            "the pose of \"pose 1\": it is not 16 numbers, column by column"
+        );
     }
 
     #[test]

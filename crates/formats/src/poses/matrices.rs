@@ -1,4 +1,5 @@
-//! Matrices without more around them: a matrix a line (KITTI), or rows alone, one file a scan (CloudCompare) or all in one.
+//! Matrices without more around them: a matrix a line (KITTI), or rows alone, one file a scan (CloudCompare) or all in
+//! one.
 
 use super::lines::{self, numbers, numbers_of};
 use super::{Fault, LAST_ROW, Naming, PoseFile, rows_of_12, rows_of_16};

@@ -255,8 +255,8 @@ fn parse(bytes: &[u8]) -> Result<PoseFile, Fault> {
 
 /// What is nearer to a rotation than this (Frobenius) is one: five printed digits.
 const EXACT: f64 = 1e-5;
-/// The rotations of a pose file may be rounded to two decimals, which moves them by up to this (Frobenius). They are only
-/// where a registration starts.
+/// The rotations of a pose file may be rounded to two decimals, which moves them by up to this (Frobenius). They are
+/// only where a registration starts.
 const ROUNDED: f64 = 3.0 * 0.5e-2;
 /// How far the norm of a quaternion printed with two decimals may be from 1.
 const UNIT_TOLERANCE: f64 = 1e-2;

@@ -1,4 +1,5 @@
-//! Text blocks: a line with the scan's name, then the 4 rows (or 3) of its matrix. Lines that begin with `#` are comments.
+//! Text blocks: a line with the scan's name, then the 4 rows (or 3) of its matrix. Lines that begin with `#` are
+//! comments.
 
 use super::lines::{self, numbers};
 use super::{Fault, LAST_ROW, PoseFile, matrices};
