@@ -15,6 +15,7 @@ use super::schemas::{FileContent, Poses};
 use super::state::AppState;
 use crate::domain::asset::Asset;
 use crate::domain::{PoseFile, ScanSetRecord};
+use crate::formats::poses::remedy;
 
 /// Set the initial poses of a scan set.
 ///
@@ -82,8 +83,7 @@ async fn store_poses(
     let is_json = is_json(&media_type(request.headers()));
     let content = read_body(&state, request, state.limits().pose_file_bytes).await?.to_vec();
     if content.is_empty() {
-        let hint = "send a Stanford .conf, JSON {\"scan name\": 4x4}, or text blocks of a name and 4 rows";
-        return Err(Problem::new(Code::UnreadablePoses, "the pose file is empty", hint));
+        return Err(Problem::new(Code::UnreadablePoses, "the pose file is empty", remedy()));
     }
     let poses = PoseFile { name: if is_json { Asset::Poses.name().into() } else { "poses".to_owned() }, content };
     let _turn = conditions.turn(&state).await;

@@ -11,7 +11,7 @@ use crate::app::live_gallery::NotReady;
 use crate::classes::ClassError;
 use crate::domain::options::OptionError;
 use crate::faces::DescribeError;
-use crate::formats::{FormatError, surface_names};
+use crate::formats::{FormatError, poses, surface_names};
 use crate::jobs::admission::AdmissionError;
 use crate::pipeline::PipelineError;
 
@@ -219,8 +219,10 @@ impl Problem {
 
     /// What the reader says about a pose file; its message names the file.
     pub fn unreadable_poses(error: &FormatError) -> Self {
-        let hint =
-            "send a Stanford .conf, JSON {\"scan name\": 4x4 scan-to-world}, or text blocks of a name and 4 rows";
+        let hint = match error {
+            FormatError::Malformed { remedy, .. } => remedy.clone(),
+            _ => poses::remedy(),
+        };
         Problem::new(Code::UnreadablePoses, error.to_string(), hint)
     }
 }

@@ -82,7 +82,7 @@ impl NewScanSetBody {
 pub struct ScanSetForm {
     #[schema(required = false, schema_with = schemas::scans)]
     scans: Vec<Vec<u8>>,
-    /// The initial poses: a Stanford `.conf`, JSON, or text blocks.
+    /// The initial poses: a pose file of any kind.
     #[schema(required = false, value_type = String, format = Binary)]
     poses: Vec<u8>,
     /// A name for people.

@@ -157,7 +157,7 @@ fn unknown(text: &str) -> Fault {
 }
 
 /// How a pose file may look, for messages.
-pub(super) fn remedy() -> String {
+pub fn remedy() -> String {
     "send JSON {\"scan name\": 4x4 row-major}, Stanford .conf, a name line and 4 rows for each scan, MeshLab .aln or .mlp, \
      a trajectory (TUM, KITTI, Open3D .log or JSON), COLMAP images.txt, transforms.json or a table with a header"
         .to_owned()

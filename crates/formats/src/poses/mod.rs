@@ -23,7 +23,7 @@ use visage_geometry::{Motion, PoseConvention};
 
 pub use conf::write as write_conf;
 pub use json::{write as write_json, write_matrices};
-pub use kinds::{KINDS, Kind, markdown};
+pub use kinds::{KINDS, Kind, markdown, remedy};
 pub use log::write as write_log;
 pub use matrices::{read_folder, write_matrix};
 pub use meshlab::{write_aln, write_mlp};
