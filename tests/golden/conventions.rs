@@ -39,7 +39,7 @@ fn the_surfaces_say_which_way_poses_are_meant() {
     {
         let outcome = run(poses, copy, WORLD_TO_SCAN);
         let convention = &outcome.report["pose_convention"];
-        assert_eq!(convention["read_as"], read_as, "{convention}");
+        assert_eq!(convention["read_as"], read_as, "copy: {copy}, {convention}");
         assert!(convention["touching"][read_as].as_f64().is_some_and(|share| share > 0.2), "{convention}");
         assert_eq!(outcome.report["verdict"]["quality"], "good");
         // the first view keeps its pose, rightly read

@@ -88,7 +88,7 @@ fn touching(placed: &[Placed], spacing: f64, progress: &Progress) -> Result<f64,
     radii.sort_unstable_by(f64::total_cmp);
     let spacing = spacing.max(f64::MIN_POSITIVE);
     let widest = (REACH * radii[radii.len() / 2] / spacing).max(1.0).log2().floor();
-    let reaches: Vec<f64> = (0..=widest as i32).map(|octave| spacing * 2f64.powi(octave)).collect();
+    let reaches: Vec<f32> = (0..=widest as i32).map(|octave| (spacing * 2f64.powi(octave)) as f32).collect();
     let samples = (SAMPLES / placed.len()).clamp(PER_VIEW.0, PER_VIEW.1);
     let counted: Vec<[usize; 2]> = (0..placed.len())
         .into_par_iter()
@@ -102,7 +102,7 @@ fn touching(placed: &[Placed], spacing: f64, progress: &Progress) -> Result<f64,
 }
 
 /// How often a point of view `i` lies within one of the reaches of another view, and how often it might.
-fn touched(placed: &[Placed], i: usize, samples: usize, reaches: &[f64]) -> [usize; 2] {
+fn touched(placed: &[Placed], i: usize, samples: usize, reaches: &[f32]) -> [usize; 2] {
     let reach = reaches.last().copied().unwrap_or(0.0);
     let of = &placed[i];
     let others: Vec<(&View, nalgebra::Isometry3<f32>)> = placed
@@ -110,18 +110,19 @@ fn touched(placed: &[Placed], i: usize, samples: usize, reaches: &[f64]) -> [usi
         .enumerate()
         .filter(|(j, other)| {
             let apart = (of.local_pose.translation.vector - other.local_pose.translation.vector).norm();
-            *j != i && apart <= of.extent + other.extent + reach
+            *j != i && apart <= of.extent + other.extent + f64::from(reach)
         })
         .map(|(_, other)| (other.view, other.local_pose.inv_mul(&of.local_pose).cast::<f32>()))
         .collect();
     let points = of.view.points();
     let sampled = || points.iter().step_by(points.len().div_ceil(samples).max(1));
     let touched = sampled().map(|point| {
-        let nearest2 = others.iter().fold((reach * reach) as f32, |nearest2, (view, j_from_i)| {
+        // what is found is nearer than the widest reach, in the same precision: nothing found counts for no reach
+        let nearest2 = others.iter().fold(reach * reach, |nearest2, (view, j_from_i)| {
             let moved = j_from_i * nalgebra::Point3::from(*point);
             view.indexed.tree.nearest(&moved.coords.into(), nearest2).map_or(nearest2, |found| found.distance2)
         });
-        reaches.iter().filter(|reach| f64::from(nearest2) < *reach * *reach).count()
+        reaches.iter().filter(|reach| nearest2 < *reach * *reach).count()
     });
     [touched.sum(), sampled().count() * reaches.len()]
 }
@@ -182,6 +183,20 @@ mod tests {
         assert_eq!(chosen(&views, &rough, &others).read_as, PoseConvention::ScanToWorld);
         let inverted: Vec<Motion> = rough.iter().map(Motion::inverse).collect();
         assert_eq!(chosen(&views, &inverted, &others).read_as, PoseConvention::WorldToScan);
+    }
+
+    #[test]
+    fn scans_that_are_far_apart_touch_nowhere() {
+        let (views, poses) = sides();
+        let apart: Vec<Placed> = (0..4)
+            .map(|k| {
+                Placed::new(&views[k], Motion::translation(1e4 * k as f64, 0.0, 0.0) * views[k].local_pose(&poses[k]))
+            })
+            .collect();
+        for step in 1..50 {
+            let share = touching(&apart, 0.37 * f64::from(step), &Progress::silent()).expect("not canceled");
+            assert_eq!(share, 0.0, "{step}");
+        }
     }
 
     #[test]
