@@ -8,7 +8,8 @@ use std::time::{Duration, Instant};
 
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use visage::formats::{self, FormatError, ReadLimits, poses};
+use visage::formats::depth_image::{self, Intrinsics};
+use visage::formats::{self, FormatError, ReadLimits, Reading, poses};
 use visage::geometry::{Cloud, MAX_COORDINATE, Mesh, Motion, Point3, RangeGrid, Vector3};
 
 /// Files without a time budget.
@@ -17,6 +18,9 @@ const FILES: u64 = 4000;
 const PATIENCE: Duration = Duration::from_secs(5);
 /// What reading files of some kB under small limits may add to the process.
 const MOST_GROWTH: u64 = 64 << 20;
+
+/// The camera of the depth image.
+const CAMERA: Intrinsics = Intrinsics { size: Some((8, 6)), fx: 8.0, fy: 8.0, cx: 3.5, cy: 2.5 };
 
 const LIMITS: ReadLimits = ReadLimits { max_points: 5_000, max_faces: 10_000, max_bytes: 1 << 20 };
 
@@ -73,6 +77,7 @@ fn seeds() -> Vec<(&'static str, Vec<u8>)> {
     let floats: Vec<u8> =
         points.iter().flat_map(|p| [p.x, p.y, p.z, 0.5]).flat_map(|x| (x as f32).to_le_bytes()).collect();
     let blocks = "a.ply\n1 0 0 1\n0 1 0 2\n0 0 1 3\n0 0 0 1\n# b\nb.ply\n1 0 0 1\n0 1 0 2\n0 0 1 3\n0 0 0 1\n";
+    let frames = "{\"frames\": [{\"file_path\": \"a\", \"transform_matrix\": [[1,0,0,4],[0,1,0,5],[0,0,1,6]]}]}";
     vec![
         ("cloud.ply", formats::ply::write_cloud(&cloud, Some(&[0; 20]))),
         ("mesh.ply", formats::ply::write_mesh(&mesh)),
@@ -105,7 +110,26 @@ fn seeds() -> Vec<(&'static str, Vec<u8>)> {
         ("poses.json", poses::write_json(&named).into_bytes()),
         ("poses.conf", poses::write_conf(&named).into_bytes()),
         ("poses.txt", blocks.as_bytes().to_vec()),
+        ("poses.aln", poses::write_aln(&named).into_bytes()),
+        ("poses.mlp", poses::write_mlp(&named).into_bytes()),
+        ("poses.log", poses::write_log(&named).into_bytes()),
+        ("poses-table.txt", b"name,tx,ty,tz,qx,qy,qz,qw\na,1,2,3,0,0,0,1\nb,4,5,6,0,0,0,1\n".to_vec()),
+        ("poses-images.txt", b"1 1 0 0 0 4 5 6 1 a.png\n1.5 2 -1\n2 1 0 0 0 1 2 3 1 b.png\n\n".to_vec()),
+        ("poses-kitti.txt", b"1 0 0 4 0 1 0 5 0 0 1 6\n1 0 0 1 0 1 0 2 0 0 1 3\n".to_vec()),
+        ("poses-frames.json", frames.as_bytes().to_vec()),
+        ("depth.png", depth_png()),
     ]
+}
+
+/// A depth image of 8 x 6 pixels.
+fn depth_png() -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, 8, 6);
+    encoder.set_color(png::ColorType::Grayscale);
+    encoder.set_depth(png::BitDepth::Sixteen);
+    let data: Vec<u8> = (0..48u16).flat_map(|k| (900 + 7 * k).to_be_bytes()).collect();
+    encoder.write_header().expect("a header").write_image_data(&data).expect("data");
+    bytes
 }
 
 const ODD_WORDS: &[&str] = &[
@@ -210,6 +234,13 @@ fn change(random: &mut ChaCha8Rng, file: &mut Vec<u8>, others: &[(&'static str, 
     }
 }
 
+fn read(name: &str, file: &[u8]) -> Result<Reading, FormatError> {
+    match name {
+        "depth.png" => depth_image::read(file, &CAMERA, 1000.0, Some(file), &LIMITS),
+        _ => formats::read(name, file, &LIMITS),
+    }
+}
+
 fn check(name: &str, file: &[u8]) {
     if name.starts_with("poses") {
         if let Ok(read) = poses::read_scaled(name, file) {
@@ -217,7 +248,7 @@ fn check(name: &str, file: &[u8]) {
         }
         return;
     }
-    match formats::read(name, file, &LIMITS) {
+    match read(name, file) {
         Ok(reading) => {
             let (surface, count) = (&reading.surface, reading.surface.cloud.len());
             assert!(count > 0 && count as u64 <= LIMITS.max_points && surface.faces.len() as u64 <= LIMITS.max_faces);
@@ -252,7 +283,7 @@ fn changed_files_are_read_soundly_or_refused() {
     let seeds = seeds();
     seeds.iter().for_each(|(name, file)| {
         check(name, file);
-        assert!(name.starts_with("poses") || formats::read(name, file, &LIMITS).is_ok(), "{name} is sound");
+        assert!(name.starts_with("poses") || read(name, file).is_ok(), "{name} is sound");
     });
     let (begin, before) = (Instant::now(), peak_memory());
     let mut seed = first;

@@ -1,5 +1,6 @@
 //! `visage register`: the scans of a folder into one model, without a server.
 
+mod depth_folder;
 mod folder;
 mod options;
 
@@ -13,13 +14,14 @@ use anyhow::{Context, bail, ensure};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 
+use self::depth_folder::DepthFolder;
 use self::folder::Folder;
 use self::options::Given;
 use crate::app::tracker::Tracker;
 use crate::domain::asset::Asset;
 use crate::domain::options::Options;
-use crate::formats::{self, Dropped, ReadLimits, Reading, poses::PoseFile};
-use crate::geometry::Unit;
+use crate::formats::{self, Dropped, Reading, poses::PoseFile};
+use crate::geometry::{PoseConvention, Unit};
 use crate::jobs::artifacts::{RunFacts, add_readings, write_assets};
 use crate::pipeline::report::{LeftOutReport, ModelReport};
 use crate::pipeline::{self, Hints, NamedScan, PipelineError, RegisteredModel, Start};
@@ -32,7 +34,8 @@ use crate::registration::quality::{Quality, Verdict};
 pub struct RegisterArgs {
     #[arg(help = format!("The folder with the scans ({})", formats::surface_names()))]
     dir: PathBuf,
-    /// Initial poses: Stanford .conf, JSON {"scan name": 4x4 scan-to-world}, or text blocks of a name and four rows
+    /// Initial poses: JSON {"scan name": 4x4 scan-to-world}, what MeshLab, Open3D, COLMAP and trajectories write (see
+    /// docs/API.md), or a folder with a file of 4 rows for each scan
     #[arg(long)]
     poses: Option<PathBuf>,
     /// Which files of DIR are scans, such as 'scan_*.ply' [default: those of the pose file, else every scan file]
@@ -76,25 +79,29 @@ pub fn run(args: RegisterArgs) -> anyhow::Result<()> {
 
     folder::make_out(&args.out, &args.dir)?;
     let folder = Folder::list(&args.dir)?;
-    let fit = |file| folder.fit(file);
-    let poses = args.poses.as_deref().map(read_poses).transpose()?.map(fit);
-    let base = args.add_to.as_deref().map(read_base).transpose()?.map(fit);
+    let given = args.poses.as_deref().map(read_poses).transpose()?;
+    let poses = given.map(|file| folder.fit(args.scans.as_deref(), file)).transpose()?;
+    let base = args.add_to.as_deref().map(read_base).transpose()?;
+    let base = base.map(|file| folder.fit(None, file)).transpose()?;
     let names = folder.choose(args.scans.as_deref(), poses.as_ref(), base.as_ref())?;
     let pose_notes = poses.as_ref().map(PoseFile::notes).unwrap_or_default();
     let not_read = if args.scans.is_none() && poses.is_none() { folder.not_read() } else { Vec::new() };
-    pose_notes.iter().chain(&not_read).for_each(|note| eprintln!("note: {note}"));
+    let unit = unit_of(&folder, args.unit)?;
+    let of_depth = folder.depth().map(DepthFolder::note);
+    of_depth.iter().chain(&pose_notes).chain(&not_read).for_each(|note| eprintln!("note: {note}"));
     let hints = args.hints.as_deref().map(read_hints).transpose()?.unwrap_or_default();
     let (scans, dropped): (Vec<_>, Vec<_>) =
-        pool.install(|| read_scans(&args.dir, &names, &progress))?.into_iter().unzip();
+        pool.install(|| read_scans(&folder, &names, &progress))?.into_iter().unzip();
     let dropped: BTreeMap<String, Dropped> = names.iter().cloned().zip(dropped).collect();
     let start = Start {
+        other_conventions: poses.as_ref().map(|file| file.other_conventions).unwrap_or_default(),
         poses: poses.as_ref().map(PoseFile::to_map).unwrap_or_default(),
         scales: poses.map(|file| file.scales).unwrap_or_default(),
         base: base.map(|file| file.matrices).unwrap_or_default(),
         hints,
     };
     let mut outcome =
-        pool.install(|| pipeline::run_from(scans, &start, args.unit, options, &progress)).map_err(with_hint)?;
+        pool.install(|| pipeline::run_from(scans, &start, unit, options, &progress)).map_err(with_hint)?;
     add_readings(&mut outcome.report, &dropped, &pose_notes);
 
     progress.report(Stage::Storing, 0.0);
@@ -107,7 +114,23 @@ pub fn run(args: RegisterArgs) -> anyhow::Result<()> {
     summarise(&outcome, &args.out)
 }
 
+/// The unit of the scans: depth images are read in metres.
+fn unit_of(folder: &Folder, given: Unit) -> anyhow::Result<Unit> {
+    if folder.depth().is_none() {
+        return Ok(given);
+    }
+    ensure!(
+        matches!(given, Unit::M | Unit::Unknown),
+        "depth images are read in metres, not in {}: leave --unit out",
+        given.name()
+    );
+    Ok(Unit::M)
+}
+
 fn read_poses(path: &Path) -> anyhow::Result<PoseFile> {
+    if path.is_dir() {
+        return folder::read_matrices(path);
+    }
     let bytes = std::fs::read(path).with_context(|| format!("reading {}", path.display()))?;
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     formats::poses::read_scaled(&name, &bytes).with_context(|| format!("reading {}", path.display()))
@@ -129,16 +152,13 @@ fn read_base(model: &Path) -> anyhow::Result<PoseFile> {
     Ok(file)
 }
 
-fn read_scans(dir: &Path, names: &[String], progress: &Progress) -> anyhow::Result<Vec<(NamedScan, Dropped)>> {
+fn read_scans(folder: &Folder, names: &[String], progress: &Progress) -> anyhow::Result<Vec<(NamedScan, Dropped)>> {
     use rayon::prelude::*;
     progress.report(Stage::Loading, 0.0);
     let of_scans: Vec<anyhow::Result<(NamedScan, Dropped)>> = names
         .par_iter()
         .map(|name| {
-            let path = dir.join(name);
-            let bytes = std::fs::read(&path).with_context(|| format!("reading {}", path.display()))?;
-            let Reading { surface, dropped, .. } = formats::read(name, &bytes, &ReadLimits::default())
-                .with_context(|| format!("reading {}", path.display()))?;
+            let Reading { surface, dropped, .. } = folder.read(name)?;
             if !dropped.is_empty() {
                 eprintln!("note: {name}: {dropped}");
             }
@@ -235,7 +255,22 @@ fn notes(report: &ModelReport) -> Vec<String> {
             posed.join(", ")
         ));
     }
+    notes.extend(convention_in_words(report));
     notes
+}
+
+/// As what the poses were read, if not as they stand.
+fn convention_in_words(report: &serde_json::Value) -> Option<String> {
+    let convention = &report["pose_convention"];
+    let others = [PoseConvention::WorldToScan, PoseConvention::OpenGlCamera];
+    let read_as = others.into_iter().find(|other| convention["read_as"] == other.name())?;
+    let percent = |convention: &serde_json::Value| 100.0 * convention.as_f64().unwrap_or_default();
+    Some(format!(
+        "the poses are read as {}: so {:.0} % of the points lie by other scans, as they stand {:.0} %",
+        read_as.words(),
+        percent(&convention["touching"][read_as.name()]),
+        percent(&convention["touching"][PoseConvention::ScanToWorld.name()])
+    ))
 }
 
 fn progress_bar() -> ProgressBar {

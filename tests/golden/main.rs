@@ -1,6 +1,7 @@
 //! The whole of an algorithm on code-made input whose answer is known exactly.
 
 mod additions;
+mod conventions;
 mod faces;
 mod registration;
 mod turntables;

@@ -24,20 +24,18 @@ pub mod archive;
 mod budget;
 mod colors;
 pub mod columns;
-mod header_lines;
-pub mod kitti_bin;
-pub mod npy;
-mod number;
-pub mod obj;
-pub mod off;
-pub mod packed;
+pub mod depth_image;
 pub mod e57;
 pub mod gltf;
 mod header_lines;
+pub mod kitti_bin;
 pub mod las;
+pub mod npy;
 mod number;
 pub mod obj;
 pub mod obj_textures;
+pub mod off;
+pub mod packed;
 pub mod pcd;
 mod picture;
 pub mod ply;
@@ -49,11 +47,10 @@ mod reading;
 pub mod stl;
 mod table;
 mod text;
+pub mod threemf;
 mod unite;
 pub mod uos;
 pub mod vtk;
-pub mod threemf;
-mod unite;
 
 pub use budget::ReadLimits;
 pub use number::{NoCoordinate, checked_coordinate};
@@ -89,6 +86,9 @@ pub const FORMATS: &[&Format] = &[
     &las::LAZ,
     &poses::JSON,
     &poses::CONF,
+    &poses::ALN,
+    &poses::MLP,
+    &poses::LOG,
     &poses::TEXT,
 ];
 

@@ -14,6 +14,7 @@
 //! ```
 //!
 //! - [`cloud`], [`mesh`], [`surface`], [`se3`]: points with attributes, triangles, what one file describes, rigid motions
+//! - [`pose_convention`]: what a pose of a file may mean
 //! - [`neighbours`]: the kd-tree and its queries
 //! - [`normals`], [`thinning`], [`organised`], [`own_frame`], [`viewpoint`], [`coincidence`]: what points alone tell
 //! - [`cleaning`]: what of a surface is support or far off
@@ -27,6 +28,7 @@ pub mod neighbours;
 pub mod normals;
 pub mod organised;
 pub mod own_frame;
+pub mod pose_convention;
 pub mod progress;
 pub mod se3;
 pub mod surface;
@@ -36,6 +38,7 @@ pub mod viewpoint;
 
 pub use cloud::{Bounds, Cloud};
 pub use mesh::Mesh;
+pub use pose_convention::PoseConvention;
 pub use se3::Motion;
 pub use surface::{RangeGrid, Surface, Unit};
 pub use union_find::UnionFind;

@@ -45,7 +45,7 @@ pub struct NewJobBody {
 pub struct NewJobForm {
     #[schema(schema_with = schemas::two_scans)]
     scans: Vec<Vec<u8>>,
-    /// The initial poses: a Stanford `.conf`, JSON, or text blocks. Scans without one are placed by their surface.
+    /// The initial poses: a pose file of any kind. Scans without one are placed by their surface.
     #[schema(required = false, value_type = String, format = Binary)]
     poses: Vec<u8>,
     /// The options as JSON.

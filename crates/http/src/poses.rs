@@ -15,6 +15,7 @@ use super::schemas::{FileContent, Poses};
 use super::state::AppState;
 use visage_domain::asset::Asset;
 use visage_domain::{PoseFile, ScanSetRecord};
+use visage_formats::poses::remedy;
 
 /// Set the initial poses of a scan set.
 ///
@@ -45,9 +46,10 @@ pub(super) async fn put_poses(
 
 /// Set the initial poses of a scan set by a pose file of any format.
 ///
-/// A Stanford `.conf`, JSON `{"scan name": 4x4}` or `{"poses": {...}}`, or text blocks of a name and 4 rows. The
-/// format is recognised by the content, whatever the `Content-Type`. A pose maps its scan into the world frame; matrices are
-/// row-major.
+/// JSON `{"scan name": 4x4}` or `{"poses": {...}}`, text blocks of a name and 4 rows, a Stanford `.conf`, MeshLab's `.aln` and
+/// `.mlp`, Open3D's `.log`, pose graphs and trajectories, TUM, KITTI, COLMAP's `images.txt`, `transforms.json` or a table with a
+/// header. It is recognised by the content, whatever the `Content-Type`. A pose maps its scan into the world frame; matrices are
+/// row-major. Poses without names are those of the scans in natural order, if there are as many: send the scans first.
 #[utoipa::path(
     put, path = "/v1/scan-sets/{id}/pose-file", tag = TAG, operation_id = "putPoseFile",
     params(("id" = String, Path, format = "uuid", description = "The scan set."), ConditionHeaders),
@@ -81,8 +83,7 @@ async fn store_poses(
     let is_json = is_json(&media_type(request.headers()));
     let content = read_body(&state, request, state.limits().pose_file_bytes).await?.to_vec();
     if content.is_empty() {
-        let hint = "send a Stanford .conf, JSON {\"scan name\": 4x4}, or text blocks of a name and 4 rows";
-        return Err(Problem::new(Code::UnreadablePoses, "the pose file is empty", hint));
+        return Err(Problem::new(Code::UnreadablePoses, "the pose file is empty", remedy()));
     }
     let poses = PoseFile { name: if is_json { Asset::Poses.name().into() } else { "poses".to_owned() }, content };
     let _turn = conditions.turn(&state).await;

@@ -8,7 +8,7 @@ use axum::http::header::{self, HeaderName, HeaderValue};
 use axum::response::{IntoResponse, Response};
 
 use visage_domain::options::OptionError;
-use visage_formats::{FormatError, surface_names};
+use visage_formats::{FormatError, poses, surface_names};
 use visage_pipeline::PipelineError;
 use visage_service::app::live_gallery::NotReady;
 use visage_service::jobs::admission::AdmissionError;
@@ -219,8 +219,10 @@ impl Problem {
 
     /// What the reader says about a pose file; its message names the file.
     pub fn unreadable_poses(error: &FormatError) -> Self {
-        let hint =
-            "send a Stanford .conf, JSON {\"scan name\": 4x4 scan-to-world}, or text blocks of a name and 4 rows";
+        let hint = match error {
+            FormatError::Malformed { remedy, .. } => remedy.clone(),
+            _ => poses::remedy(),
+        };
         Problem::new(Code::UnreadablePoses, error.to_string(), hint)
     }
 }

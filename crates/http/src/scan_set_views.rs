@@ -82,7 +82,7 @@ impl NewScanSetBody {
 pub struct ScanSetForm {
     #[schema(required = false, schema_with = schemas::scans)]
     scans: Vec<Vec<u8>>,
-    /// The initial poses: a Stanford `.conf`, JSON, or text blocks.
+    /// The initial poses: a pose file of any kind.
     #[schema(required = false, value_type = String, format = Binary)]
     poses: Vec<u8>,
     /// A name for people.
@@ -140,6 +140,21 @@ pub struct PosesView {
 }
 
 impl PosesView {
+    /// A stored pose file, held against the scans. It was read before it was stored, but scans may have come and gone
+    /// since, so that it does not fit any more.
+    fn held(scans: &[&str], file: &PoseFile) -> Self {
+        match admission::fit_poses(scans, file) {
+            Ok(fit) => PosesView::of(&file.name, &fit),
+            Err(error) => PosesView {
+                file: file.name.clone(),
+                count: 0,
+                unknown_scans: Vec::new(),
+                scans_without_pose: scans.iter().map(|name| (*name).to_owned()).collect(),
+                notes: vec![error.to_string()],
+            },
+        }
+    }
+
     /// A pose file that fits like this.
     pub fn of(file: &str, fit: &PoseFit) -> Self {
         PosesView {
@@ -211,14 +226,12 @@ impl ScanSetView {
 
     fn new(id: ScanSetId, name: &str, unit: Unit, scans: &[ScanRecord], poses: Option<&PoseFile>) -> Self {
         let names: Vec<&str> = scans.iter().map(|scan| scan.name.as_str()).collect();
-        // a stored pose file was read before it was stored
-        let fit = poses.and_then(|file| Some((file, admission::fit_poses(&names, file).ok()?)));
         ScanSetView {
             id: id.to_string(),
             name: name.to_owned(),
             unit: unit.into(),
             scans: scans.iter().map(ScanView::of).collect(),
-            poses: fit.map(|(file, fit)| PosesView::of(&file.name, &fit)),
+            poses: poses.map(|file| PosesView::held(&names, file)),
             created_at: id.created_at().to_string(),
             links: ScanSetLinks::of(id),
         }

@@ -1,6 +1,7 @@
 //! Scans to model to signature, stage by stage: the whole path, free of files, clocks and HTTP.
 
 mod cleaning;
+mod convention;
 mod copies;
 mod hints;
 mod ready;
@@ -117,6 +118,7 @@ pub fn run_from(
     for (scan, view) in scans.iter().zip(&mut views) {
         view.sensor = sensor_of(scan, view, options);
     }
+    let convention = convention::settle(&mut setting, &views, &names, progress)?;
     let (views, sensors, registered) = setting.register(&scans, views, &names, options, progress)?;
     let has_support = left_out.iter().flatten().any(|left_out| left_out.support > 0);
     let whole = whole.filter(|_| has_support && setting.may_be_refined(options));
@@ -177,7 +179,7 @@ pub fn run_from(
         reading: None,
         view,
     });
-    let report = ModelReport { registration, hints: said, pose_notes: Vec::new() };
+    let report = ModelReport { registration, hints: said, pose_convention: convention, pose_notes: Vec::new() };
     let cloud = merged.map(|(cloud, _)| cloud).filter(|_| options.cloud);
     let mut outcome = RegisteredModel { poses, matrices, report, cloud, signature };
     copies::put_back(&copied, &setting, &mut outcome);

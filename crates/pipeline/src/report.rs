@@ -1,5 +1,7 @@
 //! The `result` part of a model's report: the registration's, with what the pipeline knows of the scans.
 
+use std::collections::BTreeMap;
+
 use serde::Serialize;
 
 use visage_formats::Dropped;
@@ -17,6 +19,9 @@ pub struct ModelReport {
     /// What became of hints, if any were given of pairs.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub hints: Option<HintsReport>,
+    /// How given poses were read, where their file leaves it open.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pose_convention: Option<PoseConventionReport>,
     /// What was done to make the pose file fit.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub pose_notes: Vec<String>,
@@ -28,6 +33,15 @@ impl ModelReport {
         // it can't fail: all keys are strings
         serde_json::to_value(self).unwrap_or_default()
     }
+}
+
+/// How given poses were read.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct PoseConventionReport {
+    /// The convention that was taken.
+    pub read_as: &'static str,
+    /// For each that was tried the share of points that lie by other scans.
+    pub touching: BTreeMap<&'static str, f64>,
 }
 
 /// One scan.

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::{Method, NamedScan, Options, PipelineError, Scale, bad_option, sensor_of};
 use visage_geometry::progress::{Canceled, Progress, Stage};
-use visage_geometry::{Motion, se3};
+use visage_geometry::{Motion, PoseConvention, se3};
 use visage_registration::global::placement::place;
 use visage_registration::global::report::PlacementReport;
 use visage_registration::global::scan_set::{Registered, Set};
@@ -31,6 +31,8 @@ pub struct Start {
     pub base: BTreeMap<String, PoseMatrix>,
     /// What a person said of the scans.
     pub hints: Hints,
+    /// How else the poses may be meant: the surfaces tell. Nothing if they are certainly scan to world.
+    pub other_conventions: &'static [PoseConvention],
 }
 
 impl From<&BTreeMap<String, Motion>> for Start {
@@ -107,6 +109,10 @@ pub(super) struct Setting {
     pub hints: Hints,
     /// Whether all scans were cut, so that it says nothing that nothing is there.
     is_cut: bool,
+    other_conventions: &'static [PoseConvention],
+    /// Scans that have their pose from a copy: the scan, the copy, and the motion that maps the copy's frame into that
+    /// of the scan, in the scale of the copy.
+    adopted: Vec<(String, String, Motion)>,
 }
 
 impl Setting {
@@ -123,8 +129,9 @@ impl Setting {
         if let Some(place) = place {
             scans[..=place].rotate_right(1);
         }
-        let Start { poses, scales, base, hints } = start.clone();
-        let mut setting = Setting { poses, scales, base, hints, is_cut: false };
+        let Start { poses, scales, base, hints, other_conventions } = start.clone();
+        let adopted = Vec::new();
+        let mut setting = Setting { poses, scales, base, hints, is_cut: false, other_conventions, adopted };
         for (name, matrix) in &start.base {
             let (pose, scale) = se3::from_scaled_rows(matrix).map_err(|error| PipelineError::Unusable {
                 code: "wrong_base",
@@ -170,6 +177,28 @@ impl Setting {
         motion.translation.vector *= scale.unwrap_or(1.0);
         self.poses.insert(original.to_owned(), pose * motion.inverse());
         self.scales.extend(scale.map(|scale| (original.to_owned(), scale)));
+        self.adopted.push((original.to_owned(), copy.to_owned(), motion));
+    }
+
+    /// How else the poses may be meant. Poses with scales are written by visage, or by who knows it.
+    pub fn other_conventions(&self) -> &'static [PoseConvention] {
+        if self.scales.values().any(|scale| *scale != 1.0) { &[] } else { self.other_conventions }
+    }
+
+    /// The pose of a scan, and whether its meaning is certain, since it is that of the base model.
+    pub fn pose(&self, name: &str) -> Option<(Motion, bool)> {
+        Some((*self.poses.get(name)?, self.base.contains_key(name)))
+    }
+
+    /// Takes the poses for what a convention says.
+    pub fn read_as(&mut self, convention: PoseConvention) {
+        let given = self.poses.iter_mut().filter(|(name, _)| !self.base.contains_key(*name));
+        given.for_each(|(_, pose)| *pose = convention.world_from_scan(pose));
+        for (scan, copy, motion) in &self.adopted {
+            if let Some(pose) = self.poses.get(copy).copied() {
+                self.poses.insert(scan.clone(), pose * motion.inverse());
+            }
+        }
     }
 
     /// The matrix of a scan's pose: of a fixed one as the base model has it, to the last bit.

@@ -8,6 +8,7 @@
 //! - [`cleaning`]: what is left out of the scans of a set
 //! - [`candidates`], [`overlap`], [`view_graph`]: which pairs may meet, by how much they overlap, which are registered
 //! - [`pairwise`], [`averaging`], [`joint`]: from poses nearby
+//! - [`pose_convention`]: how given poses are meant
 //! - [`global`]: from the scans alone; [`hints`], [`hinted`]: what a person says of them
 //! - [`covariance`], [`quality`], [`objective`]: how well each pose is known; the verdict; figures of merit
 //! - [`conclusion`]: all that is known, weighed at the end
@@ -33,6 +34,7 @@ pub mod objective;
 pub mod outcome;
 pub mod overlap;
 pub mod pairwise;
+pub mod pose_convention;
 pub mod quality;
 pub mod register;
 pub mod report;

@@ -5,7 +5,8 @@ use std::path::Path;
 
 use anyhow::{Context, bail, ensure};
 
-use crate::formats::{self, FormatError, poses::PoseFile};
+use super::depth_folder::DepthFolder;
+use crate::formats::{self, FORMATS, Format, FormatError, ReadLimits, Reader, Reading, poses::PoseFile};
 
 /// Makes the folder for the results, and refuses one that can't be written or that holds the scans, before any work.
 pub fn make_out(out: &Path, scans: &Path) -> anyhow::Result<()> {
@@ -30,6 +31,8 @@ pub struct Folder<'a> {
     path: &'a Path,
     /// Each name, and whether it is UTF-8 as it stands.
     files: Vec<(String, bool)>,
+    /// The depth images, if there are no other scans; `files` are these, then.
+    depth: Option<DepthFolder<'a>>,
 }
 
 impl<'a> Folder<'a> {
@@ -45,7 +48,30 @@ impl<'a> Folder<'a> {
             }
         }
         files.sort();
-        Ok(Folder { path, files })
+        let mut folder = Folder { path, files, depth: None };
+        if folder.scans().next().is_none() {
+            folder.depth = DepthFolder::find(path)?;
+        }
+        if let Some(depth) = &folder.depth {
+            folder.files =
+                depth.names().map(|name| (name.to_owned(), !name.contains(char::REPLACEMENT_CHARACTER))).collect();
+        }
+        Ok(folder)
+    }
+
+    /// The depth images of the folder, if they are what it holds.
+    pub fn depth(&self) -> Option<&DepthFolder<'a>> {
+        self.depth.as_ref()
+    }
+
+    /// Reads a scan of the folder.
+    pub fn read(&self, name: &str) -> anyhow::Result<Reading> {
+        if let Some(depth) = &self.depth {
+            return depth.read(name);
+        }
+        let path = self.path.join(name);
+        let bytes = std::fs::read(&path).with_context(|| format!("reading {}", path.display()))?;
+        formats::read(name, &bytes, &ReadLimits::default()).with_context(|| format!("reading {}", path.display()))
     }
 
     fn names(&self) -> impl Iterator<Item = &str> {
@@ -55,14 +81,21 @@ impl<'a> Folder<'a> {
     /// The files that may be scans: hidden ones are none, such as the `._scan.ply` that a Mac leaves beside a scan.
     /// Files that may be anything (`.csv`) are scans where there is nothing better.
     fn scans(&self) -> impl Iterator<Item = &str> {
-        let may_be = |name: &&str| formats::check_name(name).is_ok() && !name.starts_with('.');
-        let has_sure = self.names().filter(may_be).any(|name| !formats::is_common(name));
+        let may_be = |name: &&str| {
+            self.depth.is_some() || formats::check_name(name).is_ok() && !name.starts_with('.')
+        };
+        let has_sure = self.names().filter(may_be).any(|name| self.depth.is_some() || !formats::is_common(name));
         self.names().filter(may_be).filter(move |name| !has_sure || !formats::is_common(name))
     }
 
-    /// Names the poses of a file as the scans are named.
-    pub fn fit(&self, poses: PoseFile) -> PoseFile {
-        poses.named_as(&self.scans().collect::<Vec<_>>())
+    /// Names the poses of a file as the scans are named, which are those that `glob` chooses, if it is given.
+    pub fn fit(&self, glob: Option<&str>, poses: PoseFile) -> anyhow::Result<PoseFile> {
+        let chosen = glob.map(|glob| self.matching(glob)).transpose()?;
+        let scans = match &chosen {
+            Some(chosen) => chosen.iter().map(String::as_str).collect(),
+            None => self.scans().collect::<Vec<_>>(),
+        };
+        Ok(poses.named_as(&scans)?)
     }
 
     /// The scans to register, in the order of the views: that of the base model, then of the pose file, else natural
@@ -76,7 +109,10 @@ impl<'a> Folder<'a> {
         let mut names: Vec<String> = match (glob, poses) {
             (Some(glob), _) => self.matching(glob)?,
             (None, Some(poses)) => self.posed(poses, base)?,
-            (None, None) => self.scans().map(str::to_owned).collect(),
+            (None, None) => {
+                self.depth.as_ref().map_or(Ok(()), DepthFolder::check_count)?;
+                self.scans().map(str::to_owned).collect()
+            }
         };
         let place_in = |file: Option<&PoseFile>, name: &String| {
             file.and_then(|file| file.poses.iter().position(|(posed, _)| posed == name)).unwrap_or(usize::MAX)
@@ -137,7 +173,10 @@ impl<'a> Folder<'a> {
 
     /// What is not read of the folder when its scans are not chosen, in words: other formats, and poses.
     pub fn not_read(&self) -> Vec<String> {
-        let is_pose_file = |name: &str| formats::poses::CONF.endings.contains(&&*formats::extension(name));
+        if self.depth.is_some() {
+            return Vec::new();
+        }
+        let is_pose_file = |name: &str| is_pose_file(name);
         let mut endings: BTreeMap<String, usize> = BTreeMap::new();
         let others = self.names().filter(|name| !name.starts_with('.') && name.contains('.') && !is_pose_file(name));
         let scans: Vec<&str> = self.scans().collect();
@@ -145,8 +184,8 @@ impl<'a> Folder<'a> {
             *endings.entry(formats::extension(name)).or_default() += 1;
         }
         let mut notes = Vec::new();
-        if let Some(conf) = self.names().find(|name| is_pose_file(name)) {
-            notes.push(format!("{conf} is not used; give it with --poses if the scans are to start from it"));
+        if let Some(poses) = self.names().find(|name| is_pose_file(name)) {
+            notes.push(format!("{poses} is not used; give it with --poses if the scans are to start from it"));
         }
         let count: usize = endings.values().sum();
         if count > 0 {
@@ -155,6 +194,30 @@ impl<'a> Folder<'a> {
         }
         notes
     }
+}
+
+/// Whether a file can't be anything but poses, by its ending. JSON may be anything.
+fn is_pose_file(name: &str) -> bool {
+    let is_of = |format: &&Format| format.endings.contains(&&*formats::extension(name));
+    let of_poses = |format: &&&Format| matches!(format.reader, Reader::Poses(_)) && **format != &formats::poses::JSON;
+    FORMATS.iter().filter(of_poses).any(is_of)
+}
+
+/// Files that hold one matrix are smaller.
+const MATRIX_BYTES: u64 = 16 << 10;
+
+/// The poses of a folder with one matrix file a scan.
+pub fn read_matrices(path: &Path) -> anyhow::Result<PoseFile> {
+    let folder = Folder::list(path)?;
+    let mut files = Vec::new();
+    for name in folder.names().filter(|name| !name.starts_with('.')) {
+        let file = path.join(name);
+        if file.metadata().is_ok_and(|data| data.len() <= MATRIX_BYTES) {
+            files.push((name, std::fs::read(&file).with_context(|| format!("reading {}", file.display()))?));
+        }
+    }
+    let files: Vec<(&str, &[u8])> = files.iter().map(|(name, bytes)| (*name, bytes.as_slice())).collect();
+    formats::poses::read_folder(&files).with_context(|| format!("reading the folder {}", path.display()))
 }
 
 #[cfg(test)]
@@ -211,13 +274,35 @@ mod tests {
     fn poses_must_fit_and_nearly_the_same_names_do() {
         let folder = folder(&["a.ply", "b.ply"]);
         let list = Folder::list(folder.path()).expect("listed");
-        let poses = list.fit(pose_file(&["./b.ply", "A"]));
+        let poses = list.fit(None, pose_file(&["./b.ply", "A"])).expect("clear");
         assert_eq!(list.choose(None, Some(&poses), None).expect("both"), ["b.ply", "a.ply"]);
-        let poses = list.fit(pose_file(&["0.ply"]));
+        let poses = list.fit(None, pose_file(&["0.ply"])).expect("clear");
         let error = list.choose(None, Some(&poses), None).expect_err("there is none").to_string();
         assert!(error.starts_with("the pose file names scans that are not in"), "{error}");
         let error = list.choose(Some("*.ply"), Some(&poses), None).expect_err("fits nothing").to_string();
         assert_eq!(error, "the pose file names none of the scans: it names 0.ply, not a.ply");
+    }
+
+    #[test]
+    fn poses_without_names_go_to_the_scans_that_are_chosen() {
+        let folder = folder(&["s10.ply", "s9.ply", "other.ply"]);
+        let list = Folder::list(folder.path()).expect("listed");
+        let line = "1 0 0 4 0 1 0 5 0 0 1 6\n";
+        let file = || formats::poses::read("poses.txt", line.repeat(2).as_bytes()).expect("sound");
+        let poses = list.fit(Some("s*.ply"), file()).expect("as many");
+        assert_eq!(list.choose(Some("s*.ply"), Some(&poses), None).expect("both"), ["s9.ply", "s10.ply"]);
+        let error = list.fit(None, file()).expect_err("one scan more").to_string();
+        assert!(error.contains("2 pose(s) for 3 scan(s)"), "{error}");
+    }
+
+    #[test]
+    fn a_folder_of_matrices_is_a_pose_file() {
+        let folder = folder(&["a.ply", "b.ply", "._b.txt"]);
+        std::fs::write(folder.path().join("b_MATRIX.txt"), "1 0 0 4\n0 1 0 5\n0 0 1 6\n0 0 0 1\n").expect("written");
+        let poses = read_matrices(folder.path()).expect("one matrix");
+        let poses = Folder::list(folder.path()).expect("listed").fit(None, poses).expect("fits");
+        assert_eq!(poses.poses[0].0, "b.ply");
+        assert_eq!(poses.said, ["2 file(s) that hold no matrix are passed over, such as a.ply"]);
     }
 
     #[cfg(target_os = "linux")]

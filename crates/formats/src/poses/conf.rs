@@ -3,12 +3,14 @@
 //! The format turns points with the transposed matrix of its quaternion: `p_world = R(q)^T p + t`. So the rotation
 //! of the pose is the conjugate of what is printed, and the translation stays.
 
-use super::{EXACT, Fault, PoseFile};
+use super::{Fault, PoseFile, pose_from_quaternion};
 use crate::checked_coordinate;
 use visage_geometry::Motion;
 
-/// How far the norm of a quaternion printed with two decimals may be from 1.
-const UNIT_TOLERANCE: f64 = 1e-2;
+/// Whether there is a `bmesh` line.
+pub(super) fn fits(text: &str) -> bool {
+    text.lines().any(|line| line.split_whitespace().next() == Some("bmesh"))
+}
 
 /// Reads the `bmesh` lines; `camera`, `mesh` and other lines are passed over.
 pub(super) fn read(text: &str) -> Result<PoseFile, Fault> {
@@ -18,11 +20,9 @@ pub(super) fn read(text: &str) -> Result<PoseFile, Fault> {
             let (name, numbers) = split(rest).ok_or_else(|| {
                 Fault::line(index, "a bmesh line is `bmesh FILE tx ty tz qx qy qz qw` with finite numbers")
             })?;
-            let (pose, distance) = pose(numbers).map_err(|problem| Fault::line(index, problem))?;
-            if distance > EXACT {
-                file.rounded.push((name.clone(), distance));
-            }
-            file.poses.push((name, pose));
+            let (pose, distance) = pose_from_quaternion(numbers).map_err(|problem| Fault::line(index, problem))?;
+            let pose = Motion::from_parts(pose.translation, pose.rotation.conjugate());
+            file.push(&name, pose, distance);
         }
     }
     Ok(file)
@@ -38,17 +38,6 @@ fn split(rest: &str) -> Option<(String, [f64; 7])> {
         rest = before.trim_end();
     }
     (!rest.is_empty()).then(|| (rest.to_owned(), numbers))
-}
-
-/// The pose, and how far its quaternion is from a rotation.
-fn pose([tx, ty, tz, qx, qy, qz, qw]: [f64; 7]) -> Result<(Motion, f64), String> {
-    let printed = nalgebra::Quaternion::new(qw, qx, qy, qz);
-    let norm = printed.norm();
-    if (norm - 1.0).abs() > UNIT_TOLERANCE {
-        return Err(format!("the quaternion's norm is {norm}, not 1"));
-    }
-    let rotation = nalgebra::UnitQuaternion::from_quaternion(printed).conjugate();
-    Ok((Motion::from_parts(nalgebra::Translation3::new(tx, ty, tz), rotation), (norm - 1.0).abs()))
 }
 
 /// Writes the placed scans as `bmesh` lines; unplaced ones are left out, since the format has no word for them.

@@ -1,165 +1,140 @@
-//! JSON poses: `{"scan name": 4x4}` or `{"poses": {...}}`, each matrix row-major, nested or flat; `null` for a scan
-//! without a pose.
+//! Poses in JSON: matrices by the names of scans, lists of matrices, and what Open3D and programs around NeRF write.
 
-use serde::de::{Deserialize, Deserializer, IgnoredAny, MapAccess, SeqAccess, Visitor};
-use serde_json::value::RawValue;
+use super::node::Node;
+use super::{Fault, LAST_ROW, Naming, PoseFile, rows_of_12, rows_of_16, transposed};
+use visage_geometry::{Motion, PoseConvention, se3};
 
-use super::{Fault, PoseFile, REMEDY};
-use visage_geometry::{Motion, se3};
+/// Keys by which lists of objects name a scan.
+const NAME_KEYS: &[&str] = &["name", "file_path", "file", "filename", "file_name", "scan", "image", "path"];
+/// Keys by which they give its matrix.
+const MATRIX_KEYS: &[&str] =
+    &["pose", "matrix", "transform", "transformation", "transform_matrix", "pose_world", "camera_to_world", "c2w"];
 
-/// Reads a JSON pose file, keeping the order of its keys.
-pub(super) fn read(text: &str) -> Result<PoseFile, Fault> {
-    let root = Node::parse(text, DEPTH).map_err(|error| Fault {
-        place: format!("line {}, column {}", error.line(), error.column()),
-        problem: "it is no sound JSON".into(),
-        remedy: REMEDY,
-    })?;
-    let Node::Map(entries) = root else {
+/// `{"scan name": matrix}` or `{"poses": {...}}`, in the order of the keys.
+pub(super) fn by_name(root: &Node) -> Result<PoseFile, Fault> {
+    let wrapped = root.get("poses").filter(|node| matches!(node, Node::Map(_)));
+    let Node::Map(entries) = wrapped.unwrap_or(root) else {
         return Err(Fault::file("it is no JSON object"));
     };
-    let wrapped = entries.iter().find_map(|(key, node)| match node {
-        Node::Map(inner) if key == "poses" => Some(inner),
-        _ => None,
-    });
-    let mut file = PoseFile::default();
-    for (name, node) in wrapped.unwrap_or(&entries) {
+    let mut file = PoseFile { other_conventions: &[PoseConvention::WorldToScan], ..PoseFile::default() };
+    for (name, node) in entries {
         match node {
             Node::Null => file.unplaced.push(name.clone()),
-            _ => {
-                let rows = rows(node).ok_or_else(|| Fault::scan(name, "it is neither null nor 4 rows of 4 numbers"))?;
-                file.push_matrix(name, rows)?;
-            }
+            _ => file.push_matrix(name, rows_at(name, Some(node))?)?,
         }
     }
     Ok(file)
 }
 
-/// A 4x4 matrix, whether as four lists of four or as one list of sixteen.
+/// Whether this is a list of matrices, or of objects that hold one.
+pub(super) fn is_list(root: &Node) -> bool {
+    matches!(listed(root), Node::List(_))
+}
+
+fn listed(root: &Node) -> &Node {
+    root.get_any(&["poses", "frames", "transforms"]).unwrap_or(root)
+}
+
+/// A list of matrices: by name where they stand in objects with a name, else in the order of the scans.
+pub(super) fn list(root: &Node) -> Result<PoseFile, Fault> {
+    let list = listed(root);
+    let mut file = PoseFile { other_conventions: &[PoseConvention::WorldToScan], ..PoseFile::default() };
+    // a list of rows is one matrix, not a list of them
+    if let Some(rows) = rows(list) {
+        file.naming = Naming::Order;
+        file.push_matrix(&file.next_label(), rows)?;
+        return Ok(file);
+    }
+    let name = |node: &Node| node.get_any(NAME_KEYS).and_then(Node::text).map(str::to_owned);
+    let is_named = list.items().iter().all(|item| name(item).is_some());
+    file.naming = if is_named { Naming::Scans } else { Naming::Order };
+    for item in list.items() {
+        let name = name(item).filter(|_| is_named).unwrap_or_else(|| file.next_label());
+        let matrix = if matches!(item, Node::Map(_)) { item.get_any(MATRIX_KEYS) } else { Some(item) };
+        file.push_matrix(&name, rows_at(&name, matrix)?)?;
+    }
+    Ok(file)
+}
+
+fn is_class(root: &Node, class: &str) -> bool {
+    root.get("class_name").and_then(Node::text) == Some(class)
+}
+
+pub(super) fn is_pose_graph(root: &Node) -> bool {
+    let has_pose = |nodes: &Node| nodes.items().iter().any(|node| node.get("pose").is_some());
+    is_class(root, "PoseGraph") || root.get("nodes").is_some_and(has_pose)
+}
+
+/// Open3D's `PoseGraph`: its nodes map the scans into the world, in their order.
+pub(super) fn pose_graph(root: &Node) -> Result<PoseFile, Fault> {
+    let mut file = PoseFile { naming: Naming::Order, ..PoseFile::default() };
+    for node in root.get("nodes").map(Node::items).unwrap_or_default() {
+        let label = file.next_label();
+        file.push_matrix(&label, columns_at(&label, node.get("pose"))?)?;
+    }
+    Ok(file)
+}
+
+pub(super) fn is_trajectory(root: &Node) -> bool {
+    is_class(root, "PinholeCameraTrajectory")
+        || is_class(root, "PinholeCameraParameters")
+        || root.get("parameters").is_some_and(|list| list.items().iter().any(|item| item.get("extrinsic").is_some()))
+}
+
+/// Open3D's `PinholeCameraTrajectory`: its extrinsics map the world into the cameras.
+pub(super) fn trajectory(root: &Node) -> Result<PoseFile, Fault> {
+    let said = vec!["the extrinsics of the cameras map the world into the scans: they are inverted".to_owned()];
+    let mut file = PoseFile { naming: Naming::Order, said, ..PoseFile::default() };
+    let single = root.get("extrinsic").is_some().then_some(root);
+    for camera in single.into_iter().chain(root.get("parameters").map(Node::items).unwrap_or_default()) {
+        let label = file.next_label();
+        file.push_inverse(&label, columns_at(&label, camera.get("extrinsic"))?)?;
+    }
+    Ok(file)
+}
+
+pub(super) fn is_transforms(root: &Node) -> bool {
+    root.get("frames").is_some_and(|list| list.items().iter().any(|frame| frame.get("transform_matrix").is_some()))
+}
+
+/// `transforms.json`: cameras in the world, y up and z back (OpenGL). Whether a scan has the axes of the camera, or
+/// those of depth images, the file can't know: the surfaces tell.
+pub(super) fn transforms(root: &Node) -> Result<PoseFile, Fault> {
+    let mut file = PoseFile { other_conventions: &[PoseConvention::OpenGlCamera], ..PoseFile::default() };
+    for (index, frame) in root.get("frames").map(Node::items).unwrap_or_default().iter().enumerate() {
+        let name = frame
+            .get("file_path")
+            .and_then(Node::text)
+            .ok_or_else(|| Fault::file(format!("frame {} has no file_path, so it names no scan", index + 1)))?;
+        file.push_matrix(name, rows_at(name, frame.get("transform_matrix"))?)?;
+    }
+    Ok(file)
+}
+
+/// The matrix of a scan, or what is wrong with it.
+fn rows_at(name: &str, node: Option<&Node>) -> Result<[[f64; 4]; 4], Fault> {
+    node.and_then(rows).ok_or_else(|| Fault::scan(name, "it is neither null nor 3 or 4 rows of 4 numbers"))
+}
+
+/// The matrix of a scan whose numbers stand column by column.
+fn columns_at(name: &str, node: Option<&Node>) -> Result<[[f64; 4]; 4], Fault> {
+    let numbers = node.and_then(Node::numbers).and_then(|numbers| <[f64; 16]>::try_from(numbers).ok());
+    let rows = numbers.map(|numbers| transposed(rows_of_16(&numbers)));
+    rows.ok_or_else(|| Fault::scan(name, "it is not 16 numbers, column by column"))
+}
+
+/// A matrix of 4 or 3 rows, whether as lists of four or as one list.
 fn rows(node: &Node) -> Option<[[f64; 4]; 4]> {
-    let Node::List(items) = node else { return None };
-    let is_row = |node: &Node| matches!(node, Node::List(row) if row.len() == 4);
-    let flat: Vec<&Node> = match items.len() {
-        4 if items.iter().all(is_row) => items.iter().flat_map(Node::items).collect(),
-        16 => items.iter().collect(),
-        _ => return None,
-    };
-    let mut rows = [[0.0; 4]; 4];
-    for (slot, node) in rows.as_flattened_mut().iter_mut().zip(flat) {
-        let Node::Number(value) = node else { return None };
-        *slot = *value;
+    let items = node.items();
+    let is_nested = items.iter().all(|item| matches!(item, Node::List(_)));
+    if is_nested && items.iter().any(|row| row.items().len() != LAST_ROW.len()) {
+        return None;
     }
-    Some(rows)
-}
-
-/// Poses lie no deeper: file, `poses`, matrix, row, number.
-const DEPTH: usize = 5;
-
-/// JSON that keeps the order of its keys (and keys that come twice), and whose numbers are exact to the last bit, so
-/// that a model's poses come back as they were written (serde_json alone may be off by one in the last place).
-enum Node {
-    Null,
-    Number(f64),
-    List(Vec<Node>),
-    Map(Vec<(String, Node)>),
-    /// A string, a truth value, or something deeper than poses lie: no part of a pose.
-    Other,
-}
-
-impl Node {
-    /// Parses one JSON value. The outermost call checks all of it.
-    fn parse(text: &str, depth: usize) -> Result<Node, serde_json::Error> {
-        let inner = |raw: &RawValue| match depth {
-            0 | 1 => Ok(Node::Other),
-            _ => Node::parse(raw.get(), depth - 1),
-        };
-        match text.trim_ascii_start().as_bytes().first() {
-            Some(b'{') => {
-                let Entries(entries) = serde_json::from_str(text)?;
-                let entries = entries.into_iter().map(|(key, raw)| Ok((key, inner(&raw)?)));
-                Ok(Node::Map(entries.collect::<Result<_, serde_json::Error>>()?))
-            }
-            Some(b'[') => {
-                let Items(items) = serde_json::from_str(text)?;
-                Ok(Node::List(items.iter().map(|raw| inner(raw)).collect::<Result<_, _>>()?))
-            }
-            _ => {
-                let value: &RawValue = serde_json::from_str(text)?;
-                let number = value.get().parse().map_or(Node::Other, Node::Number);
-                Ok(if value.get() == "null" { Node::Null } else { number })
-            }
-        }
-    }
-
-    /// The items of a list; nothing for anything else.
-    fn items(&self) -> &[Node] {
-        if let Node::List(items) = self { items } else { &[] }
-    }
-}
-
-/// No list of a pose is longer.
-const MOST_ITEMS: usize = 16;
-/// No file names more scans.
-const MOST_ENTRIES: usize = u16::MAX as usize;
-
-/// The first items of a list, not looked into: one more than a pose can have tells that it is none, and the others are not
-/// kept.
-struct Items(Vec<Box<RawValue>>);
-
-impl<'de> Deserialize<'de> for Items {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        deserializer.deserialize_seq(ItemsVisitor)
-    }
-}
-
-struct ItemsVisitor;
-
-impl<'de> Visitor<'de> for ItemsVisitor {
-    type Value = Items;
-
-    fn expecting(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
-        f.write_str("a JSON list")
-    }
-
-    fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Items, A::Error> {
-        let mut items = Vec::new();
-        while items.len() <= MOST_ITEMS {
-            match list.next_element()? {
-                Some(item) => items.push(item),
-                None => return Ok(Items(items)),
-            }
-        }
-        while list.next_element::<IgnoredAny>()?.is_some() {}
-        Ok(Items(items))
-    }
-}
-
-/// The entries of an object in their order, not looked into.
-struct Entries(Vec<(String, Box<RawValue>)>);
-
-impl<'de> Deserialize<'de> for Entries {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        deserializer.deserialize_map(EntriesVisitor)
-    }
-}
-
-struct EntriesVisitor;
-
-impl<'de> Visitor<'de> for EntriesVisitor {
-    type Value = Entries;
-
-    fn expecting(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
-        f.write_str("a JSON object")
-    }
-
-    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Entries, A::Error> {
-        let mut entries = Vec::new();
-        while let Some(entry) = map.next_entry()? {
-            if entries.len() >= MOST_ENTRIES {
-                return Err(serde::de::Error::custom("more entries than there can be scans"));
-            }
-            entries.push(entry);
-        }
-        Ok(Entries(entries))
+    let numbers = node.numbers()?;
+    match numbers.len() {
+        16 => numbers.try_into().ok().map(|numbers| rows_of_16(&numbers)),
+        12 => numbers.try_into().ok().map(|numbers| rows_of_12(&numbers)),
+        _ => None,
     }
 }
 
@@ -181,7 +156,16 @@ pub fn write_matrices(matrices: &[(String, Option<[[f64; 4]; 4]>)]) -> String {
 
 #[cfg(test)]
 mod tests {
+    use super::super::kinds;
     use super::*;
+
+    fn read(text: &str) -> Result<PoseFile, Fault> {
+        kinds::read(text)
+    }
+
+    fn sound(text: &str) -> PoseFile {
+        read(text).unwrap_or_else(|fault| panic!("{text}: {}", fault.problem))
+    }
 
     fn problem(text: &str) -> String {
         read(text).err().map(|fault| format!("{}: {}", fault.place, fault.problem)).unwrap_or_default()
@@ -201,18 +185,73 @@ mod tests {
 
     #[test]
     fn what_is_no_matrix_names_the_scan() {
-        let expected = "the pose of \"a\": it is neither null nor 4 rows of 4 numbers";
+        let expected = "the pose of \"a\": it is neither null nor 3 or 4 rows of 4 numbers";
         for value in ["3", "\"x\"", "true", "[]", "[1,2,3]", "{}", "[[1,2,3],[1,2,3,4,5],[1,2,3,4],[1,2,3,4]]"] {
             assert_eq!(problem(&format!("{{\"a\": {value}}}")), expected, "{value}");
         }
         let number = "[[1,0,0,\"0\"],[0,1,0,0],[0,0,1,0],[0,0,0,1]]";
         assert_eq!(problem(&format!("{{\"a\": {number}}}")), expected);
-        assert_eq!(problem("[1]"), "the whole file: it is no JSON object");
+        assert!(problem("[1]").starts_with("the pose of \"pose 1\": it is neither null"));
         let long = format!("{{\"a\": [{}0]}}", "0,".repeat(100_000));
         assert_eq!(problem(&long), expected);
-        let many = format!("{{{}\"b\":1}}", "\"a\":0,".repeat(70_000));
-        assert!(problem(&many).ends_with("it is no sound JSON"));
+        for many in
+            [format!("{{{}\"b\":1}}", "\"a\":0,".repeat(70_000)), format!("[{}[]]", "[[[],[]]],".repeat(70_000))]
+        {
+            assert!(problem(&many).ends_with("it is no sound JSON"));
+        }
         assert_eq!(problem("{\"a\":\n"), "line 2, column 0: it is no sound JSON");
+    }
+
+    const FLAT: &str = "1,0,0,4, 0,1,0,5, 0,0,1,6";
+    const COLUMNS: &str = "0,1,0,0, -1,0,0,0, 0,0,1,0, 4,5,6,1";
+
+    #[test]
+    fn three_rows_and_lists_are_read() {
+        let motion = Motion::translation(4.0, 5.0, 6.0);
+        let file = sound(&format!("{{\"a\": [{FLAT}], \"b\": [[1,0,0,4],[0,1,0,5],[0,0,1,6]]}}"));
+        assert!(file.poses.iter().all(|(_, pose)| *pose == motion) && file.poses.len() == 2);
+        for text in [format!("[[{FLAT}], [{FLAT}]]"), format!("{{\"poses\": [[{FLAT}], [{FLAT}]]}}")] {
+            let file = sound(&text);
+            assert_eq!((file.kind, file.naming, file.poses.len()), ("JSON list of matrices", Naming::Order, 2));
+        }
+        let file = sound(&format!("[{{\"file\": \"a.ply\", \"matrix\": [{FLAT}]}}]"));
+        assert_eq!((file.naming, &file.poses[0]), (Naming::Scans, &("a.ply".to_owned(), motion)));
+        let single = sound("[[1,0,0,4],[0,1,0,5],[0,0,1,6],[0,0,0,1]]");
+        assert_eq!(single.poses, [("pose 1".to_owned(), motion)]);
+    }
+
+    #[test]
+    fn what_open3d_writes_is_read_column_by_column() {
+        let turned = Motion::new(visage_geometry::Vector3::new(4.0, 5.0, 6.0), visage_geometry::Vector3::z() * 0.5);
+        let quarter = Motion::new(turned.translation.vector, turned.rotation.scaled_axis() * std::f64::consts::PI);
+        let graph = format!(
+            "{{\"class_name\": \"PoseGraph\", \"edges\": [{{\"x\": [[[[[[[[0]]]]]]]]}}], \"nodes\": [{{\"pose\": [{COLUMNS}]}}]}}"
+        );
+        let file = sound(&graph);
+        assert_eq!((file.kind, file.naming), ("Open3D pose graph", Naming::Order));
+        assert!((file.poses[0].1.to_homogeneous() - quarter.to_homogeneous()).norm() < 1e-12);
+        let camera = format!("{{\"class_name\": \"PinholeCameraParameters\", \"extrinsic\": [{COLUMNS}]}}");
+        for text in [format!("{{\"parameters\": [{camera}]}}"), camera.clone()] {
+            let file = sound(&text);
+            assert_eq!((file.kind, file.naming), ("Open3D camera trajectory", Naming::Order));
+            assert!((file.poses[0].1.inverse().to_homogeneous() - quarter.to_homogeneous()).norm() < 1e-12);
+            assert!(file.said[0].contains("inverted"));
+        }
+        assert_eq!(
+            problem("{\"class_name\": \"PoseGraph\", \"nodes\": [{}]}"),
+            "the pose of \"pose 1\": it is not 16 numbers, column by column"
+        );
+    }
+
+    #[test]
+    fn frames_are_named_by_their_pictures() {
+        let file = sound(&format!(
+            "{{\"camera_angle_x\": 0.7, \"frames\": [{{\"file_path\": \"./a.ply\", \"transform_matrix\": [{FLAT}]}}]}}"
+        ));
+        assert_eq!((file.kind, file.poses[0].0.as_str()), ("NeRF `transforms.json`", "./a.ply"));
+        assert_eq!(file.other_conventions, [PoseConvention::OpenGlCamera]);
+        let nameless = problem(&format!("{{\"frames\": [{{\"transform_matrix\": [{FLAT}]}}]}}"));
+        assert_eq!(nameless, "the whole file: frame 1 has no file_path, so it names no scan");
     }
 
     #[test]

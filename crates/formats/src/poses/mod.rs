@@ -1,21 +1,35 @@
-//! Pose files: which scan stands where. Stanford `.conf`, JSON and text blocks are told apart by their content.
+//! Pose files: which scan stands where. Kinds of files share their endings, so they are told apart by their content:
+//! [`KINDS`] is the list of them.
 
+mod colmap;
 mod conf;
 mod fit;
 mod json;
+mod kinds;
+pub(crate) mod lines;
+mod log;
+mod matrices;
+mod meshlab;
+pub(crate) mod node;
+mod quaternions;
 mod text;
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::table::{Content, Format, Reader, Writers};
 use super::{FormatError, checked_coordinate, quote};
-use visage_geometry::Motion;
 use visage_geometry::se3::{self, NearestMotion};
+use visage_geometry::{Motion, PoseConvention};
 
 pub use conf::write as write_conf;
 pub use json::{write as write_json, write_matrices};
+pub use kinds::{KINDS, Kind, markdown, remedy};
+pub use log::write as write_log;
+pub use matrices::{read_folder, write_matrix};
+pub use meshlab::{write_aln, write_mlp};
+pub use text::write as write_text;
 
-/// JSON, `{"scan name": 4x4 row-major}`; what is written of a model.
+/// JSON; `{"scan name": 4x4 row-major}` is what is written of a model.
 pub const JSON: Format = Format {
     name: "JSON",
     endings: &["json"],
@@ -35,14 +49,44 @@ pub const CONF: Format = Format {
     writers: Writers { poses: Some(conf::write), ..Writers::NONE },
 };
 
-/// Blocks of text: a line with the name of a scan, then four rows; files of it end as people like.
+/// MeshLab's alignments.
+pub const ALN: Format = Format {
+    name: "MeshLab `.aln`",
+    endings: &["aln"],
+    media_type: PLAIN_TEXT,
+    holds: &[Content::Poses],
+    reader: Reader::Poses(read_scaled),
+    writers: Writers { poses: Some(meshlab::write_aln), ..Writers::NONE },
+};
+
+/// MeshLab's projects.
+pub const MLP: Format = Format {
+    name: "MeshLab `.mlp`",
+    endings: &["mlp"],
+    media_type: "application/xml",
+    holds: &[Content::Poses],
+    reader: Reader::Poses(read_scaled),
+    writers: Writers { poses: Some(meshlab::write_mlp), ..Writers::NONE },
+};
+
+/// Open3D's trajectories as text.
+pub const LOG: Format = Format {
+    name: "Open3D `.log`",
+    endings: &["log"],
+    media_type: PLAIN_TEXT,
+    holds: &[Content::Poses],
+    reader: Reader::Poses(read_scaled),
+    writers: Writers { poses: Some(log::write), ..Writers::NONE },
+};
+
+/// Text of many kinds, which end as people like; written are blocks of a name and four rows.
 pub const TEXT: Format = Format {
-    name: "text blocks",
+    name: "text",
     endings: &[],
     media_type: PLAIN_TEXT,
     holds: &[Content::Poses],
     reader: Reader::Poses(read_scaled),
-    writers: Writers::NONE,
+    writers: Writers { poses: Some(text::write), ..Writers::NONE },
 };
 
 const PLAIN_TEXT: &str = "text/plain; charset=utf-8";
@@ -50,18 +94,38 @@ const PLAIN_TEXT: &str = "text/plain; charset=utf-8";
 /// The poses of a file, in the order of the file.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct PoseFile {
+    /// What kind of file it is, by its name in [`KINDS`].
+    pub kind: &'static str,
     /// Scan name and `pose_world`, which maps the scan into the world frame.
     pub poses: Vec<(String, Motion)>,
     /// Scans that are named with `null` for a pose.
     pub unplaced: Vec<String>,
     /// The scales of those whose matrices hold one, `[s R, t]`; only [`read_scaled`] takes such matrices.
     pub scales: BTreeMap<String, f64>,
-    /// The matrices as they stand in the file; `.conf` has none.
+    /// The matrices as they stand in the file, where it holds matrices that map scans into the world.
     pub matrices: BTreeMap<String, [[f64; 4]; 4]>,
+    /// What the names are: see [`PoseFile::named_as`].
+    pub naming: Naming,
+    /// How else the poses may be meant, since the kind of file leaves it open.
+    pub other_conventions: &'static [PoseConvention],
     /// Names of the file that are those of a scan in another form, and the scan: see [`PoseFile::named_as`].
     pub fitted: Vec<(String, String)>,
     /// The poses that are rotations but for rounding, and how far off they are (Frobenius): the nearest are taken.
     pub rounded: Vec<(String, f64)>,
+    /// What else was done to read the file, in words.
+    pub said: Vec<String>,
+}
+
+/// What the names of a pose file are.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Naming {
+    /// The names of scans.
+    #[default]
+    Scans,
+    /// Times or numbers: if they are no scans' names, the poses are those of the scans in their order.
+    Order,
+    /// The names of files that hold one matrix each, which begin with the names of their scans.
+    Files,
 }
 
 impl PoseFile {
@@ -72,7 +136,7 @@ impl PoseFile {
 
     /// What was done to make the file usable, in words: for people.
     pub fn notes(&self) -> Vec<String> {
-        let mut notes = Vec::new();
+        let mut notes = self.said.clone();
         if let Some((scan, worst)) = self.rounded.iter().max_by(|a, b| a.1.total_cmp(&b.1)) {
             let count = self.rounded.len();
             notes.push(format!(
@@ -89,28 +153,48 @@ impl PoseFile {
         notes
     }
 
-    /// Adds a pose given as a 4x4 row-major matrix.
+    /// Adds a pose given as a 4x4 row-major matrix that maps the scan into the world.
     fn push_matrix(&mut self, scan: &str, rows: [[f64; 4]; 4]) -> Result<(), Fault> {
         let NearestMotion { motion, scale, distance } = pose_from_rows(scan, &rows)?;
-        if distance > EXACT {
-            self.rounded.push((scan.to_owned(), distance));
-        }
         if scale != 1.0 {
             self.scales.insert(scan.to_owned(), scale);
         }
-        self.poses.push((scan.to_owned(), motion));
         self.matrices.insert(scan.to_owned(), rows);
+        self.push(scan, motion, distance);
         Ok(())
+    }
+
+    /// Adds a pose given as a 4x4 row-major matrix that maps the world into the scan; it holds no scale.
+    fn push_inverse(&mut self, scan: &str, rows: [[f64; 4]; 4]) -> Result<(), Fault> {
+        let NearestMotion { motion, scale, distance } = pose_from_rows(scan, &rows)?;
+        if scale != 1.0 {
+            return Err(Fault::scan(scan, format!("the 3x3 block is no rotation: it holds a scale of {scale}")));
+        }
+        self.push(scan, motion.inverse(), distance);
+        Ok(())
+    }
+
+    /// Adds a pose that is `distance` from what stands in the file.
+    fn push(&mut self, scan: &str, pose: Motion, distance: f64) {
+        if distance > EXACT {
+            self.rounded.push((scan.to_owned(), distance));
+        }
+        self.poses.push((scan.to_owned(), pose));
+    }
+
+    /// What the next pose is called in a file without names.
+    fn next_label(&self) -> String {
+        format!("pose {}", self.poses.len() + 1)
     }
 }
 
-/// Reads a pose file: JSON if it begins with a brace, `.conf` if it has `bmesh` lines, else text blocks.
+/// Reads a pose file, whose kind is recognised by its content: see [`KINDS`].
 ///
 /// `name` serves messages only.
 ///
 /// # Errors
 /// [`FormatError::Malformed`] names the line or the scan: numbers that are missing or not finite, a matrix that is
-/// no rigid motion, a scan named twice, a file without poses.
+/// no rigid motion, a scan named twice, a file without poses. Of a file that is of no kind it says what was seen.
 pub fn read(name: &str, bytes: &[u8]) -> Result<PoseFile, FormatError> {
     let rigid = parse(bytes).and_then(|file| match file.scales.iter().next() {
         None => Ok(file),
@@ -129,24 +213,20 @@ pub fn read_scaled(name: &str, bytes: &[u8]) -> Result<PoseFile, FormatError> {
     parse(bytes).map_err(|fault| fault.of_file(name))
 }
 
-/// How a pose file may look, for messages.
-const REMEDY: &str =
-    "send JSON {\"scan name\": 4x4 row-major}, Stanford .conf, or a name line and 4 rows for each scan";
-
 /// What is wrong and where, before the file's name is put in front.
-struct Fault {
+pub(crate) struct Fault {
     place: String,
     problem: String,
-    remedy: &'static str,
+    remedy: String,
 }
 
 impl Fault {
     fn line(index: usize, problem: impl Into<String>) -> Self {
-        Fault { place: format!("line {}", index + 1), problem: problem.into(), remedy: REMEDY }
+        Fault { place: format!("line {}", index + 1), problem: problem.into(), remedy: kinds::remedy() }
     }
 
     fn scan(scan: &str, problem: impl Into<String>) -> Self {
-        let remedy = "give a rotation and a translation, row-major, with 0 0 0 1 as the last row";
+        let remedy = "give a rotation and a translation, row-major, with 0 0 0 1 as the last row".to_owned();
         Fault { place: format!("the pose of {}", quote(scan.as_bytes())), problem: problem.into(), remedy }
     }
 
@@ -155,20 +235,13 @@ impl Fault {
     }
 
     fn file(problem: impl Into<String>) -> Self {
-        Fault { place: "the whole file".into(), problem: problem.into(), remedy: REMEDY }
+        Fault { place: "the whole file".into(), problem: problem.into(), remedy: kinds::remedy() }
     }
 }
 
 fn parse(bytes: &[u8]) -> Result<PoseFile, Fault> {
     let text = std::str::from_utf8(bytes).map_err(|_| Fault::file("it is no text"))?;
-    let text = text.trim_start_matches('\u{feff}');
-    let file = if text.trim_start().starts_with(['{', '[']) {
-        json::read(text)?
-    } else if text.lines().any(|line| line.split_whitespace().next() == Some("bmesh")) {
-        conf::read(text)?
-    } else {
-        text::read(text)?
-    };
+    let file = kinds::read(text.trim_start_matches('\u{feff}'))?;
     let mut seen = BTreeSet::new();
     let names = file.poses.iter().map(|(name, _)| name).chain(&file.unplaced);
     if let Some(twice) = names.into_iter().find(|name| !seen.insert(name.as_str())) {
@@ -182,9 +255,13 @@ fn parse(bytes: &[u8]) -> Result<PoseFile, Fault> {
 
 /// What is nearer to a rotation than this (Frobenius) is one: five printed digits.
 const EXACT: f64 = 1e-5;
-/// The rotations of a pose file may be rounded to two decimals, which moves them by up to this (Frobenius). They are only
-/// where a registration starts.
+/// The rotations of a pose file may be rounded to two decimals, which moves them by up to this (Frobenius). They are
+/// only where a registration starts.
 const ROUNDED: f64 = 3.0 * 0.5e-2;
+/// How far the norm of a quaternion printed with two decimals may be from 1.
+const UNIT_TOLERANCE: f64 = 1e-2;
+/// The last row of a matrix that is given without it.
+const LAST_ROW: [f64; 4] = [0.0, 0.0, 0.0, 1.0];
 
 /// The nearest pose to a 4x4 row-major matrix.
 fn pose_from_rows(scan: &str, rows: &[[f64; 4]; 4]) -> Result<NearestMotion, Fault> {
@@ -197,86 +274,36 @@ fn pose_from_rows(scan: &str, rows: &[[f64; 4]; 4]) -> Result<NearestMotion, Fau
     Ok(nearest)
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use visage_geometry::Vector3;
-
-    fn message(text: &str) -> String {
-        read("poses.txt", text.as_bytes()).expect_err(text).to_string()
+/// The pose of a translation and a quaternion, real part last, and how far that is from a rotation.
+fn pose_from_quaternion([tx, ty, tz, qx, qy, qz, qw]: [f64; 7]) -> Result<(Motion, f64), String> {
+    for coordinate in [tx, ty, tz, qx, qy, qz, qw] {
+        checked_coordinate(coordinate).map_err(|problem| format!("a number {problem}"))?;
     }
-
-    #[test]
-    fn the_three_kinds_are_told_apart() {
-        let kinds = [
-            "camera 0 0 0 0 0 0 1\nbmesh a.ply 1 2 3 0 0 0 1\n",
-            "# by hand\na.ply\n1 0 0 1\n0 1 0 2\n0 0 1 3\n0 0 0 1\n",
-            "\u{feff}\n{\"a.ply\": [[1,0,0,1],[0,1,0,2],[0,0,1,3],[0,0,0,1]]}",
-        ];
-        for text in kinds {
-            let poses = read("poses", text.as_bytes()).expect(text);
-            assert_eq!(poses.to_map()["a.ply"], Motion::translation(1.0, 2.0, 3.0));
-        }
+    let printed = nalgebra::Quaternion::new(qw, qx, qy, qz);
+    let norm = printed.norm();
+    if (norm - 1.0).abs() > UNIT_TOLERANCE {
+        return Err(format!("the quaternion's norm is {norm}, not 1"));
     }
-
-    #[test]
-    fn a_file_without_poses_or_with_a_name_twice_is_refused() {
-        assert!(message("").starts_with("\"poses.txt\": the whole file: there is no pose in it; send JSON"));
-        assert!(message("{}").contains("there is no pose in it"));
-        assert!(message("# nothing\n").contains("there is no pose in it"));
-        let twice = message("bmesh a.ply 0 0 0 0 0 0 1\nbmesh a.ply 0 0 0 0 0 0 1\n");
-        assert!(twice.starts_with("\"poses.txt\": the pose of \"a.ply\": the scan is named twice"), "{twice}");
-        assert!(read("x", b"\xff\xfe").expect_err("no text").to_string().contains("it is no text"));
-    }
-
-    #[test]
-    fn matrices_that_are_no_motion_name_the_scan() {
-        let scaled = message("{\"a.ply\": null, \"b.ply\": [2,0,0,0, 0,2,0,0, 0,0,2,0, 0,0,0,1]}");
-        assert!(scaled.starts_with("\"poses.txt\": the pose of \"b.ply\": the 3x3 block is no rotation"), "{scaled}");
-        let far = message("a.ply\n1 0 0 1e300\n0 1 0 0\n0 0 1 0\n0 0 0 1\n");
-        assert!(far.contains("the pose of \"a.ply\": the translation is 1e300"), "{far}");
-        let not_finite = message("a.ply\n1 0 0 nan\n0 1 0 0\n0 0 1 0\n0 0 0 1\n");
-        assert!(
-            not_finite.contains("the pose of \"a.ply\": the matrix has a number that is not finite"),
-            "{not_finite}"
-        );
-        let last = message("a.ply\n1 0 0 0\n0 1 0 0\n0 0 1 0\n1 0 0 1\n");
-        assert!(last.contains("the last row must be 0 0 0 1"), "{last}");
-    }
-
-    #[test]
-    fn scales_are_read_where_they_are_asked_for_and_matrices_are_kept_to_the_last_bit() {
-        let turned = Motion::new(Vector3::new(0.1, -1e-9, 1e6), Vector3::new(0.3, 2.0, -0.7));
-        let matrices = vec![
-            ("a".to_owned(), Some(se3::to_scaled_rows(&turned, 1.1))),
-            ("b".to_owned(), Some(se3::to_rows(&turned))),
-        ];
-        let text = write_matrices(&matrices);
-        let file = read_scaled("poses.json", text.as_bytes()).expect("scaled poses");
-        assert_eq!(file.scales.keys().collect::<Vec<_>>(), ["a"]);
-        assert!((file.scales["a"] - 1.1).abs() < 1e-12);
-        assert!((file.to_map()["a"].to_homogeneous() - turned.to_homogeneous()).norm() < 1e-9);
-        assert_eq!(file.matrices["b"], se3::to_rows(&turned));
-        let again: Vec<_> = file.matrices.into_iter().map(|(name, rows)| (name, Some(rows))).collect();
-        assert_eq!(write_matrices(&again), text);
-        assert!(message(&text).contains("the pose of \"a\": the 3x3 block is no rotation: it holds a scale of 1.1"));
-    }
-
-    #[test]
-    fn what_is_written_is_read_back() {
-        let poses: Vec<(String, Option<Motion>)> = vec![
-            ("scan 1.ply".into(), Some(Motion::new(Vector3::new(0.1, -1e-9, 1e6), Vector3::new(0.3, 2.0, -0.7)))),
-            ("lost \"one\".ply".into(), None),
-            ("scan_0.ply".into(), Some(Motion::identity())),
-        ];
-        let json = read("poses.json", write_json(&poses).as_bytes()).expect("own JSON");
-        assert_eq!(json.unplaced, ["lost \"one\".ply"]);
-        let conf = read("poses.conf", write_conf(&poses).as_bytes()).expect("own .conf");
-        for file in [json, conf] {
-            assert_eq!(file.poses.len(), 2);
-            assert_eq!((file.poses[0].0.as_str(), file.poses[1].0.as_str()), ("scan 1.ply", "scan_0.ply"));
-            let error = file.poses[0].1.to_homogeneous() - poses[0].1.expect("posed").to_homogeneous();
-            assert!(error.norm() < 1e-14, "{error}");
-        }
-    }
+    let rotation = nalgebra::UnitQuaternion::from_quaternion(printed);
+    Ok((Motion::from_parts(nalgebra::Translation3::new(tx, ty, tz), rotation), (norm - 1.0).abs()))
 }
+
+/// 16 numbers as rows.
+fn rows_of_16(numbers: &[f64; 16]) -> [[f64; 4]; 4] {
+    std::array::from_fn(|row| std::array::from_fn(|column| numbers[4 * row + column]))
+}
+
+/// 12 numbers as the first three of four rows.
+fn rows_of_12(numbers: &[f64; 12]) -> [[f64; 4]; 4] {
+    std::array::from_fn(|row| match row {
+        3 => LAST_ROW,
+        _ => std::array::from_fn(|column| numbers[4 * row + column]),
+    })
+}
+
+fn transposed(rows: [[f64; 4]; 4]) -> [[f64; 4]; 4] {
+    std::array::from_fn(|row| std::array::from_fn(|column| rows[column][row]))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,59 +1,66 @@
-//! Text blocks: a line with the scan's name, then the 4 rows of its matrix. Lines that begin with `#` are comments.
+//! Text blocks: a line with the scan's name, then the 4 rows (or 3) of its matrix. Lines that begin with `#` are
+//! comments.
 
-use super::{Fault, PoseFile};
+use super::lines::{self, numbers};
+use super::{Fault, LAST_ROW, PoseFile, matrices};
 use crate::quote;
+use visage_geometry::{Motion, PoseConvention};
+
+/// Whether the first line is no line of numbers, so that it may be a name; or it is one, and rows follow.
+pub(super) fn fits(text: &str) -> bool {
+    let mut lines = lines::data(text);
+    let Some((_, first)) = lines.next() else { return false };
+    let follows = lines.next().and_then(|(_, line)| lines::count_numbers(line));
+    lines::count_numbers(first).is_none_or(|count| count == 1 && follows == Some(LAST_ROW.len()))
+}
 
 /// Reads text blocks.
 pub(super) fn read(text: &str) -> Result<PoseFile, Fault> {
-    let lines = text.lines().enumerate().map(|(index, line)| (index, line.trim()));
-    let mut lines = lines.filter(|(_, line)| !line.is_empty() && !line.starts_with('#'));
-    let mut file = PoseFile::default();
+    let mut file = PoseFile { other_conventions: &[PoseConvention::WorldToScan], ..PoseFile::default() };
+    read_blocks(lines::data(text), &mut file)?;
+    Ok(file)
+}
+
+/// Reads blocks up to the end of the lines.
+pub(super) fn read_blocks<'a>(lines: impl Iterator<Item = (usize, &'a str)>, file: &mut PoseFile) -> Result<(), Fault> {
+    let mut lines = lines.peekable();
     while let Some((name_index, name)) = lines.next() {
-        if let Some(problem) = no_name(name) {
+        if lines::count_numbers(name) == Some(LAST_ROW.len()) {
+            let problem =
+                format!("a row of a matrix, {}, stands where the name of its scan is expected", quote(name.as_bytes()));
             return Err(Fault::line(name_index, problem));
         }
-        let mut rows = [[0.0; 4]; 4];
-        for row in &mut rows {
+        let mut rows = [LAST_ROW; 4];
+        for (row, slot) in rows.iter_mut().enumerate() {
+            let is_row = |line: &str| lines::count_numbers(line) == Some(LAST_ROW.len());
+            // the last row may be missing, if there is a name or nothing instead
+            if row == 3 && lines.peek().is_none_or(|(_, line)| !is_row(line) && lines::count_numbers(line).is_none()) {
+                continue;
+            }
             let (index, line) = lines.next().ok_or_else(|| {
-                let problem = format!("the pose of {} has fewer than 4 rows", quote(name.as_bytes()));
+                let problem = format!("the pose of {} has fewer than 3 rows", quote(name.as_bytes()));
                 Fault::line(name_index, problem)
             })?;
-            *row = numbers(line).ok_or_else(|| {
+            *slot = numbers(line).ok_or_else(|| {
                 let problem = format!("a row of the pose of {} is not 4 numbers", quote(name.as_bytes()));
                 Fault::line(index, problem)
             })?;
         }
         file.push_matrix(name, rows)?;
     }
-    Ok(file)
+    Ok(())
 }
 
-/// Why a line that stands where a name is expected is none: it begins a block of a program that names no scans.
-fn no_name(line: &str) -> Option<String> {
-    let is_number = |word: &str| word.parse::<f64>().is_ok();
-    let words: Vec<&str> = line.split_whitespace().collect();
-    let is_index = |word: &&str| word.bytes().all(|byte| byte.is_ascii_digit());
-    match words.len() {
-        3 if words.iter().all(is_index) => {
-            Some(format!("{} begins a pose of a trajectory (.log), which names no scan", quote(line.as_bytes())))
-        }
-        4 if words.iter().all(|word| is_number(word)) => Some(format!(
-            "a row of a matrix, {}, stands where the name of its scan is expected",
-            quote(line.as_bytes())
-        )),
-        _ => None,
-    }
-}
-
-fn numbers(line: &str) -> Option<[f64; 4]> {
-    let values: Option<Vec<f64>> = line.split_whitespace().map(|word| word.parse().ok()).collect();
-    values?.try_into().ok()
+/// Writes the placed scans as blocks of a name and four rows; unplaced ones are left out.
+pub fn write(poses: &[(String, Option<Motion>)]) -> String {
+    let block =
+        |(name, pose): &(String, Option<Motion>)| Some(format!("{name}\n{}", matrices::write_matrix(pose.as_ref()?)));
+    poses.iter().filter_map(block).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use visage_geometry::Motion;
 
     #[test]
     fn blocks_with_comments_and_blank_lines_are_read() {
@@ -65,19 +72,24 @@ mod tests {
     }
 
     #[test]
+    fn three_rows_and_commas_are_read() {
+        let text = "a, b.ply\n1, 0, 0, 4\n0, 1, 0, 0\n0, 0, 1, 0\nb\n1,0 0,0 0,0 2,5\n0,0 1,0 0,0 0,0\n0 0 1 0\n";
+        let file = read(text).unwrap_or_else(|fault| panic!("{}", fault.problem));
+        assert_eq!(file.poses[0], ("a, b.ply".into(), Motion::translation(4.0, 0.0, 0.0)));
+        assert_eq!(file.poses[1], ("b".into(), Motion::translation(2.5, 0.0, 0.0)));
+        let numbered = read("7\n1 0 0 4\n0 1 0 0\n0 0 1 0\n0 0 0 1\n");
+        assert!(numbered.is_ok_and(|file| file.poses[0].0 == "7"));
+    }
+
+    #[test]
     fn broken_blocks_name_line_and_scan() {
         let problem = |text: &str| read(text).err().map(|fault| format!("{}: {}", fault.place, fault.problem));
-        let short = problem("a.ply\n1 0 0 0\n0 1 0 0\n0 0 1 0\n");
-        assert_eq!(short.as_deref(), Some("line 1: the pose of \"a.ply\" has fewer than 4 rows"));
+        let short = problem("a.ply\n1 0 0 0\n0 1 0 0\n");
+        assert_eq!(short.as_deref(), Some("line 1: the pose of \"a.ply\" has fewer than 3 rows"));
         let narrow = problem("a.ply\n1 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n");
         assert_eq!(narrow.as_deref(), Some("line 2: a row of the pose of \"a.ply\" is not 4 numbers"));
-        let row = "1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n";
-        let bare = problem(row);
-        assert!(
-            bare.is_some_and(|problem| problem.starts_with("line 1: a row of a matrix, \"1 0 0 0\", stands where"))
-        );
-        let log = problem(&format!("0 0 1\n{row}1 1 2\n{row}"));
-        assert_eq!(log.as_deref(), Some("line 1: \"0 0 1\" begins a pose of a trajectory (.log), which names no scan"));
+        let long = problem("a.ply\n1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n1 0 0 0\n");
+        assert!(long.is_some_and(|p| p.starts_with("line 6: a row of a matrix, \"1 0 0 0\", stands where")));
         assert!(problem("this is\nno pose file\n").is_some_and(|problem| problem.starts_with("line 2:")));
     }
 }

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use visage_domain::PoseFile;
 use visage_domain::asset::Asset;
 use visage_formats::{FormatError, poses};
-use visage_geometry::Motion;
+use visage_geometry::{Motion, PoseConvention};
 use visage_pipeline::{Hints, MIN_SCANS, Method, Options, PipelineError, Start};
 
 /// Why a scan set can't be registered.
@@ -56,6 +56,8 @@ pub struct PoseFit {
     pub scans_without_pose: Vec<String>,
     /// Scales that the poses hold.
     pub scales: BTreeMap<String, f64>,
+    /// How else the poses may be meant.
+    pub other_conventions: &'static [PoseConvention],
     /// What was done to make the file fit, in words.
     pub notes: Vec<String>,
 }
@@ -73,7 +75,7 @@ pub struct Plan {
 
 /// Reads a pose file and holds it against the scans; names need not be the same to the letter where there is no doubt.
 pub fn fit_poses(scans: &[&str], file: &PoseFile) -> Result<PoseFit, FormatError> {
-    let read = poses::read_scaled(&file.name, &file.content)?.named_as(scans);
+    let read = poses::read_scaled(&file.name, &file.content)?.named_as(scans)?;
     let notes = read.notes();
     let names: BTreeSet<&str> = scans.iter().copied().collect();
     let (poses, unknown): (Vec<_>, Vec<_>) =
@@ -84,6 +86,7 @@ pub fn fit_poses(scans: &[&str], file: &PoseFile) -> Result<PoseFit, FormatError
         unknown_scans: unknown.into_iter().map(|(name, _)| name).collect(),
         scans_without_pose: without,
         scales: read.scales,
+        other_conventions: read.other_conventions,
         notes,
         poses,
     })
@@ -129,6 +132,7 @@ fn fit_all(scans: &[&str], file: Option<&PoseFile>) -> Result<PoseFit, FormatErr
             unknown_scans: Vec::new(),
             scans_without_pose: scans.iter().map(|name| (*name).to_owned()).collect(),
             scales: BTreeMap::new(),
+            other_conventions: &[],
             notes: Vec::new(),
         },
     };
@@ -160,7 +164,12 @@ pub fn plan(
             Plan {
                 names,
                 notes: fit.notes,
-                start: Start { poses: fit.poses.into_iter().collect(), scales: fit.scales, ..Start::default() },
+                start: Start {
+                    poses: fit.poses.into_iter().collect(),
+                    scales: fit.scales,
+                    other_conventions: fit.other_conventions,
+                    ..Start::default()
+                },
             }
         }
         Some(base) => plan_addition(scans, file, &poses::read_scaled(&Asset::Poses.name(), base)?)?,
@@ -188,6 +197,7 @@ fn plan_addition(scans: &[&str], file: Option<&PoseFile>, base: &poses::PoseFile
     names.extend(fit.view_order().map(str::to_owned));
     start.scales = fit.scales.iter().filter(|(name, _)| is_added(name)).map(|(name, s)| (name.clone(), *s)).collect();
     start.poses = fit.poses.into_iter().collect();
+    start.other_conventions = fit.other_conventions;
     Ok(Plan { names, start, notes: fit.notes })
 }
 
