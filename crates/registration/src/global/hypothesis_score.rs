@@ -4,10 +4,10 @@
 use nalgebra::Vector3;
 
 use super::coarse_view::CoarseView;
-use super::depth_image::Seen;
 use super::grid::NearGrid;
 use crate::least_squares::descent::descend;
 use crate::least_squares::robust_kernel::RobustKernel;
+use crate::sensor::depth_image::Seen;
 use visage_geometry::Motion;
 
 /// Surfels of a view that can be queried.
