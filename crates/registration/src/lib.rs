@@ -9,6 +9,7 @@
 //! - [`candidates`], [`overlap`], [`view_graph`]: which pairs may meet, by how much they overlap, which are registered
 //! - [`pairwise`], [`averaging`], [`joint`]: from poses nearby
 //! - [`pose_convention`]: how given poses are meant
+//! - [`least_squares`]: what every alignment is made of
 //! - [`global`]: from the scans alone; [`hints`], [`hinted`]: what a person says of them
 //! - [`covariance`], [`quality`], [`objective`]: how well each pose is known; the verdict; figures of merit
 //! - [`conclusion`]: all that is known, weighed at the end
@@ -29,6 +30,7 @@ pub mod global;
 pub mod hinted;
 pub mod hints;
 pub mod joint;
+pub mod least_squares;
 pub mod method;
 pub mod objective;
 pub mod outcome;

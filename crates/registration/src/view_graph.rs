@@ -14,6 +14,11 @@ pub struct ViewGraph {
     pub pieces: Vec<usize>,
 }
 
+/// All pairs `(i, j)` of `n` views with `i < j`, in lexicographic order.
+pub fn all_pairs(n: usize) -> impl Iterator<Item = (usize, usize)> + Clone {
+    (0..n).flat_map(move |i| (i + 1..n).map(move |j| (i, j)))
+}
+
 /// Below this overlap a pair is not believed, even if the graph stays in pieces without it.
 pub const LEAST_OVERLAP: f64 = 0.1;
 
@@ -23,7 +28,7 @@ impl ViewGraph {
     /// between pieces are added, as many as join them. No pair below [`LEAST_OVERLAP`] is taken.
     pub fn choose(overlaps: &OverlapMatrix, min_overlap: f64, min_degree: usize) -> Self {
         let n = overlaps.rows().len();
-        let mut candidates: Vec<(usize, usize)> = (0..n).flat_map(|i| (i + 1..n).map(move |j| (i, j))).collect();
+        let mut candidates: Vec<(usize, usize)> = all_pairs(n).collect();
         candidates.retain(|&(i, j)| overlaps.mutual(i, j) > min_overlap.min(LEAST_OVERLAP));
         candidates.sort_by(|&a, &b| overlaps.mutual(b.0, b.1).total_cmp(&overlaps.mutual(a.0, a.1)).then(a.cmp(&b)));
 

@@ -3,10 +3,10 @@
 //! Govindu, "Lie-algebraic averaging for globally consistent motion estimation", CVPR 2004, with weights and a robust
 //! kernel (Geman-McClure, its scale lowered step by step), so that one wrong pair can't bend the ring.
 
-use nalgebra::DMatrix;
-use nalgebra_sparse::factorization::CscCholesky;
-use nalgebra_sparse::{CooMatrix, CscMatrix};
+use nalgebra::Matrix1;
 
+use crate::least_squares::pose_system::{PoseSystem, columns};
+use crate::least_squares::robust_kernel::RobustKernel;
 use visage_geometry::se3::{self, Twist};
 use visage_geometry::{Motion, UnionFind};
 
@@ -73,7 +73,7 @@ pub fn average(
     if (0..poses.len()).any(|view| !held.contains(&groups.find(view))) {
         return Err(Undetermined);
     }
-    let columns = free_columns(poses.len(), anchors);
+    let columns = columns::<1>(poses.len(), |view| !anchors.contains(&view));
     let mut poses = poses.to_vec();
     let mut trusts = vec![1.0; relative.len()];
     let mut scale2 = f64::INFINITY;
@@ -84,8 +84,9 @@ pub fn average(
         let mut settled = true;
         if options.robust {
             (scale2, settled) = next_scale2(scale2, &lengths, options.noise);
-            for (trust, r) in trusts.iter_mut().zip(&lengths) {
-                *trust = (scale2 / (scale2 + r * r)).powi(2);
+            let kernel = RobustKernel::with_squared_scale(scale2);
+            for (trust, length) in trusts.iter_mut().zip(&lengths) {
+                *trust = kernel.weight(*length);
             }
         }
         let largest = step(&mut poses, relative, &corrections, &trusts, &columns, options.radius)?;
@@ -126,20 +127,6 @@ fn next_scale2(scale2: f64, disagreements: &[f64], noise: f64) -> (f64, bool) {
     if next <= floor { (floor, true) } else { (next, false) }
 }
 
-/// For each view its column among the unknowns; anchors have none.
-fn free_columns(n: usize, anchors: &[usize]) -> Vec<Option<usize>> {
-    let mut next = 0;
-    (0..n)
-        .map(|view| {
-            let free = !anchors.contains(&view);
-            free.then(|| {
-                next += 1;
-                next - 1
-            })
-        })
-        .collect()
-}
-
 /// One weighted solve of [P6], [P7] and the update [P8]-[P10]; returns the largest correction as a length.
 ///
 /// The row of pair (i, j) in D is -I at i and +I at j, so `D'WD` is the graph's Laplacian times a 6x6 identity:
@@ -152,42 +139,20 @@ fn step(
     columns: &[Option<usize>],
     radius: f64,
 ) -> Result<f64, Undetermined> {
-    let unknowns = columns.iter().flatten().count();
-    if unknowns == 0 {
-        return Ok(0.0);
-    }
-    let mut laplacian = CooMatrix::new(unknowns, unknowns);
-    let mut right = DMatrix::<f64>::zeros(unknowns, 6);
+    let Some(mut system) = PoseSystem::<1, 6>::new(columns) else { return Ok(0.0) };
     for ((pair, dv), trust) in relative.iter().zip(corrections).zip(trusts) {
         let weight = pair.weight * trust;
-        for (view, sign) in [(pair.i, -1.0), (pair.j, 1.0)] {
-            if let Some(k) = columns[view] {
-                laplacian.push(k, k, weight);
-                let mut row = right.row_mut(k);
-                row += dv.transpose() * (sign * weight);
-            }
-        }
-        if let (Some(a), Some(b)) = (columns[pair.i], columns[pair.j]) {
-            laplacian.push(a, b, -weight);
-            laplacian.push(b, a, -weight);
-        }
+        system.add((pair.i, pair.j), &Matrix1::new(weight), &(dv.transpose() * weight));
     }
-    let solution = solve_positive(&CscMatrix::from(&laplacian), &right).ok_or(Undetermined)?;
     let mut largest = 0.0f64;
-    for (pose, column) in poses.iter_mut().zip(columns) {
-        if let Some(k) = *column {
-            let dv = Twist::from_iterator(solution.row(k).iter().copied());
-            *pose = se3::exp(&dv) * *pose;
-            largest = largest.max(twist_length(&dv, radius));
-        }
+    let solution = system.solve().ok_or(Undetermined)?;
+    let is_free = |view: &usize| columns[*view].is_some();
+    for view in (0..poses.len()).filter(is_free) {
+        let (pose, dv) = (&mut poses[view], solution[view].transpose());
+        *pose = se3::exp(&dv) * *pose;
+        largest = largest.max(twist_length(&dv, radius));
     }
     Ok(largest)
-}
-
-/// Solves a sparse positive definite system; `None` if it is singular.
-fn solve_positive(matrix: &CscMatrix<f64>, right: &DMatrix<f64>) -> Option<DMatrix<f64>> {
-    let solution = CscCholesky::factor(matrix).ok()?.solve(right);
-    solution.iter().all(|x| x.is_finite()).then_some(solution)
 }
 
 #[cfg(test)]

@@ -3,7 +3,9 @@
 use nalgebra::{Matrix6, Vector6};
 use rayon::prelude::*;
 
+use crate::joint::refine::{KERNEL, LEAST_COSINE};
 use crate::joint::surfels::Surfels;
+use crate::least_squares::robust_kernel::RobustKernel;
 use visage_geometry::{Motion, Vector3};
 
 /// A piece of surface: a cubic cell of the world.
@@ -53,10 +55,6 @@ pub struct PairEvidence {
     pub slope: f64,
 }
 
-/// Cosine below which two normals don't belong to one surface, as in the refinement.
-const LEAST_COSINE: f64 = 0.5;
-/// The robust kernel's scale in root mean square residuals, as in the refinement.
-const KERNEL: f64 = 3.0;
 /// The scale follows from the residuals and the weights from the scale: settled after so many rounds.
 const SCALE_ROUNDS: usize = 3;
 
@@ -70,8 +68,8 @@ pub fn gather(
 ) -> Vec<PairEvidence> {
     let between = |&(a, b): &(usize, usize)| Between { a: (&surfels[a], &poses[a]), b: (&surfels[b], &poses[b]) };
     let found: Vec<Vec<Match>> = pairs.par_iter().map(|pair| between(pair).matches(distance)).collect();
-    let scale2 = robust_scale2(&found, distance);
-    pairs.par_iter().zip(&found).map(|pair| between(pair.0).summed(*pair.0, pair.1, scale2, cell)).collect()
+    let kernel = RobustKernel::with_squared_scale(robust_scale2(&found, distance));
+    pairs.par_iter().zip(&found).map(|pair| between(pair.0).summed(*pair.0, pair.1, &kernel, cell)).collect()
 }
 
 /// Two views at their poses: the first asks, the second answers.
@@ -102,7 +100,7 @@ impl Between<'_> {
         let normal_a = pose_a.rotation * vector(a.normals[index]);
         let normal_b = pose_b.rotation * vector(b.normals[target]);
         let cosine = normal_a.dot(&normal_b);
-        if !b.is_inner[target] || a.likeness(index, b, target, cosine) <= LEAST_COSINE {
+        if !b.is_inner[target] || a.likeness(index, b, target, cosine) <= f64::from(LEAST_COSINE) {
             return None;
         }
         let normal_a = normal_a * cosine.signum();
@@ -113,7 +111,7 @@ impl Between<'_> {
         Some(Correspondence { normals: [normal_a, normal_b], normal, place: place.coords, residual })
     }
 
-    fn summed(&self, (a, b): (usize, usize), found: &[Match], scale2: f64, cell: f64) -> PairEvidence {
+    fn summed(&self, (a, b): (usize, usize), found: &[Match], kernel: &RobustKernel<f64>, cell: f64) -> PairEvidence {
         let (information, clean) = (Matrix6::zeros(), Matrix6::zeros());
         let mut evidence = PairEvidence { a, b, information, clean, gradients: Vec::new(), weight: 0.0, slope: 0.0 };
         let mut ordered: Vec<(Cell, Correspondence)> = found
@@ -125,7 +123,7 @@ impl Between<'_> {
         for in_cell in ordered.chunk_by(|a, b| a.0 == b.0) {
             let mut gradient = Vector6::zeros();
             for (_, correspondence) in in_cell {
-                let weight = robust_weight(correspondence.residual, scale2);
+                let weight = kernel.weight(correspondence.residual);
                 let [row, row_a, row_b] =
                     [&correspondence.normal, &correspondence.normals[0], &correspondence.normals[1]]
                         .map(|normal| row(normal, &correspondence.place));
@@ -133,7 +131,7 @@ impl Between<'_> {
                 evidence.information += weight * row * row.transpose();
                 evidence.clean += 0.5 * weight * (row_a * row_b.transpose() + row_b * row_a.transpose());
                 evidence.weight += weight;
-                evidence.slope += robust_slope(correspondence.residual, scale2);
+                evidence.slope += kernel.slope(correspondence.residual);
             }
             evidence.gradients.push((in_cell[0].0, gradient));
         }
@@ -141,22 +139,12 @@ impl Between<'_> {
     }
 }
 
-fn robust_weight(residual: f64, scale2: f64) -> f64 {
-    let weight = scale2 / (scale2 + residual * residual);
-    weight * weight
-}
-
-/// The derivative of `robust_weight(r) r` by r.
-fn robust_slope(residual: f64, scale2: f64) -> f64 {
-    let u = residual * residual / scale2;
-    (1.0 - 3.0 * u) / (1.0 + u).powi(3)
-}
-
 fn robust_scale2(found: &[Vec<Match>], distance: f64) -> f64 {
     let mut scale2 = distance * distance;
     for _ in 0..SCALE_ROUNDS {
+        let kernel = RobustKernel::with_squared_scale(scale2);
         let sums = found.iter().flatten().fold((0.0, 0.0), |(cost, weight), c| {
-            let w = robust_weight(c.residual, scale2);
+            let w = kernel.weight(c.residual);
             (cost + w * c.residual * c.residual, weight + w)
         });
         scale2 = scale2.min(KERNEL * KERNEL * sums.0 / f64::max(sums.1, f64::MIN_POSITIVE)).max(f64::MIN_POSITIVE);

@@ -19,12 +19,11 @@ pub mod weak_axes;
 use std::collections::BTreeMap;
 
 use nalgebra::{DMatrix, Matrix6, Vector6};
-use nalgebra_sparse::factorization::CscCholesky;
-use nalgebra_sparse::{CooMatrix, CscMatrix};
 
 use self::evidence::{Cell, PairEvidence, gather};
 use crate::joint;
 use crate::joint::surfels::{FineSurfels, Surfels};
+use crate::least_squares::pose_system::{self, PoseSystem};
 use crate::outcome::Outcome;
 use crate::view::View;
 use visage_geometry::se3::{self, Twist};
@@ -61,9 +60,6 @@ impl PoseCovariance {
         (self.extent * self.covariance).trace().max(0.0).sqrt()
     }
 }
-
-/// Added to the diagonal, relative to its mean: keeps a direction that nothing holds from dividing by zero.
-const DAMPING: f64 = 1e-9;
 
 /// Residuals that are wrong in one way over whole sides of an object are not seen by the sandwich, since all poses
 /// yield to them: a surfel is the mean of a voxel and sags below a surface bent by the view's radius R, by up to
@@ -199,16 +195,8 @@ fn small_sample(clusters: usize) -> f64 {
 /// Where each view's six unknowns begin; the first view with a pair, to which the others are relative, and views
 /// without one have none.
 fn columns(pairs: &[(usize, usize)], n: usize) -> Vec<Option<usize>> {
-    let mut next = 0;
     let reference = pairs.iter().map(|pair| pair.0).min();
-    (0..n)
-        .map(|view| {
-            (Some(view) != reference && pairs.iter().any(|pair| pair.0 == view)).then(|| {
-                next += 6;
-                next - 6
-            })
-        })
-        .collect()
+    pose_system::columns::<6>(n, |view| Some(view) != reference && pairs.iter().any(|pair| pair.0 == view))
 }
 
 fn middle(poses: &[Motion]) -> Vector3 {
@@ -223,35 +211,11 @@ fn about(center: &Vector3) -> Matrix6<f64> {
 }
 
 fn inverse_information(evidence: &[PairEvidence], columns: &[Option<usize>]) -> Option<DMatrix<f64>> {
-    let unknowns = 6 * columns.iter().flatten().count();
-    if unknowns == 0 {
-        return None;
-    }
-    let mut matrix = CooMatrix::new(unknowns, unknowns);
-    let mut trace = 0.0;
-    let mut push = |row: usize, column: usize, block: &Matrix6<f64>, sign: f64| {
-        for i in 0..6 {
-            for j in 0..6 {
-                matrix.push(row + i, column + j, sign * block[(i, j)]);
-            }
-        }
-    };
+    let mut system = PoseSystem::<6, 1>::new(columns)?;
     for pair in evidence {
-        let (k, l) = (columns[pair.a], columns[pair.b]);
-        for diagonal in [k, l].into_iter().flatten() {
-            push(diagonal, diagonal, &pair.information, 1.0);
-            trace += pair.information.trace();
-        }
-        if let (Some(k), Some(l)) = (k, l) {
-            push(k, l, &pair.information, -1.0);
-            push(l, k, &pair.information, -1.0);
-        }
+        system.add((pair.a, pair.b), &pair.information, &Vector6::zeros());
     }
-    for k in 0..unknowns {
-        matrix.push(k, k, DAMPING * trace / unknowns as f64);
-    }
-    let inverse = CscCholesky::factor(&CscMatrix::from(&matrix)).ok()?.solve(&DMatrix::identity(unknowns, unknowns));
-    inverse.iter().all(|x| x.is_finite()).then_some(inverse)
+    system.damped().inverse()
 }
 
 /// A view's part of a cluster: its share of the gradient.

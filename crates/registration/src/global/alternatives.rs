@@ -10,11 +10,10 @@ use super::coarse_view::CoarseView;
 use super::consensus::alike;
 use super::pair_hypothesis::PairHypothesis;
 use super::placement::PlacedComponent;
-use super::slippage::can_slip;
+use super::slippage::{Slippage, WeakestMotion, can_slip};
 use super::verification::verify;
 use super::{Search, onto};
 use crate::global::coarse_set::resolution;
-use crate::joint::normal_equations::{NormalEquations, RIGID};
 use crate::outcome::Outcome;
 use crate::view::{View, common_spacing};
 use visage_geometry::progress::{Canceled, Progress};
@@ -346,24 +345,13 @@ impl<'a> Ground<'a> {
 
 /// The motion that changes the distances of a surface from itself least.
 fn weakest(surfels: &[(Vector3, Vector3)]) -> Option<Freedom> {
-    let count = surfels.len() as f64;
-    let middle = surfels.iter().map(|(place, _)| place).sum::<Vector3>() / count.max(1.0);
-    let spread = (surfels.iter().map(|(place, _)| (place - middle).norm_squared()).sum::<f64>() / count).sqrt();
-    if surfels.len() < RIGID || spread <= 0.0 {
-        return None;
-    }
-    let mut sums = NormalEquations::<RIGID>::default();
-    for (place, normal) in surfels {
-        sums.add(normal, &((place - middle) / spread), 0.0, 1.0);
-    }
-    let eigen = sums.information().symmetric_eigen();
-    let twist = eigen.eigenvectors.column(eigen.eigenvalues.imin()).into_owned();
-    let (shift, turn) = (twist.fixed_rows::<3>(0).into_owned(), twist.fixed_rows::<3>(3).into_owned());
+    let slippage = Slippage::of(surfels)?;
+    let WeakestMotion { shift, turn } = slippage.weakest();
     if turn.norm() < TURNS * shift.norm() {
         return Some(Freedom::Along(shift.normalize()));
     }
     // the screw axis of the twist about the middle
-    let point = middle + spread * turn.cross(&shift) / turn.norm_squared();
+    let point = slippage.middle() + slippage.spread() * turn.cross(&shift) / turn.norm_squared();
     Some(Freedom::Axis(point.into(), turn.normalize()))
 }
 

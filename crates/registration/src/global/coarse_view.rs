@@ -2,8 +2,8 @@
 
 use rayon::prelude::*;
 
-use super::depth_image::DepthImage;
 use super::descriptor::{Descriptors, describe};
+use crate::sensor::depth_image::DepthImage;
 use crate::sensor::viewpoint;
 use crate::sensor::{Facet, Sensor, outer_side, viewing_axis};
 use crate::view::View;

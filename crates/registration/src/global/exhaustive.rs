@@ -18,6 +18,7 @@ use super::verification::verify;
 use super::votes::SurfelVotes;
 use super::{hypotheses_of, matching};
 use crate::hinted::Hinted;
+use crate::view_graph::all_pairs;
 use visage_geometry::Motion;
 use visage_geometry::progress::{Canceled, Progress};
 
@@ -168,7 +169,7 @@ fn is_as_well_at(coarse_set: &CoarseSet, component: &Component, place: usize, po
 /// Whether the pairs of a component agree, and no scanner looked through what another saw.
 fn is_coherent(coarse_set: &CoarseSet, component: &Component) -> bool {
     let n = component.views.len();
-    let pairs: Vec<(usize, usize)> = (0..n).flat_map(|i| (i + 1..n).map(move |j| (i, j))).collect();
+    let pairs: Vec<(usize, usize)> = all_pairs(n).collect();
     let votes: Vec<SurfelVotes> = pairs
         .par_iter()
         .map(|&(k, l)| {

@@ -4,10 +4,11 @@
 use nalgebra::Vector3;
 
 use super::coarse_view::CoarseView;
-use super::depth_image::Seen;
 use super::grid::NearGrid;
-use crate::joint::normal_equations::{NormalEquations, RIGID};
-use visage_geometry::{Motion, se3};
+use crate::least_squares::descent::descend;
+use crate::least_squares::robust_kernel::RobustKernel;
+use crate::sensor::depth_image::Seen;
+use visage_geometry::Motion;
 
 /// Surfels of a view that can be queried.
 pub const WITNESSES: usize = 120;
@@ -116,12 +117,10 @@ impl<'a> HypothesisScorer<'a> {
 
     /// Improves a motion that maps this view into `other`'s frame: a few point-to-plane steps of the witnesses.
     pub fn refined(&self, other: &HypothesisScorer, motion: &Motion, edge: f32) -> Motion {
-        let mut motion = *motion;
-        for reach in REACHES.map(|reach| reach * edge) {
-            let by = motion.cast::<f32>();
+        descend(motion, REACHES.map(|reach| f64::from(reach * edge)), |motion, reach, sums| {
+            let (by, reach) = (motion.cast::<f32>(), reach as f32);
             let (rotation, shift) = (by.rotation.to_rotation_matrix(), by.translation.vector);
-            let scale2 = (0.5 * reach).powi(2);
-            let mut sums = NormalEquations::<RIGID>::default();
+            let kernel = RobustKernel::within(reach);
             for (place, normal) in &self.witnesses {
                 let (moved, turned) = (rotation * place + shift, rotation * normal);
                 let Some(target) = other.grid.near(&moved).filter(|k| other.coarse_view.is_inner[*k]) else { continue };
@@ -133,12 +132,8 @@ impl<'a> HypothesisScorer<'a> {
                 }
                 let mean = (other_normal + turned).normalize();
                 let residual = mean.dot(&offset);
-                let robust = scale2 / (scale2 + residual * residual);
-                sums.add(&mean.cast(), &moved.cast(), residual.into(), f64::from(robust * robust));
+                sums.add(&mean.cast(), &moved.cast(), residual.into(), kernel.weight(residual).into());
             }
-            let Some(twist) = sums.step() else { break };
-            motion = se3::exp(&twist) * motion;
-        }
-        motion
+        })
     }
 }

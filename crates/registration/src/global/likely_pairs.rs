@@ -10,6 +10,7 @@ use rayon::prelude::*;
 use super::coarse_view::CoarseView;
 use super::descriptor::Descriptors;
 use super::hinted::Prior;
+use crate::view_graph::all_pairs;
 
 /// Each view is matched with so many others, and with those that chose it. A set of so many views is matched in all pairs.
 const PARTNERS: usize = 16;
@@ -30,7 +31,7 @@ pub fn is_large(views: usize) -> bool {
 /// The pairs (i < j) that are worth matching, in order.
 pub fn likely_pairs(coarse_views: &[CoarseView], prior: &Prior) -> Vec<(usize, usize)> {
     let n = coarse_views.len();
-    let all = (0..n).flat_map(|i| (i + 1..n).map(move |j| (i, j)));
+    let all = all_pairs(n);
     if !is_large(n) {
         return all.collect();
     }
@@ -140,7 +141,7 @@ mod tests {
         assert_eq!(likely_pairs(&coarse_views, &prior).len(), PARTNERS * (PARTNERS + 1) / 2);
         let coarse_views = along_the_ground(40);
         let without = likely_pairs(&coarse_views, &Prior { given: &[None; 40], hinted: &none });
-        let apart = (0..40).find_map(|i| (i + 1..40).map(|j| (i, j)).find(|pair| !without.contains(pair)));
+        let apart = all_pairs(40).find(|pair| !without.contains(pair));
         let (i, j) = apart.expect("not all pairs are matched");
         let mut given = [None; 40];
         (given[i], given[j]) = (Some(Motion::identity()), Some(Motion::identity()));

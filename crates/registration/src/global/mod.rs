@@ -15,7 +15,6 @@ pub mod confidence;
 pub mod consensus;
 pub mod contact;
 pub mod cropped;
-pub mod depth_image;
 pub mod descriptor;
 pub mod exhaustive;
 pub mod grid;

@@ -1,15 +1,16 @@
-//! Some views refined as one body onto others that stand still, at full resolution.
+//! Bodies laid onto views that stand still, at full resolution.
 
-use crate::joint::normal_equations::{NormalEquations, RIGID};
+use crate::least_squares::descent::descend;
+use crate::least_squares::robust_kernel::RobustKernel;
 use crate::view::View;
 use visage_geometry::neighbours::LocalPoint;
 use visage_geometry::normals::{self, local_planes};
-use visage_geometry::{Motion, Point3, Vector3, se3};
+use visage_geometry::{Motion, Point3, Vector3};
 
-/// Points that are laid on the others.
+/// Points of a body of several views that are laid on the others.
 const SAMPLES: usize = 600;
 /// Search distances of the steps, in what the views resolve; the first also covers what surfels left over.
-const REACHES: [f64; 6] = [8.0, 6.0, 4.0, 3.0, 3.0, 3.0];
+const REACHES: [f64; 5] = [8.0, 6.0, 4.0, 3.0, 3.0];
 
 /// Improves `world_from_piece`, the world of a body of `members` (each with its local frame's pose in the body), which is
 /// laid on views that are `placed` in the world.
@@ -22,43 +23,59 @@ pub fn settled(
 ) -> Motion {
     let samples: Vec<Point3> = members
         .iter()
-        .flat_map(|(view, pose)| {
-            let points = views[*view].points();
-            let step = points.len().div_ceil((SAMPLES / members.len()).max(1)).max(1);
-            points.iter().step_by(step).map(move |point| pose * Point3::from(Vector3::from(point.map(f64::from))))
-        })
+        .flat_map(|(view, pose)| spread(&views[*view], SAMPLES / members.len()).map(move |point| pose * point))
         .collect();
-    let mut world = *world_from_piece;
-    for reach in REACHES.map(|reach| reach * resolution) {
-        let mut sums = NormalEquations::<RIGID>::default();
-        for (view, pose) in placed {
-            add(&mut sums, &views[*view], pose, &samples, &world, reach);
-        }
-        let Some(twist) = sums.step() else { break };
-        world = se3::exp(&twist) * world;
-    }
-    world
+    let placed: Vec<(&View, Motion)> = placed.iter().map(|(view, pose)| (&views[*view], *pose)).collect();
+    laid_on(&placed, &samples, world_from_piece, resolution)
 }
 
-/// Adds what the samples near one placed view say, in the world.
-fn add(sums: &mut NormalEquations<RIGID>, view: &View, pose: &Motion, samples: &[Point3], world: &Motion, reach: f64) {
-    let (motion, reach2) = (pose.inv_mul(world), (reach * reach) as f32);
-    let found: Vec<(Vector3, LocalPoint)> = samples
+/// Some `count` points of a view, spread along its order.
+pub fn spread(view: &View, count: usize) -> impl Iterator<Item = Point3> + '_ {
+    let points = view.points();
+    let step = points.len().div_ceil(count.max(1)).max(1);
+    points.iter().step_by(step).map(|point| Point3::from(point.map(f64::from)))
+}
+
+/// Improves `start`, which maps `samples` into the world of the views that are `placed`.
+pub fn laid_on(placed: &[(&View, Motion)], samples: &[Point3], start: &Motion, resolution: f64) -> Motion {
+    descend(start, REACHES.map(|reach| reach * resolution), |motion, reach, sums| {
+        let kernel = RobustKernel::within(reach);
+        for (view, pose) in placed {
+            for Foot { place, normal, offset } in feet(view, samples, &pose.inv_mul(motion), reach) {
+                let residual = normal.dot(&offset);
+                sums.add(&(pose * normal), &(pose * place).coords, residual, kernel.weight(residual));
+            }
+        }
+    })
+}
+
+/// A moved sample before the surface of a view.
+pub struct Foot {
+    /// Where the sample is, in the view's local frame.
+    pub place: Point3,
+    /// The surface's normal at the view's point that is nearest to it.
+    pub normal: Vector3,
+    /// From that point to the sample.
+    pub offset: Vector3,
+}
+
+/// The samples that have a point of the view within `reach`, moved into its local frame.
+pub fn feet(view: &View, samples: &[Point3], motion: &Motion, reach: f64) -> Vec<Foot> {
+    let reach2 = (reach * reach) as f32;
+    let (moved, nearest): (Vec<Point3>, Vec<LocalPoint>) = samples
         .iter()
         .filter_map(|sample| {
-            let moved = (motion * sample).coords;
-            let near = view.indexed.tree.nearest(&moved.cast::<f32>().into(), reach2)?;
+            let moved = motion * sample;
+            let near = view.indexed.tree.nearest(&moved.coords.cast::<f32>().into(), reach2)?;
             Some((moved, view.points()[near.index as usize]))
         })
-        .collect();
-    let places: Vec<LocalPoint> = found.iter().map(|(_, place)| *place).collect();
-    let planes = local_planes(&view.indexed, &places, normals::NEIGHBOURS);
-    let scale2 = (0.5 * reach).powi(2);
-    for ((moved, place), plane) in found.iter().zip(&planes) {
-        let normal = nalgebra::Vector3::from(plane.normal).cast::<f64>();
-        let residual = normal.dot(&(moved - nalgebra::Vector3::from(*place).cast::<f64>()));
-        let robust = scale2 / (scale2 + residual * residual);
-        let at = pose * Point3::from(*moved);
-        sums.add(&(pose * normal), &at.coords, residual, robust * robust);
-    }
+        .unzip();
+    let planes = local_planes(&view.indexed, &nearest, normals::NEIGHBOURS);
+    let vector = |v: [f32; 3]| nalgebra::Vector3::from(v).cast::<f64>();
+    let foot = |((place, nearest), plane): ((Point3, LocalPoint), &normals::LocalPlane)| Foot {
+        place,
+        normal: vector(plane.normal),
+        offset: place.coords - vector(nearest),
+    };
+    moved.into_iter().zip(nearest).zip(&planes).map(foot).collect()
 }

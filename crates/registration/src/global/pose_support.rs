@@ -10,9 +10,10 @@ use rayon::prelude::*;
 use super::coarse_view::CoarseView;
 use super::consensus::alike;
 use super::pair_hypothesis::PairHypothesis;
+use super::slippage::Slippage;
 use super::verification::{PairVotes, verify};
 use super::votes::SurfelVotes;
-use crate::joint::normal_equations::{NormalEquations, RIGID};
+use crate::view_graph::all_pairs;
 use visage_geometry::{Motion, Vector3};
 
 /// Surfels of a view that are queried of its place,
@@ -59,7 +60,7 @@ pub fn pose_supports(
     noise: f64,
 ) -> Vec<PoseSupport> {
     let n = coarse_views.len();
-    let pairs: Vec<(usize, usize)> = (0..n).flat_map(|i| (i + 1..n).map(move |j| (i, j))).collect();
+    let pairs: Vec<(usize, usize)> = all_pairs(n).collect();
     let said: Vec<PairVotes> = pairs
         .par_iter()
         .map(|&(i, j)| {
@@ -92,7 +93,8 @@ pub fn pose_supports(
             component_contradict: share(&whole, whole.contradict),
             rms: own[view].rms() / (edge * noise),
             component_rival,
-            held: hold(&held_surfels(coarse_views, local_poses, view, edge)),
+            held: Slippage::of(&held_surfels(coarse_views, local_poses, view, edge))
+                .map_or(0.0, |slippage| slippage.hold()),
             sharpness: 1.0,
         })
         .collect()
@@ -193,23 +195,6 @@ fn held_surfels(
         .filter(|index| is_held(coarse_view.position(*index)))
         .map(|index| (coarse_view.position(index).cast(), coarse_view.normals[index].cast()))
         .collect()
-}
-
-/// How well held surfels hold a view: the least eigenvalue's root of their information, about their middle and in units
-/// of their size, a surfel.
-fn hold(held: &[(Vector3, Vector3)]) -> f64 {
-    if held.len() < 6 {
-        return 0.0;
-    }
-    let count = held.len() as f64;
-    let middle = held.iter().map(|(place, _)| place).sum::<Vector3>() / count;
-    let spread = (held.iter().map(|(place, _)| (place - middle).norm_squared()).sum::<f64>() / count).sqrt();
-    let mut sums = NormalEquations::<RIGID>::default();
-    for (place, normal) in held {
-        sums.add(normal, &((place - middle) / spread), 0.0, 1.0);
-    }
-    let least = (sums.information() / count).symmetric_eigenvalues().min();
-    least.max(0.0).sqrt()
 }
 
 #[cfg(test)]

@@ -1,4 +1,7 @@
 //! Whether surfaces laid on each other can slide without leaving each other: a bowl turns in itself.
+//!
+//! Gelfand and Guibas, "Shape segmentation using local slippage analysis", SGP 2004: the motions that hardly change the
+//! distances of a surface from itself are the eigenvectors of the least eigenvalues of its normal equations.
 
 use nalgebra::{Matrix6, Vector6};
 
@@ -6,8 +9,66 @@ use super::coarse_view::CoarseView;
 use super::pair_hypothesis::PairHypothesis;
 use super::verification::verify;
 use super::votes::SurfelVotes;
-use crate::joint::normal_equations::NormalEquations;
+use crate::least_squares::normal_equations::{NormalEquations, RIGID};
 use visage_geometry::{Vector3, se3};
+
+/// How a surface holds itself. About the middle of the surface and in units of its size, turning and shifting can be
+/// compared.
+pub struct Slippage {
+    middle: Vector3,
+    /// Root mean square distance from the middle.
+    spread: f64,
+    /// Sum of `J J'` over the surfels, in that frame and unit.
+    information: Matrix6<f64>,
+    surfels: f64,
+}
+
+/// The motion that a surface holds least, about its [`middle`](Slippage::middle) and in units of its spread; at size 1.
+pub struct WeakestMotion {
+    /// Displacement of the middle.
+    pub shift: Vector3,
+    /// Rotation vector.
+    pub turn: Vector3,
+}
+
+impl Slippage {
+    /// Of surfels by position and unit normal; `None` if they are too few to hold anything.
+    pub fn of(surfels: &[(Vector3, Vector3)]) -> Option<Self> {
+        let count = surfels.len() as f64;
+        let middle = surfels.iter().map(|(place, _)| place).sum::<Vector3>() / count.max(1.0);
+        let spread = (surfels.iter().map(|(place, _)| (place - middle).norm_squared()).sum::<f64>() / count).sqrt();
+        if surfels.len() < RIGID || spread <= 0.0 {
+            return None;
+        }
+        let mut sums = NormalEquations::<RIGID>::default();
+        for (place, normal) in surfels {
+            sums.add(normal, &((place - middle) / spread), 0.0, 1.0);
+        }
+        Some(Slippage { middle, spread, information: sums.information(), surfels: count })
+    }
+
+    /// The mean position.
+    pub fn middle(&self) -> Vector3 {
+        self.middle
+    }
+
+    /// Root mean square distance from the middle.
+    pub fn spread(&self) -> f64 {
+        self.spread
+    }
+
+    /// How well the surface holds itself in the direction that it holds least: 0 (it slides) to about 0.3.
+    pub fn hold(&self) -> f64 {
+        (self.information / self.surfels).symmetric_eigenvalues().min().max(0.0).sqrt()
+    }
+
+    /// The motion that changes the distances of the surface from itself least.
+    pub fn weakest(&self) -> WeakestMotion {
+        let eigen = self.information.symmetric_eigen();
+        let twist: Vector6<f64> = eigen.eigenvectors.column(eigen.eigenvalues.imin()).into_owned();
+        WeakestMotion { shift: twist.fixed_rows::<3>(0).into_owned(), turn: twist.fixed_rows::<3>(3).into_owned() }
+    }
+}
 
 /// How far surfaces are slid, in edges: several times what counts as lying on each other.
 const SLIDE: f64 = 4.0;
@@ -53,26 +114,45 @@ fn weakest_moves(i: &CoarseView, j: &CoarseView, hypothesis: &PairHypothesis, ed
             Some((place.cast::<f64>(), (rotation * j.normals[index as usize]).cast::<f64>()))
         })
         .collect();
-    if moved.len() < 6 {
-        return Vec::new();
-    }
-    let count = moved.len() as f64;
-    let middle = moved.iter().map(|(place, _)| place).sum::<Vector3>() / count;
-    let spread = (moved.iter().map(|(place, _)| (place - middle).norm_squared()).sum::<f64>() / count).sqrt();
-    // about the middle of what overlaps and in units of its size, turning and shifting can be compared
-    let mut sums = NormalEquations::default();
-    for (place, normal) in &moved {
-        sums.add(normal, &((place - middle) / spread), 0.0, 1.0);
-    }
-    let information: Matrix6<f64> = sums.information();
-    let eigen = information.symmetric_eigen();
-    let weakest: Vector6<f64> = eigen.eigenvectors.column(eigen.eigenvalues.imin()).into_owned();
-    let (shift, turn) = (weakest.fixed_rows::<3>(0).into_owned(), weakest.fixed_rows::<3>(3).into_owned() / spread);
+    let Some(slippage) = Slippage::of(&moved) else { return Vec::new() };
+    let middle = slippage.middle();
+    let WeakestMotion { shift, turn } = slippage.weakest();
+    let turn = turn / slippage.spread();
     let displacement = |place: &Vector3| (shift + turn.cross(&(place - middle))).norm_squared();
-    let typical = (moved.iter().map(|(place, _)| displacement(place)).sum::<f64>() / count).sqrt();
+    let typical = (moved.iter().map(|(place, _)| displacement(place)).sum::<f64>() / moved.len() as f64).sqrt();
     let scale = SLIDE * edge / typical.max(f64::MIN_POSITIVE);
     // back from the middle to the origin of view i's frame
     let shift = shift - turn.cross(&middle);
     let twist = Vector6::new(shift.x, shift.y, shift.z, turn.x, turn.y, turn.z) * scale;
     vec![twist, -twist]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A sheet over a square with a height and its slope along x.
+    fn sheet(height: fn(f64) -> (f64, f64)) -> Vec<(Vector3, Vector3)> {
+        let places = (0..400).map(|k| (f64::from(k % 20), f64::from(k / 20)));
+        let surfel = |(x, y)| {
+            let (z, slope) = height(x);
+            (Vector3::new(x, y, z), Vector3::new(-slope, 0.0, 1.0).normalize())
+        };
+        places.map(surfel).collect()
+    }
+
+    #[test]
+    fn a_plane_slides_and_what_is_too_small_has_no_say() {
+        let plane = sheet(|_| (0.0, 0.0));
+        assert!(Slippage::of(&plane).expect("many surfels").hold() < 1e-9);
+        assert!(Slippage::of(&plane[..5]).is_none());
+        assert!(Slippage::of(&[plane[0]; 10]).is_none());
+    }
+
+    #[test]
+    fn a_corrugated_sheet_slides_along_its_waves() {
+        let waves = sheet(|x| (2.0 * (0.8 * x).sin(), 1.6 * (0.8 * x).cos()));
+        let WeakestMotion { shift, turn } = Slippage::of(&waves).expect("many surfels").weakest();
+        assert!(shift.y.abs() > 0.999 && turn.norm() < 1e-6, "{shift} {turn}");
+    }
 }

@@ -1,8 +1,8 @@
 //! Whether two views can lie as a motion says: the surface itself is queried, descriptions only propose.
 
 use super::coarse_view::CoarseView;
-use super::depth_image::Seen;
 use super::votes::SurfelVotes;
+use crate::sensor::depth_image::Seen;
 use visage_geometry::Motion;
 
 /// Both directions.

@@ -9,18 +9,17 @@
 //! pair goes (one start of 45 was lost so), while here all its neighbours hold it at once.
 
 mod coarse_scale;
-pub(super) mod normal_equations;
-mod refine;
+pub(crate) mod refine;
 mod scaled;
 mod sides;
 pub mod surfels;
 
 use rayon::prelude::*;
 
-use self::normal_equations::RIGID;
 use self::refine::{RefineOptions, refine};
 pub use self::scaled::joint_scaled;
 use self::surfels::{FineSurfels, Surfels};
+use crate::least_squares::normal_equations::RIGID;
 use crate::outcome::{MethodOptions, Outcome, PairOutcome, Round, first_of_each_piece, largest_turn};
 use crate::overlap::overlaps;
 use crate::pairwise::trimmed_icp::{IcpEnd, IcpOptions, IcpResult, Trim, trimmed_icp};

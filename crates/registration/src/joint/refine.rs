@@ -3,8 +3,10 @@
 use crate::pairwise::trimmed_icp::largest_step;
 use rayon::prelude::*;
 
-use super::normal_equations::{NormalEquations, PairBlock, SCALED, columns, solve};
 use super::surfels::Surfels;
+use crate::least_squares::normal_equations::{NormalEquations, PairBlock, SCALED, solve};
+use crate::least_squares::pose_system::columns;
+use crate::least_squares::robust_kernel::RobustKernel;
 use visage_geometry::neighbours::Pursuit;
 use visage_geometry::progress::{Canceled, Progress};
 use visage_geometry::se3::{self, Twist};
@@ -42,7 +44,7 @@ pub struct Refined {
 /// Each step's search distance in the one before.
 const SHRINK: f64 = 0.6;
 /// The robust kernel's scale in root mean square residuals.
-const KERNEL: f64 = 3.0;
+pub(crate) const KERNEL: f64 = 3.0;
 /// Searches look this much farther than correspondences may be apart, so that the next steps know whom to ask again.
 const MARGIN: f64 = 1.3;
 /// Where the last steps begin, in steps that end it.
@@ -65,7 +67,7 @@ pub fn refine<const D: usize>(
 ) -> Result<Refined, Canceled> {
     let directed: Vec<(usize, usize)> = pairs.iter().flat_map(|&(i, j)| [(i, j), (j, i)]).collect();
     let mut searches = searches(surfels, &directed);
-    let columns = columns::<D>(local_poses.len(), anchors);
+    let columns = columns::<D>(local_poses.len(), |view| !anchors.contains(&view));
     let scales = vec![1.0; local_poses.len()];
     let mut refined = Refined { local_poses: local_poses.to_vec(), scales, steps: 0, rms: f64::INFINITY };
     let mut distance = options.first_distance;
@@ -207,7 +209,7 @@ impl Search {
 }
 
 /// The cosine below which two normals don't belong to one surface.
-pub(super) const LEAST_COSINE: f32 = 0.5;
+pub(crate) const LEAST_COSINE: f32 = 0.5;
 
 /// Correspondences of view a's surfels in view b, summed in b's local frame.
 fn assemble<const D: usize>(
@@ -229,7 +231,7 @@ fn assemble<const D: usize>(
     let (rotation, shift) = (motion.rotation.to_rotation_matrix(), motion.translation.vector);
     let search_distance2 = (MARGIN * distance).powi(2) as f32;
     let distance2 = (distance * distance) as f32;
-    let scale2 = (scale * scale) as f32;
+    let kernel = RobustKernel::with_squared_scale((scale * scale) as f32);
     let Search { stride, first, pursuits, active, .. } = search;
     let mut sums = NormalEquations::<D>::default();
     active.retain(|&query| {
@@ -246,8 +248,7 @@ fn assemble<const D: usize>(
         if nearest.distance2 < distance2 && b.is_inner[target] && a.likeness(index, b, target, cosine) > LEAST_COSINE {
             let normal = (normal_b + normal_a * cosine.signum()).normalize();
             let residual = normal.dot(&(moved - nalgebra::Vector3::from(b.indexed.points[target])));
-            let robust = scale2 / (scale2 + residual * residual);
-            sums.add(&normal.cast(), &moved.cast(), residual.into(), f64::from(robust * robust));
+            sums.add(&normal.cast(), &moved.cast(), residual.into(), kernel.weight(residual).into());
         }
         true
     });

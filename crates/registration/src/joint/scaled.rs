@@ -7,9 +7,9 @@
 use rayon::prelude::*;
 
 use super::coarse_scale::coarse_scales;
-use super::normal_equations::SCALED;
 use super::surfels::Surfels;
 use super::{PASSES, Pass, Run};
+use crate::least_squares::normal_equations::SCALED;
 use crate::outcome::{MethodOptions, Outcome};
 use crate::view::{View, common_spacing};
 use visage_geometry::Motion;

@@ -8,6 +8,7 @@ use rayon::prelude::*;
 
 use crate::outcome::Outcome;
 use crate::view::View;
+use crate::view_graph::all_pairs;
 use visage_geometry::neighbours::LocalPoint;
 
 /// Points of a view that are held against another.
@@ -34,8 +35,7 @@ pub fn agreement(views: &[View], brightness: &[Option<Brightness>], result: &Out
         .map(|(view, brightness)| Texture::new(view, brightness.as_deref()?, unit))
         .collect();
     let n = views.len();
-    let pairs: Vec<(usize, usize)> = (0..n)
-        .flat_map(|i| (i + 1..n).map(move |j| (i, j)))
+    let pairs: Vec<(usize, usize)> = all_pairs(n)
         .filter(|&(i, j)| result.placed[i] && result.placed[j])
         .filter(|&(i, j)| result.overlaps.directed(i, j) > 0.0)
         .collect();

@@ -4,93 +4,16 @@
 use rayon::prelude::*;
 
 use crate::quality::limits;
+use crate::sensor::Sensor;
+use crate::sensor::depth_image::DepthImage;
 use crate::view::View;
 use visage_geometry::neighbours::LocalPoint;
 use visage_geometry::{Motion, Vector3};
 
-/// What one view's scanner saw, as a picture of depths.
-struct DepthMap {
-    /// Where the scanner stood, in the view's local frame.
-    sensor: Vector3,
-    forward: Vector3,
-    across: Vector3,
-    upward: Vector3,
-    /// Pixels per unit of the tangent of the angle to `forward`.
-    scale: f64,
-    /// Pixels from the picture's middle to its border.
-    half: i32,
-    /// The least depth along `forward` in each pixel; infinite where nothing was seen.
-    depths: Vec<f32>,
-}
-
-/// Edge of a pixel at the surface, in spacings: wide enough that a surface leaves no holes.
-const PIXEL: f64 = 3.0;
-/// Pixels a picture has at most along an edge.
-const LARGEST: i32 = 512;
+/// Edge of a picture's cell at the surface, in spacings: wide enough that a surface leaves no holes.
+const CELL: f64 = 3.0;
 /// Nearer to the scanner than the surface it saw by more than this, in spacings, is in free space.
 const DEPTH: f64 = 5.0;
-
-impl DepthMap {
-    fn new(view: &View, sensor: Vector3, spacing: f64) -> Option<Self> {
-        let distance = sensor.norm();
-        let forward = (-sensor).try_normalize(f64::MIN_POSITIVE)?;
-        let mut least = Vector3::zeros();
-        least[forward.iamin()] = 1.0;
-        let across = forward.cross(&least).normalize();
-        let upward = forward.cross(&across);
-        let scale = distance / (PIXEL * spacing);
-        let reach = view.points().iter().map(|p| nalgebra::Vector3::from(*p).norm()).fold(0.0f32, f32::max);
-        // the scanner must stand outside of what it saw, or there is no picture
-        let tangent = f64::from(reach) / (distance - f64::from(reach));
-        if !(tangent > 0.0 && tangent < 5.0) {
-            return None;
-        }
-        let half = (tangent * scale).ceil().min(f64::from(LARGEST)) as i32 + 2;
-        if half > LARGEST / 2 {
-            return None;
-        }
-        let mut map = DepthMap { sensor, forward, across, upward, scale, half, depths: Vec::new() };
-        map.depths = vec![f32::INFINITY; (2 * half * 2 * half) as usize];
-        for point in view.points() {
-            if let Some((pixel, depth)) = map.project(&nalgebra::Vector3::from(*point).cast()) {
-                let nearest = &mut map.depths[pixel];
-                *nearest = nearest.min(depth as f32);
-            }
-        }
-        Some(map)
-    }
-
-    /// The pixel of a place, at least one away from the border, and its depth.
-    fn project(&self, place: &Vector3) -> Option<(usize, f64)> {
-        let ray = place - self.sensor;
-        let depth = ray.dot(&self.forward);
-        if depth <= 0.0 {
-            return None;
-        }
-        let far = f64::from(4 * LARGEST);
-        let at = |axis: &Vector3| (ray.dot(axis) / depth * self.scale).floor().clamp(-far, far) as i32 + self.half;
-        let (column, row) = (at(&self.across), at(&self.upward));
-        let inside = |x: i32| x >= 1 && x < 2 * self.half - 1;
-        (inside(column) && inside(row)).then(|| ((row * 2 * self.half + column) as usize, depth))
-    }
-
-    /// Whether a place lies in free space; `None` where the scanner saw no unbroken surface.
-    fn is_free(&self, place: &Vector3, tolerance: f64) -> Option<bool> {
-        let (pixel, depth) = self.project(place)?;
-        let mut nearest = f32::INFINITY;
-        for row in -1..=1 {
-            for column in -1..=1 {
-                let neighbour = self.depths[(pixel as i64 + i64::from(row * 2 * self.half + column)) as usize];
-                if neighbour == f32::INFINITY {
-                    return None;
-                }
-                nearest = nearest.min(neighbour);
-            }
-        }
-        Some(depth < f64::from(nearest) - tolerance)
-    }
-}
-
 /// Sample points of a view, at most.
 const SAMPLES: usize = 300;
 
@@ -125,11 +48,12 @@ pub fn intrusions(
     spacing: f64,
 ) -> Vec<Intrusion> {
     let look = |j: usize| {
-        let map = DepthMap::new(&views[j], sensors[j].filter(|_| placed[j])?, spacing)?;
+        let sensor = Sensor::At(sensors[j].filter(|_| placed[j])?);
+        let image = DepthImage::new(views[j].points(), &sensor, CELL * spacing);
         let others = (0..views.len()).filter(|&i| i != j && placed[i]);
         Some(
             others
-                .map(|i| intrusion(&map, (i, j), &views[i], &local_poses[j].inv_mul(&local_poses[i]), spacing))
+                .map(|i| intrusion(&image, (i, j), &views[i], &local_poses[j].inv_mul(&local_poses[i]), spacing))
                 .collect(),
         )
     };
@@ -137,14 +61,14 @@ pub fn intrusions(
     found.into_iter().flatten().flatten().collect()
 }
 
-fn intrusion(map: &DepthMap, (i, j): (usize, usize), view: &View, j_from_i: &Motion, spacing: f64) -> Intrusion {
+fn intrusion(image: &DepthImage, (i, j): (usize, usize), view: &View, j_from_i: &Motion, spacing: f64) -> Intrusion {
     let points: &[LocalPoint] = view.points();
     let (mut seen, mut free) = (0usize, 0usize);
     for point in points.iter().step_by(points.len().div_ceil(SAMPLES).max(1)) {
         let place = j_from_i * nalgebra::Point3::from(*point).cast::<f64>();
-        if let Some(is_free) = map.is_free(&place.coords, DEPTH * spacing) {
+        if let Some(height) = image.height_over_unbroken(&place.coords.cast()) {
             seen += 1;
-            free += usize::from(is_free);
+            free += usize::from(f64::from(height) > DEPTH * spacing);
         }
     }
     Intrusion { view: i, seen_by: j, share: free as f64 / seen.max(1) as f64, points: seen }

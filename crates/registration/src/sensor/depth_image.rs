@@ -1,6 +1,6 @@
 //! What a scanner saw in each direction: where it saw surface, nothing can stand in front.
 
-use crate::sensor::Sensor;
+use super::Sensor;
 use crate::view::median;
 use visage_geometry::neighbours::LocalPoint;
 
@@ -142,6 +142,19 @@ impl DepthImage {
         self.is_cropped
     }
 
+    /// How far a point stands in front of the surface that the scanner saw there; `None` but where the surface goes on all
+    /// around.
+    pub fn height_over_unbroken(&self, point: &nalgebra::Vector3<f32>) -> Option<f32> {
+        let place = self.project(point);
+        let index = self.index(&place)?;
+        let (column, row) = (index % self.columns, index / self.columns);
+        let inside = column > 0 && row > 0 && column + 1 < self.columns && row + 1 < self.rows;
+        // a cell that is empty itself holds no height, whatever its neighbours do
+        let is_full = |index: usize| self.nearest[index] > f32::NEG_INFINITY;
+        let rows = inside.then(|| (row - 1..row + 2).map(|row| row * self.columns + column))?;
+        rows.flat_map(|middle| middle - 1..middle + 2).all(is_full).then(|| place.z - self.nearest[index])
+    }
+
     /// What the scanner saw in a point's direction.
     #[inline]
     pub fn look(&self, point: &nalgebra::Vector3<f32>) -> Seen {
@@ -181,5 +194,8 @@ mod tests {
         let holed: Vec<LocalPoint> = sheet.into_iter().filter(|p| p[0].hypot(p[1]) > 2.9).collect();
         let map = DepthImage::new(&holed, &Sensor::Toward(Vector3::z()), 2.0);
         assert_eq!(map.look(&nalgebra::Vector3::zeros()), Seen::Rim);
+        let height = |x: f32| map.height_over_unbroken(&nalgebra::Vector3::new(x, 0.0, 3.0));
+        assert_eq!([0.0, 2.6, 9.0, 25.0].map(height), [None; 4], "the hole, beside it, the border, outside");
+        assert!(height(6.5).is_some_and(|height| (height - 3.0).abs() < 0.1));
     }
 }

@@ -1,12 +1,10 @@
-//! The sparse normal equations over all poses: one block a pair, of as many rows as a view has unknowns (`D`): six, or
-//! seven where scales are sought.
+//! Sums over the correspondences of two surfaces, of as many rows as a view has unknowns (`D`): six, or seven where scales
+//! are sought.
 
-use nalgebra::{DMatrix, SMatrix, SVector};
-use nalgebra_sparse::factorization::CscCholesky;
-use nalgebra_sparse::{CooMatrix, CscMatrix};
+use nalgebra::{SMatrix, SVector};
 
-use visage_geometry::Motion;
-use visage_geometry::se3;
+use super::pose_system::{DAMPING, PoseSystem};
+use visage_geometry::{Motion, se3};
 
 /// Unknowns of a rigid view: the twist `(u, w)`.
 pub const RIGID: usize = 6;
@@ -125,70 +123,22 @@ pub fn adjoint<const D: usize>(motion: &Motion) -> SMatrix<f64, D, D> {
     adjoint
 }
 
-/// Where each view's `D` unknowns begin; anchors have none.
-pub fn columns<const D: usize>(n: usize, anchors: &[usize]) -> Vec<Option<usize>> {
-    let mut next = 0;
-    (0..n)
-        .map(|view| {
-            (!anchors.contains(&view)).then(|| {
-                next += D;
-                next - D
-            })
-        })
-        .collect()
-}
-
-/// Added to the diagonal, relative to its mean: keeps a direction that nothing holds from dividing by zero.
-const DAMPING: f64 = 1e-9;
-
 /// The twists of all views that minimise the linearised cost, zero for anchors; `None` if there is no solution.
 pub fn solve<const D: usize>(
     pairs: &[(usize, usize)],
     blocks: &[PairBlock<D>],
     columns: &[Option<usize>],
 ) -> Option<Vec<SVector<f64, D>>> {
-    let unknowns = columns.iter().flatten().count() * D;
-    if unknowns == 0 {
-        return None;
+    let mut system = PoseSystem::new(columns)?;
+    for (pair, block) in pairs.iter().zip(blocks) {
+        system.add(*pair, &block.information, &block.gradient);
     }
-    let mut matrix = CooMatrix::new(unknowns, unknowns);
-    let mut right = DMatrix::<f64>::zeros(unknowns, 1);
-    let mut trace = 0.0;
-    for (&(a, b), block) in pairs.iter().zip(blocks) {
-        for (view, sign) in [(a, -1.0), (b, 1.0)] {
-            if let Some(k) = columns[view] {
-                push(&mut matrix, k, k, &block.information, 1.0);
-                trace += block.information.trace();
-                let mut rows = right.rows_mut(k, D);
-                rows += block.gradient * sign;
-            }
-        }
-        if let (Some(k), Some(l)) = (columns[a], columns[b]) {
-            push(&mut matrix, k, l, &block.information, -1.0);
-            push(&mut matrix, l, k, &block.information, -1.0);
-        }
-    }
-    for k in 0..unknowns {
-        matrix.push(k, k, DAMPING * trace / unknowns as f64);
-    }
-    let solution = CscCholesky::factor(&CscMatrix::from(&matrix)).ok()?.solve(&right);
-    let twist = |k: usize| SVector::from_iterator(solution.rows(k, D).iter().copied());
-    solution
-        .iter()
-        .all(|x| x.is_finite())
-        .then(|| columns.iter().map(|column| column.map_or_else(SVector::zeros, twist)).collect())
-}
-
-fn push<const D: usize>(matrix: &mut CooMatrix<f64>, row: usize, column: usize, block: &SMatrix<f64, D, D>, sign: f64) {
-    for i in 0..D {
-        for j in 0..D {
-            matrix.push(row + i, column + j, sign * block[(i, j)]);
-        }
-    }
+    system.damped().solve()
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::pose_system::columns;
     use super::*;
     use visage_geometry::{Point3, Vector3};
 
@@ -203,7 +153,8 @@ mod tests {
             let moved = (frame.inverse() * disturbed(world)).coords / unit;
             sums.add(&n, &x, n.dot(&(moved - x)), 1.0);
         }
-        let twists = solve(&[(1, 0)], &[sums.into_world(frame, unit)], &columns::<D>(2, &[0])).expect("all is held");
+        let twists =
+            solve(&[(1, 0)], &[sums.into_world(frame, unit)], &columns::<D>(2, |view| view == 1)).expect("all is held");
         assert_eq!(twists[0].norm(), 0.0);
         twists[1]
     }
@@ -229,10 +180,5 @@ mod tests {
             let rigid = se3::Twist::from_iterator(twist.iter().copied());
             assert!(se3::log(&(se3::exp(&rigid) * disturbed)).norm() < 2e-6, "{twist}");
         }
-    }
-
-    #[test]
-    fn nothing_to_solve_is_none() {
-        assert!(solve::<RIGID>(&[], &[], &columns::<RIGID>(1, &[0])).is_none());
     }
 }
