@@ -19,3 +19,4 @@
 //! - [`merge`](mod@merge): every point of every placed view in the world, with an outward normal
 
 pub mod merge;
+pub mod reconstruct;

@@ -1,0 +1,226 @@
+//! The field carried on to where there is no data, from coarse to fine: known near the samples, smooth between.
+
+use rayon::prelude::*;
+
+use super::coarse::Dense;
+use super::field::{Field, FieldBlock};
+use super::grid::{BlockKey, Blocks, NODES, around, block_of, first_node, node_at, place_of};
+
+/// Values beyond this, in cells, say only which side it is.
+pub const FAR: f32 = 2.0;
+/// Relaxations on each level.
+const SWEEPS: usize = 12;
+
+/// The nodes of a block of one level.
+#[derive(Debug, Clone)]
+struct LevelBlock {
+    values: Box<[f32; NODES]>,
+    /// Whether a value is given by data.
+    is_known: Box<[bool; NODES]>,
+}
+
+/// What is known on the nodes of one level, whose coordinates are those of the finest divided by `step`.
+struct Level {
+    step: i32,
+    blocks: Blocks<LevelBlock>,
+}
+
+/// The field on the finest grid wherever the surface passes.
+pub struct Volume<'a> {
+    /// With values between the data, too.
+    pub blocks: Blocks<FieldBlock>,
+    levels: Vec<Level>,
+    coarse: &'a Dense,
+}
+
+impl Volume<'_> {
+    /// The value at a node of the finest grid, wherever it is.
+    pub fn value(&self, node: &[i32; 3]) -> f32 {
+        match self.blocks.get(block_of(node)) {
+            Some(block) => block.values[place_of(node)],
+            None => self.beyond(node),
+        }
+    }
+
+    /// The value at a node of the finest grid that is in none of its blocks.
+    pub fn beyond(&self, node: &[i32; 3]) -> f32 {
+        above(&self.levels, self.coarse, &node.map(|x| x as f32))
+    }
+}
+
+/// Carries the field on. `coarse` tells the side of each place.
+pub fn volume<'a>(field: &Field, coarse: &'a Dense) -> Volume<'a> {
+    let mut levels: Vec<Level> = Vec::new();
+    let mut step = coarse.step / 2;
+    while step > 1 {
+        let level = next_level(field, &levels, coarse, step, Vec::new());
+        levels.push(level);
+        step /= 2;
+    }
+    let finest = next_level(field, &levels, coarse, 1, field.keys().to_vec());
+    let nothing = || Box::new([0.0f32; NODES]);
+    let weights = |key: &BlockKey| field.get(*key).map_or_else(nothing, |block| block.weights.clone());
+    let keys = finest.blocks.keys().to_vec();
+    let blocks: Vec<FieldBlock> = keys
+        .par_iter()
+        .zip(finest.blocks.values)
+        .map(|(key, block)| FieldBlock { values: block.values, weights: weights(key) })
+        .collect();
+    Volume { blocks: Blocks::new(keys, blocks), levels, coarse }
+}
+
+/// What the levels above say of a place in cells of the finest grid; the last of them is the finest.
+fn above(levels: &[Level], coarse: &Dense, place: &[f32; 3]) -> f32 {
+    let Some((last, others)) = levels.split_last() else { return FAR * coarse.at(place) };
+    let at = place.map(|x| x / last.step as f32);
+    let low = at.map(|x| x.floor());
+    let mut sum = 0.0;
+    for corner in 0..8 {
+        let offset = [corner & 1, corner >> 1 & 1, corner >> 2];
+        let weight: f32 = (0..3)
+            .map(|axis| if offset[axis] == 1 { at[axis] - low[axis] } else { 1.0 - at[axis] + low[axis] })
+            .product();
+        if weight > 0.0 {
+            let node: [i32; 3] = std::array::from_fn(|axis| low[axis] as i32 + offset[axis]);
+            sum += weight
+                * match last.blocks.get(block_of(&node)) {
+                    Some(block) => block.values[place_of(&node)],
+                    None => above(others, coarse, &node.map(|x| (x * last.step) as f32)),
+                };
+        }
+    }
+    sum
+}
+
+/// The next finer level: the blocks in which the surface passes and those in `wanted`.
+fn next_level(field: &Field, levels: &[Level], coarse: &Dense, step: i32, wanted: Vec<BlockKey>) -> Level {
+    let mut keys = passed(levels, coarse, step);
+    keys.extend(wanted);
+    keys.par_sort_unstable();
+    keys.dedup();
+    let blocks: Vec<LevelBlock> = keys.par_iter().map(|key| begin(field, levels, coarse, step, *key)).collect();
+    let mut level = Level { step, blocks: Blocks::new(keys, blocks) };
+    for _ in 0..SWEEPS {
+        relax(&mut level);
+    }
+    level
+}
+
+/// Blocks of the next level near which the last one's values change sign.
+fn passed(levels: &[Level], coarse: &Dense, step: i32) -> Vec<BlockKey> {
+    // a block of the next level covers 4 cells of the last, and is wanted if the surface passes within one cell of it
+    match levels.last() {
+        Some(last) => {
+            let found: Vec<Vec<BlockKey>> = last
+                .blocks
+                .keys()
+                .par_iter()
+                .zip(&last.blocks.values)
+                .map(|(key, block)| {
+                    let first = first_node(*key);
+                    let mut near = Vec::new();
+                    for place in 0..NODES {
+                        let node = node_at(&first, place);
+                        let value = block.values[place];
+                        let is_crossed = (0..3).any(|axis| {
+                            let mut next = node;
+                            next[axis] += 1;
+                            last.blocks
+                                .get(block_of(&next))
+                                .is_some_and(|b| (b.values[place_of(&next)] < 0.0) != (value < 0.0))
+                        });
+                        if is_crossed {
+                            push_around(&node, &mut near);
+                        }
+                    }
+                    near.sort_unstable();
+                    near.dedup();
+                    near
+                })
+                .collect();
+            found.into_iter().flatten().collect()
+        }
+        None => {
+            let mut near = Vec::new();
+            coarse.for_each_crossed(|node| push_around(&node, &mut near));
+            debug_assert_eq!(coarse.step, 2 * step);
+            near
+        }
+    }
+}
+
+/// The blocks of the next level around a cell of the last.
+fn push_around(node: &[i32; 3], near: &mut Vec<BlockKey>) {
+    let low: [i32; 3] = node.map(|x| ((2 * x - 4) >> 3).max(0));
+    let high = node.map(|x| (2 * x + 6) >> 3);
+    for z in low[2]..=high[2] {
+        for y in low[1]..=high[1] {
+            for x in low[0]..=high[0] {
+                near.push(super::grid::key([x, y, z]));
+            }
+        }
+    }
+}
+
+/// A block's values before anything is relaxed.
+fn begin(field: &Field, levels: &[Level], coarse: &Dense, step: i32, key: BlockKey) -> LevelBlock {
+    let first = first_node(key);
+    let mut values = Box::new([0.0f32; NODES]);
+    let mut is_known = Box::new([false; NODES]);
+    for place in 0..NODES {
+        let node = node_at(&first, place).map(|x| x * step);
+        let data = field.get(block_of(&node)).map(|block| {
+            let at = place_of(&node);
+            (block.values[at], block.weights[at])
+        });
+        match data {
+            Some((value, weight)) if weight > 0.0 => {
+                (values[place], is_known[place]) = (value.clamp(-FAR, FAR), true);
+            }
+            _ => values[place] = above(levels, coarse, &node.map(|x| x as f32)),
+        }
+    }
+    LevelBlock { values, is_known }
+}
+
+/// Each unknown value becomes the mean of its neighbours.
+fn relax(level: &mut Level) {
+    let next: Vec<Option<Box<[f32; NODES]>>> = level
+        .blocks
+        .keys()
+        .par_iter()
+        .zip(&level.blocks.values)
+        .map(|(key, block)| {
+            if block.is_known.iter().all(|known| *known) {
+                return None;
+            }
+            let near = around(*key);
+            // below, above along z, y, x
+            let beside = [4, 22, 10, 16, 12, 14].map(|k| near[k].and_then(|key| level.blocks.get(key)));
+            let mut values = block.values.clone();
+            for place in (0..NODES).filter(|place| !block.is_known[*place]) {
+                let own = block.values[place];
+                let mut sum = 0.0;
+                for (axis, stride) in [(2, 64), (1, 8), (0, 1)] {
+                    let at = place / stride & 7;
+                    let side = 2 * (2 - axis);
+                    sum += match at {
+                        0 => beside[side].map_or(own, |b| b.values[place + 7 * stride]),
+                        _ => block.values[place - stride],
+                    };
+                    sum += match at {
+                        7 => beside[side + 1].map_or(own, |b| b.values[place - 7 * stride]),
+                        _ => block.values[place + stride],
+                    };
+                }
+                values[place] = sum / 6.0;
+            }
+            Some(values)
+        })
+        .collect();
+    for (block, values) in level.blocks.values.iter_mut().zip(next) {
+        if let Some(values) = values {
+            block.values = values;
+        }
+    }
+}

@@ -1,0 +1,234 @@
+//! What of a closed surface is kept: what was seen, and the holes that may be closed.
+
+use std::collections::BTreeMap;
+
+use super::extract::Triangles;
+use super::field::REACH;
+use super::samples::Samples;
+use visage_geometry::UnionFind;
+use visage_geometry::neighbours::IndexedPoints;
+
+/// What becomes of surface that nobody saw.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Fill {
+    /// It is left out.
+    None,
+    /// Holes are closed that are hardly wider than what the scans resolve.
+    #[default]
+    Small,
+    /// All holes are closed: the surface is that of a solid.
+    All,
+}
+
+/// A vertex was seen if the points around weigh this much: one of them at its place, or several farther off. In the
+/// middle of what a single scan sees they weigh some ten times as much, at grazing angles two times.
+const SEEN: f32 = 1.0;
+/// The support is levelled in so many rounds, each between neighbours,
+const ROUNDS: usize = 2;
+/// up to so many times [`SEEN`].
+const PLENTY: f32 = 2.0;
+/// A piece of surface of its own is dropped if its area, in squared cells, is smaller than this: points that were not told
+/// from the object make such pieces.
+const LEAST_AREA: f64 = 60.0;
+/// Where all holes are closed a piece is kept if its area is this share of the largest's.
+const LEAST_SHARE: f64 = 0.02;
+
+/// What was kept.
+#[derive(Debug, Clone)]
+pub struct Kept {
+    /// The surface.
+    pub triangles: Triangles,
+    /// Patches that nobody saw and that were closed.
+    pub closed: usize,
+    /// Patches that nobody saw and that were left open.
+    pub open: usize,
+    /// Pieces that were dropped because they were small.
+    pub dropped: usize,
+}
+
+/// Keeps of a closed surface what `fill` says. Unseen patches of which no place is farther than `reach` cells from data
+/// count as small.
+pub fn trim(mut triangles: Triangles, samples: &Samples, fill: Fill, reach: f32) -> Kept {
+    smooth_support(&mut triangles);
+    let (triangles, dropped) = without_small_pieces(triangles, fill);
+    let patches = patches(&triangles);
+    let is_closed: Vec<bool> = match fill {
+        Fill::All => vec![true; patches.count],
+        Fill::None => vec![false; patches.count],
+        Fill::Small => within_reach(&triangles, &patches, samples, reach),
+    };
+    let closed = is_closed.iter().filter(|closed| **closed).count();
+    let triangles = cut(triangles, |face| patches.of_face[face].is_some_and(|patch| !is_closed[patch]));
+    // what is left of a piece may be too small
+    let (triangles, dropped_then) = match fill {
+        Fill::All => (triangles, 0),
+        _ => without_small_pieces(triangles, fill),
+    };
+    Kept { triangles, closed, open: patches.count - closed, dropped: dropped + dropped_then }
+}
+
+/// Levels the support along the rim of the data, whose last points lie here and there: the line on which it is cut
+/// becomes clean. Beyond a few times [`SEEN`] more support makes no difference.
+fn smooth_support(triangles: &mut Triangles) {
+    for _ in 0..ROUNDS {
+        let mut sums = vec![[0.0f32; 2]; triangles.vertices.len()];
+        for face in &triangles.faces {
+            let sum: f32 = face.iter().map(|v| triangles.support[*v as usize].min(PLENTY * SEEN)).sum();
+            for v in face {
+                let sums = &mut sums[*v as usize];
+                *sums = [sums[0] + sum, sums[1] + 3.0];
+            }
+        }
+        for (support, [sum, count]) in triangles.support.iter_mut().zip(sums) {
+            if *support < PLENTY * SEEN && count > 0.0 {
+                *support = sum / count;
+            }
+        }
+    }
+}
+
+fn area(triangles: &Triangles, face: &[u32; 3]) -> f64 {
+    let [a, b, c] = face.map(|v| nalgebra::Vector3::from(triangles.vertices[v as usize]));
+    f64::from((b - a).cross(&(c - a)).norm()) / 2.0
+}
+
+/// Without the pieces that are too small to be told from outliers.
+fn without_small_pieces(triangles: Triangles, fill: Fill) -> (Triangles, usize) {
+    let mut pieces = UnionFind::new(triangles.vertices.len());
+    for [a, b, c] in &triangles.faces {
+        pieces.join(*a as usize, *b as usize);
+        pieces.join(*b as usize, *c as usize);
+    }
+    let mut areas: BTreeMap<usize, f64> = BTreeMap::new();
+    for face in &triangles.faces {
+        // what nobody saw says nothing for a piece
+        let is_seen = face.iter().any(|v| triangles.support[*v as usize] >= SEEN);
+        *areas.entry(pieces.find(face[0] as usize)).or_default() += if is_seen { area(&triangles, face) } else { 0.0 };
+    }
+    let largest = areas.values().copied().fold(0.0, f64::max);
+    let least = if fill == Fill::All { LEAST_SHARE * largest } else { LEAST_AREA.min(0.5 * largest) };
+    let dropped = areas.values().filter(|area| **area < least).count();
+    if dropped == 0 {
+        return (triangles, 0);
+    }
+    let kept: Vec<bool> = triangles.faces.iter().map(|face| areas[&pieces.find(face[0] as usize)] >= least).collect();
+    (with_faces(triangles, |face| kept[face]), dropped)
+}
+
+/// The unseen patches: faces that hang together by unseen vertices.
+struct Patches {
+    count: usize,
+    /// For each face the patch that it belongs to.
+    of_face: Vec<Option<usize>>,
+}
+
+fn patches(triangles: &Triangles) -> Patches {
+    let is_unseen = |v: u32| triangles.support[v as usize] < SEEN;
+    let mut joined = UnionFind::new(triangles.vertices.len());
+    for face in &triangles.faces {
+        let unseen: Vec<usize> = face.iter().filter(|v| is_unseen(**v)).map(|v| *v as usize).collect();
+        for pair in unseen.windows(2) {
+            joined.join(pair[0], pair[1]);
+        }
+    }
+    let mut names: BTreeMap<usize, usize> = BTreeMap::new();
+    let of_face = triangles
+        .faces
+        .iter()
+        .map(|face| {
+            let root = joined.find(*face.iter().find(|v| is_unseen(**v))? as usize);
+            let next = names.len();
+            Some(*names.entry(root).or_insert(next))
+        })
+        .collect();
+    Patches { count: names.len(), of_face }
+}
+
+/// For each patch whether data is near all of it.
+fn within_reach(triangles: &Triangles, patches: &Patches, samples: &Samples, reach: f32) -> Vec<bool> {
+    let indexed = IndexedPoints::new(samples.samples.iter().map(|sample| sample.place).collect());
+    let mut is_near = vec![true; patches.count];
+    let mut is_known: Vec<Option<bool>> = vec![None; triangles.vertices.len()];
+    for (face, patch) in triangles.faces.iter().zip(&patches.of_face) {
+        let Some(patch) = patch else { continue };
+        for v in face.map(|v| v as usize) {
+            if !is_near[*patch] {
+                break;
+            }
+            // a vertex with some weight has a sample within the field's reach
+            let near = *is_known[v].get_or_insert_with(|| {
+                (triangles.support[v] > 0.0 && reach >= REACH)
+                    || indexed.tree.has_within(&triangles.vertices[v], reach * reach)
+            });
+            is_near[*patch] &= near;
+        }
+    }
+    is_near
+}
+
+/// Cuts the faces for which `is_cut` holds along the line where data ends.
+fn cut(triangles: Triangles, is_cut: impl Fn(usize) -> bool) -> Triangles {
+    let mut found = Triangles { faces: Vec::new(), ..triangles.clone() };
+    let mut between: BTreeMap<(u32, u32), u32> = BTreeMap::new();
+    for (index, face) in triangles.faces.iter().enumerate() {
+        if !is_cut(index) {
+            found.faces.push(*face);
+            continue;
+        }
+        let is_seen = face.map(|v| triangles.support[v as usize] >= SEEN);
+        let mut polygon: Vec<u32> = Vec::new();
+        for k in 0..3 {
+            let (a, b) = (face[k], face[(k + 1) % 3]);
+            if is_seen[k] {
+                polygon.push(a);
+            }
+            if is_seen[k] != is_seen[(k + 1) % 3] {
+                polygon.push(
+                    *between.entry((a.min(b), a.max(b))).or_insert_with(|| found.add_between(a.min(b), a.max(b))),
+                );
+            }
+        }
+        if polygon.len() >= 3 {
+            found.faces.extend((1..polygon.len() - 1).map(|k| [polygon[0], polygon[k], polygon[k + 1]]));
+        }
+    }
+    with_faces(found, |_| true)
+}
+
+impl Triangles {
+    /// The share of the area that nobody saw.
+    pub fn unseen_area(&self) -> f64 {
+        let is_unseen = |face: &&[u32; 3]| face.iter().all(|v| self.support[*v as usize] < SEEN);
+        let all: f64 = self.faces.iter().map(|face| area(self, face)).sum();
+        self.faces.iter().filter(is_unseen).map(|face| area(self, face)).sum::<f64>() / all.max(f64::MIN_POSITIVE)
+    }
+
+    /// A vertex on an edge where its support is [`SEEN`].
+    fn add_between(&mut self, a: u32, b: u32) -> u32 {
+        let (from, to) = (self.support[a as usize], self.support[b as usize]);
+        let share = ((SEEN - from) / (to - from)).clamp(0.05, 0.95);
+        let (p, q) = (self.vertices[a as usize], self.vertices[b as usize]);
+        self.vertices.push(std::array::from_fn(|k| p[k] + share * (q[k] - p[k])));
+        self.support.push(SEEN);
+        self.vertices.len() as u32 - 1
+    }
+}
+
+/// The faces that are kept and the vertices that they need, in their order.
+fn with_faces(triangles: Triangles, is_kept: impl Fn(usize) -> bool) -> Triangles {
+    let mut places = vec![u32::MAX; triangles.vertices.len()];
+    let faces: Vec<[u32; 3]> =
+        triangles.faces.iter().enumerate().filter(|(k, _)| is_kept(*k)).map(|(_, face)| *face).collect();
+    faces.iter().flatten().for_each(|v| places[*v as usize] = 0);
+    let mut found = Triangles::default();
+    for (v, place) in places.iter_mut().enumerate() {
+        if *place == 0 {
+            *place = found.vertices.len() as u32;
+            found.vertices.push(triangles.vertices[v]);
+            found.support.push(triangles.support[v]);
+        }
+    }
+    found.faces = faces.into_iter().map(|face| face.map(|v| places[v as usize])).collect();
+    found
+}
