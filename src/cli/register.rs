@@ -260,16 +260,16 @@ fn notes(report: &ModelReport) -> Vec<String> {
 }
 
 /// As what the poses were read, if not as they stand.
-fn convention_in_words(report: &serde_json::Value) -> Option<String> {
-    let convention = &report["pose_convention"];
+fn convention_in_words(report: &ModelReport) -> Option<String> {
+    let convention = report.pose_convention.as_ref()?;
     let others = [PoseConvention::WorldToScan, PoseConvention::OpenGlCamera];
-    let read_as = others.into_iter().find(|other| convention["read_as"] == other.name())?;
-    let percent = |convention: &serde_json::Value| 100.0 * convention.as_f64().unwrap_or_default();
+    let read_as = others.into_iter().find(|other| convention.read_as == other.name())?;
+    let percent = |of: PoseConvention| 100.0 * convention.touching.get(of.name()).copied().unwrap_or_default();
     Some(format!(
         "the poses are read as {}: so {:.0} % of the points lie by other scans, as they stand {:.0} %",
         read_as.words(),
-        percent(&convention["touching"][read_as.name()]),
-        percent(&convention["touching"][PoseConvention::ScanToWorld.name()])
+        percent(read_as),
+        percent(PoseConvention::ScanToWorld)
     ))
 }
 

@@ -218,13 +218,14 @@ pub async fn read(state: &AppState, file: UploadedFile) -> Result<(UploadedFile,
 
 /// The file as it is kept under the name of its format: one that came packed is unpacked.
 pub async fn unpacked(state: &AppState, file: UploadedFile) -> Result<UploadedFile, Problem> {
-    let Some(inner) = formats::packed::inner_name(&file.name).map(str::to_owned) else { return Ok(file) };
+    let Some(inner) = visage_formats::packed::inner_name(&file.name).map(str::to_owned) else { return Ok(file) };
     let permit = state.checks.clone().acquire_owned().await.map_err(Problem::internal)?;
     let limits = state.limits().read_limits();
     let objects = state.context.objects.clone();
     let bytes = blocking(move || {
         let bytes = objects.read_staged(&file.staged)?;
-        let unpacked = formats::packed::unpacked(&file.name, &bytes, &limits).map(|(_, bytes)| bytes.into_owned());
+        let unpacked =
+            visage_formats::packed::unpacked(&file.name, &bytes, &limits).map(|(_, bytes)| bytes.into_owned());
         unpacked.map_err(|error| Problem::unreadable(&file.name, &error))
     })
     .await??;

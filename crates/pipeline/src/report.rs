@@ -189,7 +189,7 @@ impl ModelReport {
             alternatives: Vec::new(),
             groups: Vec::new(),
         };
-        ModelReport { registration, hints: None, pose_notes: Vec::new() }
+        ModelReport { registration, hints: None, pose_convention: None, pose_notes: Vec::new() }
     }
 }
 

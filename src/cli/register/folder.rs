@@ -81,9 +81,7 @@ impl<'a> Folder<'a> {
     /// The files that may be scans: hidden ones are none, such as the `._scan.ply` that a Mac leaves beside a scan.
     /// Files that may be anything (`.csv`) are scans where there is nothing better.
     fn scans(&self) -> impl Iterator<Item = &str> {
-        let may_be = |name: &&str| {
-            self.depth.is_some() || formats::check_name(name).is_ok() && !name.starts_with('.')
-        };
+        let may_be = |name: &&str| self.depth.is_some() || formats::check_name(name).is_ok() && !name.starts_with('.');
         let has_sure = self.names().filter(may_be).any(|name| self.depth.is_some() || !formats::is_common(name));
         self.names().filter(may_be).filter(move |name| !has_sure || !formats::is_common(name))
     }

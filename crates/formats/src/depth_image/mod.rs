@@ -6,7 +6,7 @@ mod intrinsics;
 mod layout;
 mod picture;
 
-use super::{Dropped, FormatError, ReadLimits, Reading, checked_coordinate};
+use super::{DeclaredUnit, Dropped, FormatError, ReadLimits, Reading, checked_coordinate};
 use visage_geometry::{Cloud, Point3, RangeGrid, Surface};
 
 pub use intrinsics::{Intrinsics, read_intrinsics};
@@ -85,7 +85,7 @@ pub fn read(
     }
     let grid = Some(RangeGrid { columns: image.columns, rows: image.rows, pixels });
     let surface = Surface { cloud, faces: Vec::new(), grid, sensor: Some(Point3::origin()) };
-    Ok(Reading { surface, dropped })
+    Ok(Reading { surface, dropped, unit: Some(DeclaredUnit::METRE) })
 }
 
 #[cfg(test)]
