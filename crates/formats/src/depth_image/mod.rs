@@ -105,7 +105,7 @@ mod tests {
     fn pixels_become_points_before_the_camera() {
         let picture = rgb8(8, 6, |row, column| [row as u8, column as u8, 7]);
         let depth = grey16(4, 3, &values());
-        let Reading { surface, dropped } =
+        let Reading { surface, dropped, .. } =
             read(&depth, &CAMERA, 1000.0, Some(&picture), &ReadLimits::default()).expect("sound");
         assert_eq!((surface.cloud.len(), dropped), (10, Dropped::default()), "a pixel without a depth is no point");
         // the pixel of the principal point, and the last of the first row
@@ -119,7 +119,7 @@ mod tests {
 
     #[test]
     fn a_picture_that_can_not_be_read_costs_the_colours() {
-        let Reading { surface, dropped } =
+        let Reading { surface, dropped, .. } =
             read(&grey16(4, 3, &values()), &CAMERA, 5000.0, Some(b"\xff\xd8 jpeg"), &ReadLimits::default())
                 .expect("sound");
         assert!(surface.cloud.colors.is_none() && dropped.notes[0].contains("not read"), "{dropped}");
