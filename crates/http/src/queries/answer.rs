@@ -14,7 +14,7 @@ use visage_service::app::queries::{self, Answer, Grounds, Matches, QueryError};
 /// The answer to what is asked.
 pub async fn answer(state: &AppState, asked: Asked) -> Result<QueryAnswer, Problem> {
     match asked {
-        Asked::Gallery(asked) => ask_gallery(state, asked).await,
+        Asked::Gallery(asked) => ask_gallery(state, *asked).await,
         Asked::Verdict(asked) => Ok(verdict(&asked)),
         Asked::ClassVerdict(asked) => Ok(class_verdict(&asked)),
     }

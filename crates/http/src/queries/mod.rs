@@ -58,7 +58,7 @@ async fn ask(State(state): State<AppState>, request: Request) -> Result<Json<Que
     }
     let (body, _) = read_json::<QueryBody>(&state, request).await?;
     let question = question::of_json(&state, body).await?;
-    answer::answer(&state, question::Asked::Gallery(question)).await.map(Json)
+    answer::answer(&state, question::Asked::Gallery(Box::new(question))).await.map(Json)
 }
 
 /// Ask which models are like an uploaded mesh or cloud, or judge it against a standard.

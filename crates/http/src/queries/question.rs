@@ -29,7 +29,7 @@ pub const RULES: FormRules = FormRules {
 /// What a request asks.
 pub enum Asked {
     /// Which models of the gallery are of a class, or like something?
-    Gallery(GalleryQuestion),
+    Gallery(Box<GalleryQuestion>),
     /// Is this probe of the class?
     Verdict(Box<Verdict>),
     /// Is this probe of a class that a user has made?
@@ -171,7 +171,7 @@ pub async fn of_form(state: &AppState, mut form: Form) -> Result<Asked, Problem>
         }
         None => {
             let about = About::Probe { signature: Box::new(signature), stored: None };
-            GalleryQuestion::new(about, terms).map(Asked::Gallery)
+            Ok(Asked::Gallery(Box::new(GalleryQuestion::new(about, terms)?)))
         }
     }
 }

@@ -216,8 +216,8 @@ pub struct QueryAnswer {
     pub matches: Vec<MatchView>,
     /// How many models the gallery holds that have a signature; filters are not counted.
     pub searched: usize,
-    /// Models that are not judged against the standard yet: while there are any, the answer is not complete. Always 0
-    /// for the face, probes and triangles.
+    /// Models that are not judged against the standard yet: while there are any, the answer is not complete. Always 0 for
+    /// the face, probes and triangles.
     pub pending: u64,
     /// What to send as `cursor` for the next page; null on the last one.
     pub next_cursor: Option<String>,
