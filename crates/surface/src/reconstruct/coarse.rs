@@ -124,9 +124,7 @@ fn divergence(samples: &Samples, grid: &Dense) -> Vec<f32> {
     let mut sums = vec![[0.0f32; 3]; grid.values.len()];
     for sample in &samples.samples {
         for (index, weight) in grid.spread(&sample.place) {
-            for axis in 0..3 {
-                sums[index][axis] += weight * sample.normal[axis];
-            }
+            sums[index].iter_mut().zip(&sample.normal).for_each(|(sum, normal)| *sum += weight * normal);
         }
     }
     let strides = [1, grid.size[0], grid.size[0] * grid.size[1]];

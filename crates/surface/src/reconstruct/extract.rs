@@ -18,6 +18,12 @@ pub struct Triangles {
     pub faces: Vec<[u32; 3]>,
 }
 
+/// A place with its support.
+type Vertex = ([f32; 3], f32);
+
+/// The triangles of a block's cells, and the middles of polygons that they need.
+type Cut = (Vec<[u32; 3]>, Vec<Vertex>);
+
 /// A vertex is kept at least this far from the nodes of its edge, in cells: no triangle shrinks to nothing.
 const LEAST: f32 = 0.03;
 
@@ -36,7 +42,7 @@ pub fn extract(volume: &mut Volume) -> Triangles {
         })
         .collect();
     let patterns = patterns();
-    let cut: Vec<(Vec<[u32; 3]>, Vec<([f32; 3], f32)>)> =
+    let cut: Vec<Cut> =
         (0..own.len()).into_par_iter().map(|index| triangles(volume, index, &own, &firsts, &patterns)).collect();
     let mut found = Triangles::default();
     for own in &own {
@@ -126,7 +132,7 @@ fn missing_around(volume: &Volume, of: BlockKey) -> Vec<BlockKey> {
 
 /// The vertices on the edges that begin at a block's nodes.
 struct OwnVertices {
-    vertices: Vec<([f32; 3], f32)>,
+    vertices: Vec<Vertex>,
     /// For each node and axis the vertex on the edge that begins there.
     on_edge: Box<[u16]>,
 }
@@ -198,13 +204,7 @@ fn own_vertices(volume: &Volume, index: usize) -> OwnVertices {
 }
 
 /// The triangles of a block's cells; a middle of a polygon is named by its number in the list, from the largest u32 down.
-fn triangles(
-    volume: &Volume,
-    index: usize,
-    own: &[OwnVertices],
-    firsts: &[u32],
-    patterns: &[Pattern],
-) -> (Vec<[u32; 3]>, Vec<([f32; 3], f32)>) {
+fn triangles(volume: &Volume, index: usize, own: &[OwnVertices], firsts: &[u32], patterns: &[Pattern]) -> Cut {
     let of = volume.blocks.keys()[index];
     let at = block_at(of);
     let near: [Option<usize>; 8] = std::array::from_fn(|k| {
@@ -221,7 +221,7 @@ fn triangles(
             continue;
         }
         let pattern = &patterns[inside];
-        let vertex = |edge: u8| -> Option<(u32, ([f32; 3], f32))> {
+        let vertex = |edge: u8| -> Option<(u32, Vertex)> {
             let [a, b] = EDGES[edge as usize];
             let axis = (a ^ b).trailing_zeros() as usize;
             let from = corner(a.into());
@@ -231,7 +231,7 @@ fn triangles(
         };
         let base = middles.len() as u32;
         for polygon in &pattern.middles {
-            let corners: Vec<([f32; 3], f32)> = polygon.iter().filter_map(|edge| Some(vertex(*edge)?.1)).collect();
+            let corners: Vec<Vertex> = polygon.iter().filter_map(|edge| Some(vertex(*edge)?.1)).collect();
             let count = corners.len().max(1) as f32;
             let place = std::array::from_fn(|k| corners.iter().map(|(place, _)| place[k]).sum::<f32>() / count);
             middles.push((place, corners.iter().map(|(_, support)| support).sum::<f32>() / count));

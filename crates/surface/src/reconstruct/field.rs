@@ -195,7 +195,7 @@ fn interpolated(blocks: &[Option<&FieldBlock>; 27], first: &[i32; 3], place: &[f
                 if offset[axis] == 1 { share } else { 1.0 - share }
             })
             .product();
-        let local: [i32; 3] = std::array::from_fn(|axis| low[axis] as i32 - first[axis] + offset[axis] as i32);
+        let local: [i32; 3] = std::array::from_fn(|axis| low[axis] as i32 - first[axis] + offset[axis]);
         let block = local.map(|x| (x >> 3) + 1);
         let at = (local[2] & 7) << 6 | (local[1] & 7) << 3 | (local[0] & 7);
         let value = blocks[(block[2] * 9 + block[1] * 3 + block[0]) as usize].map_or(0.0, |b| b.values[at as usize]);

@@ -202,7 +202,7 @@ fn relax(level: &mut Level) {
                 let own = block.values[place];
                 let mut sum = 0.0;
                 for (axis, stride) in [(2, 64), (1, 8), (0, 1)] {
-                    let at = place / stride & 7;
+                    let at = (place / stride) & 7;
                     let side = 2 * (2 - axis);
                     sum += match at {
                         0 => beside[side].map_or(own, |b| b.values[place + 7 * stride]),
