@@ -60,7 +60,8 @@ fn registered(seed: u64, alone: bool) -> Result<()> {
     let bare = |surface: Surface| Surface { cloud: surface.cloud, ..Surface::default() };
     let scans = names.into_iter().zip(set.scans).map(|(name, scan)| NamedScan { name, surface: bare(scan) }).collect();
     let start = Start { poses, ..Start::default() };
-    let outcome = pipeline::run_from(scans, &start, Unit::Mm, &Options::default(), &Progress::silent())?;
+    let options = Options { mesh: false, ..Options::default() };
+    let outcome = pipeline::run_from(scans, &start, Unit::Mm, &options, &Progress::silent())?;
     let placed = outcome.poses.iter().filter(|(_, pose)| pose.is_some()).count();
     let first = outcome.poses[0].1.context("the first view was not placed")?;
     let world_from_body = first * set.poses[0].inverse();

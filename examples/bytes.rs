@@ -82,7 +82,9 @@ fn of_folder(folder: &Path) -> anyhow::Result<()> {
 fn print_hashes(set: &str, scans: Vec<NamedScan>, start: &Start) {
     let hash = |bytes: &[u8]| blake3::hash(bytes).to_hex()[..12].to_owned();
     let none = || "-".to_owned();
-    match pipeline::run_from(scans, start, Unit::Unknown, &Options::default(), &Progress::silent()) {
+    // a mesh follows from the cloud, and would be told of in the report
+    let options = Options { mesh: false, ..Options::default() };
+    match pipeline::run_from(scans, start, Unit::Unknown, &options, &Progress::silent()) {
         Ok(outcome) => println!(
             "{set}\t{}\t{}\t{}\t{}",
             hash(poses::write_matrices(&outcome.matrices).as_bytes()),

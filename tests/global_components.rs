@@ -68,6 +68,8 @@ const BARE: Options = Options {
     reference: None,
     keep_all: false,
     cloud: false,
+    mesh: false,
+    fill: pipeline::Fill::Small,
     signature: false,
 };
 

@@ -23,7 +23,7 @@ use crate::domain::options::Options;
 use crate::formats::{self, Dropped, Reading, poses::PoseFile};
 use crate::geometry::{PoseConvention, Unit};
 use crate::jobs::artifacts::{RunFacts, add_readings, write_assets};
-use crate::pipeline::report::{LeftOutReport, ModelReport};
+use crate::pipeline::report::{LeftOutReport, ModelReport, ScanReport};
 use crate::pipeline::{self, Hints, NamedScan, PipelineError, RegisteredModel, Start};
 use crate::progress::{Progress, Stage};
 use crate::registration::global::report::ComponentReport;
@@ -196,7 +196,8 @@ fn summarise(outcome: &RegisteredModel, out: &Path) -> anyhow::Result<()> {
     for reason in reasons {
         println!("  {reason}");
     }
-    for line in groups_in_words(&outcome.report).into_iter().chain(left_out_in_words(&outcome.report)) {
+    let groups = groups_in_words(&outcome.report);
+    for line in groups.into_iter().chain(surface_in_words(&outcome.report)).chain(left_out_in_words(&outcome.report)) {
         println!("{line}");
     }
     for note in notes(&outcome.report) {
@@ -219,6 +220,35 @@ fn groups_in_words(report: &ModelReport) -> Vec<String> {
         )
     };
     report.registration.groups.iter().enumerate().skip(1).map(words).collect()
+}
+
+/// What became of the surface, if there is one.
+fn surface_in_words(report: &ModelReport) -> Option<String> {
+    let surface = report.surface?;
+    let unit = match report.registration.unit {
+        unit if unit == Unit::Unknown.name() => String::new(),
+        unit => format!(" {unit}"),
+    };
+    let left_out = report.registration.views.iter().filter(|scan| is_not_in_surface(scan)).count();
+    let without = match left_out {
+        0 => String::new(),
+        count => format!("; without {count} scans of which it is not known which side is outside (--sensor tells it)"),
+    };
+    let wider = if surface.widened { ", wider than the scans resolve, to stay within memory" } else { "" };
+    Some(format!(
+        "surface: {} triangles from cells of {:.3}{unit}{wider}; holes: {} closed, {} left open (--fill); \
+         {:.1} % of it nobody saw{without}",
+        surface.triangles,
+        surface.cell,
+        surface.closed_holes,
+        surface.open_holes,
+        100.0 * surface.unseen_area
+    ))
+}
+
+/// Whether a scan has a place, but is not part of the surface.
+fn is_not_in_surface(scan: &ScanReport) -> bool {
+    scan.view.placed && scan.copy_of.is_none() && scan.normals_outward == Some(false)
 }
 
 /// What was left out of the scans, if anything was.

@@ -136,8 +136,14 @@ fn register_writes_the_files_that_the_service_keeps() {
     let refused = register(&["--min-overlap", "0.01"]);
     let complaint = String::from_utf8_lossy(&refused.stderr).into_owned();
     assert!(!refused.status.success() && complaint.contains("not between 0.05 and 0.95"), "{complaint}");
-    let done = register(&[]);
+    let bare = register(&["--no-mesh"]);
+    assert!(bare.status.success(), "{}", String::from_utf8_lossy(&bare.stderr));
+    assert!(out.join(&*Asset::Cloud.name()).is_file() && !out.join(&*Asset::Mesh.name()).exists());
+    assert!(!String::from_utf8_lossy(&bare.stdout).contains("surface:"));
+    let done = register(&["--fill", "none"]);
     assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    let said = String::from_utf8_lossy(&done.stdout).into_owned();
+    assert!(said.lines().any(|line| line.starts_with("surface: ") && line.contains(" 0 closed")), "{said}");
     for asset in Asset::RESULTS {
         assert!(out.join(&*asset.name()).is_file(), "{asset:?} is missing");
     }

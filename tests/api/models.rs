@@ -1,6 +1,6 @@
 //! Models and queries over a real connection: files with ETag and ranges, the gallery, deletion of all that is derived.
 
-use crate::common::{TestServer, expect_json, expect_problem, files, text};
+use crate::common::{Mode, TestServer, expect_json, expect_problem, files, text};
 use reqwest::StatusCode;
 use reqwest::multipart::{Form, Part};
 use serde_json::{Value, json};
@@ -51,6 +51,27 @@ async fn a_registered_model_has_its_files() {
     for missing in ["mesh.glb", "..%2Fposes.json", "%2e%2e"] {
         expect_problem(server.get(&format!("/v1/models/{model}/{missing}")).await, 404, "not_found").await;
     }
+}
+
+#[tokio::test]
+async fn a_mesh_of_a_registered_model_is_served_beside_its_cloud() {
+    let server = TestServer::start().await;
+    server.engine.set(Mode::Meshed);
+    let (model, _) = server.model().await;
+    let view = expect_json(server.get(&format!("/v1/models/{model}")).await, StatusCode::OK).await;
+    let assets = view["assets"].as_array().expect("assets");
+    let mesh = assets.iter().find(|asset| asset["name"] == "mesh.ply").expect("a mesh is listed");
+    let response = server.get(&format!("/v1/models/{model}/mesh.ply")).await;
+    assert_eq!(response.headers()["content-type"], text(mesh, "/media_type").as_str());
+    let content = response.bytes().await.expect("a body");
+    assert_eq!(blake3::hash(&content).to_hex().as_str(), text(mesh, "/checksum"));
+    assert!(content.windows(22).any(|line| line == b"property float support"));
+    let read = visage::formats::read_surface("mesh.ply", &content, &visage::formats::ReadLimits::default());
+    assert_eq!(read.expect("own files are read").faces, [[0, 1, 2]]);
+    // what says how many points a model has is its cloud
+    let cloud = server.get(&format!("/v1/models/{model}/cloud.ply")).await.bytes().await.expect("a body");
+    let cloud = visage::formats::read_surface("cloud.ply", &cloud, &visage::formats::ReadLimits::default());
+    assert_eq!(view["points"], cloud.expect("own files are read").cloud.len());
 }
 
 #[tokio::test]

@@ -21,8 +21,8 @@ const LAYERS: &[(&str, &[&str])] = &[
     ("retrieval", &["geometry", "faces"]),
     ("synthetic", &["geometry"]),
     ("formats", &["geometry"]),
-    // what is kept and what may be chosen: methods and hints, signatures, classes
-    ("domain", &["geometry", "registration", "formats", "faces", "classes"]),
+    // what is kept and what may be chosen: methods and hints, which holes are filled, signatures, classes
+    ("domain", &["geometry", "registration", "reconstruction", "formats", "faces", "classes"]),
     ("pipeline", &["geometry", "registration", "reconstruction", "saliency", "formats", "faces", "domain"]),
     // around them
     // what the machine has

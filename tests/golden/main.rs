@@ -4,5 +4,6 @@ mod additions;
 mod conventions;
 mod faces;
 mod registration;
+mod surface;
 mod turntables;
 mod unsound;

@@ -110,7 +110,7 @@ fn any_number_of_threads_gives_the_same_bytes() {
         let outcome = run(&set, &initial, threads, &options).expect("a sound set");
         let model = outcome.cloud.expect("a cloud was asked for");
         let cloud = ply::write_cloud(&model.cloud, Some(&model.views));
-        (poses::write_json(&outcome.poses), cloud, outcome.report.to_json().to_string())
+        (poses::write_json(&outcome.poses), cloud, outcome.report.to_json().to_string(), outcome.mesh)
     };
     let one = bytes(1);
     for threads in [2, 3] {
@@ -118,6 +118,7 @@ fn any_number_of_threads_gives_the_same_bytes() {
         assert_eq!(one.0, several.0, "poses with {threads} threads");
         assert!(one.1 == several.1, "cloud with {threads} threads");
         assert_eq!(one.2, several.2, "report with {threads} threads");
+        assert!(one.3.is_some() && one.3 == several.3, "mesh with {threads} threads");
     }
 }
 

@@ -48,7 +48,7 @@ pub fn run(args: ScaleArgs) -> anyhow::Result<()> {
             &dir,
             &dir.join("poses.json"),
             &dir.join("result"),
-            &["--unit", "mm", "--no-signature", "--scans", "*.ply"],
+            &["--unit", "mm", "--no-mesh", "--no-signature", "--scans", "*.ply"],
         )?;
         println!("{}", row(&truth, &dir, &run)?);
     }

@@ -110,6 +110,8 @@ assets! {
     PosesConf = "poses.conf", poses::CONF.media_type, Poses, signature: false;
     /// The merged cloud of the placed scans.
     Cloud = "cloud.ply", visage_formats::ply::FORMAT.media_type, Cloud, signature: true;
+    /// The surface of that cloud. Signatures are made from the cloud: a mesh of this name describes an upload alone.
+    Mesh = "mesh.ply", visage_formats::ply::FORMAT.media_type, Mesh, signature: false;
     /// What the registration found out, and what it took.
     Report = "report.json", JSON, Report, signature: false;
 }
@@ -178,8 +180,9 @@ mod tests {
                 assert_eq!(Asset::media_type_of(&asset.name()), Some(asset.media_type()));
             }
         }
-        // the mesh of a result, should there be one some day, is not what its signature is made from
-        assert_eq!(Asset::named("mesh.ply", Origin::Registered), None);
+        // the mesh of a result is not what its signature is made from
+        assert_eq!(Asset::named("mesh.ply", Origin::Registered), Some(Asset::Mesh));
+        assert!(!Asset::Mesh.role().makes_signature);
         let uploaded = Asset::named("mesh.ply", Origin::Uploaded).expect("an upload");
         assert!(uploaded.role().makes_signature && uploaded.role().kind == Kind::Mesh);
         let result = Asset::named("cloud.ply", Origin::Registered).expect("a result");

@@ -7,6 +7,7 @@ use serde_json::Value;
 
 use visage_geometry::MAX_COORDINATE;
 pub use visage_registration::method::Method;
+pub use visage_surface::reconstruct::Fill;
 
 /// One option.
 pub struct JobOption {
@@ -117,6 +118,7 @@ impl Numbers for bool {}
 impl Numbers for String {}
 impl Numbers for Method {}
 impl Numbers for Scale {}
+impl Numbers for Fill {}
 
 impl Numbers for f64 {
     fn numbers(&self) -> Vec<f64> {
@@ -228,6 +230,12 @@ const SCALES: Kind = Kind::Choice {
     words: || Scale::ALL.map(Scale::name).to_vec(),
 };
 
+const FILLS: Kind = Kind::Choice {
+    name: "FillName",
+    about: "What becomes of the holes of a mesh.",
+    words: || Fill::ALL.map(Fill::name).to_vec(),
+};
+
 options! {
     /// What the caller of a job may choose. Unknown fields are refused.
     Options, OPTIONS;
@@ -248,6 +256,9 @@ options! {
     keep_all: bool = false, Kind::Flag,
         "keep turntable, floor, walls and stray points in the scans; else they are left out where they are recognised";
     cloud: bool = true, Kind::Flag, "make the merged cloud";
+    mesh: bool = true, Kind::Flag, "make a mesh of the merged cloud, where there is one";
+    fill: Fill = Fill::Small, FILLS,
+        "which holes of the mesh are closed: small ones are hardly wider than what the scans resolve, all make it watertight";
     signature: bool = true, Kind::Flag, "make the signature by which queries find the model";
 }
 
@@ -325,7 +336,7 @@ mod tests {
         assert!(matches!(refused(json!({"threads": 0})), OptionError::OutOfRange { name: "threads", .. }));
         assert!(matches!(refused(json!({"sensor": [0, 0, 1e13]})), OptionError::OutOfRange { name: "sensor", .. }));
         assert!(matches!(refused(json!({"cloud": "yes"})), OptionError::Malformed(_)));
-        assert!(refused(json!({"mesh": true})).to_string().contains("mesh"));
+        assert!(refused(json!({"meshes": true})).to_string().contains("meshes"));
         assert!(matches!(refused(json!([1])), OptionError::Malformed(_)));
         // what no JSON can hold comes from programs
         for wrong in [

@@ -99,7 +99,7 @@ pub async fn get_report(
 
 /// Fetch the surface of a model.
 ///
-/// `cloud.ply` of a registered model; of an uploaded one the file itself, as `mesh` or `cloud` with its own ending.
+/// `cloud.ply` and `mesh.ply` of a registered model; of an uploaded one the file itself, as `mesh` or `cloud` with its own ending.
 /// `GET /v1/models/{id}` lists what there is.
 #[utoipa::path(
     get, path = "/v1/models/{id}/{file}", tag = TAG, operation_id = "getModelFile",

@@ -9,11 +9,12 @@ pub mod report;
 mod start;
 mod still;
 mod supports;
+mod surface;
 
 use std::collections::BTreeMap;
 
 use visage_domain::options::{Declared, OptionError};
-pub use visage_domain::options::{Method, Options, Scale};
+pub use visage_domain::options::{Fill, Method, Options, Scale};
 use visage_geometry::progress::{Canceled, Progress, Stage};
 use visage_geometry::{Motion, Surface, Unit, Vector3};
 use visage_registration::conclusion::{Circumstances, Conclusion};
@@ -28,6 +29,7 @@ use visage_registration::view::View;
 use visage_shape::faces::{self, DescribeError, Signature};
 pub use visage_surface::merge::ModelCloud;
 use visage_surface::merge::{PosedView, merge};
+pub use visage_surface::reconstruct::{Reconstruction, SurfaceReport};
 
 use self::report::{ModelReport, ScanReport};
 use self::start::Setting;
@@ -54,6 +56,8 @@ pub struct RegisteredModel {
     pub report: ModelReport,
     /// The merged cloud, if it was asked for.
     pub cloud: Option<ModelCloud>,
+    /// The surface of that cloud, if it was asked for and there is one.
+    pub mesh: Option<Reconstruction>,
     /// The signature, if it was asked for.
     pub signature: Option<Signature>,
 }
@@ -154,6 +158,12 @@ pub fn run_from(
     let registration = RegistrationReport::new(options.method, unit.name(), &finished, verdict);
 
     let merged = merge_views(&scans, &views, &sensors, &result, options, progress)?;
+    let mesh = match &merged {
+        Some((cloud, outward)) if options.cloud && options.mesh => {
+            surface::surface(cloud, outward, &views, &result.placed, options.fill, progress)?
+        }
+        _ => None,
+    };
     let signature = match &merged {
         Some((cloud, _)) if options.signature => describe(cloud, unit, progress)?,
         _ => None,
@@ -179,9 +189,15 @@ pub fn run_from(
         reading: None,
         view,
     });
-    let report = ModelReport { registration, hints: said, pose_convention: convention, pose_notes: Vec::new() };
+    let report = ModelReport {
+        registration,
+        surface: mesh.as_ref().map(|mesh| mesh.report),
+        hints: said,
+        pose_convention: convention,
+        pose_notes: Vec::new(),
+    };
     let cloud = merged.map(|(cloud, _)| cloud).filter(|_| options.cloud);
-    let mut outcome = RegisteredModel { poses, matrices, report, cloud, signature };
+    let mut outcome = RegisteredModel { poses, matrices, report, cloud, mesh, signature };
     copies::put_back(&copied, &setting, &mut outcome);
     Ok(outcome)
 }

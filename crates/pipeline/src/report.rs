@@ -9,6 +9,7 @@ use visage_registration::global::placement::Origin;
 use visage_registration::method::Method;
 use visage_registration::quality::{Quality, Verdict};
 use visage_registration::report::{RegistrationReport, ViewReport};
+use visage_surface::reconstruct::SurfaceReport;
 
 /// The `result` part of a report (deterministic: the same scans give the same bytes).
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -16,6 +17,9 @@ pub struct ModelReport {
     /// The registration's, with a row for each scan.
     #[serde(flatten)]
     pub registration: RegistrationReport<ScanReport>,
+    /// How the mesh came about, lengths in the unit of the scans; absent if there is none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub surface: Option<SurfaceReport>,
     /// What became of hints, if any were given of pairs.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub hints: Option<HintsReport>,
@@ -189,7 +193,7 @@ impl ModelReport {
             alternatives: Vec::new(),
             groups: Vec::new(),
         };
-        ModelReport { registration, hints: None, pose_convention: None, pose_notes: Vec::new() }
+        ModelReport { registration, surface: None, hints: None, pose_convention: None, pose_notes: Vec::new() }
     }
 }
 

@@ -208,7 +208,12 @@ fn spreads(points: &[LocalPoint]) -> (f64, f64) {
 
 /// The median spacing of the views: the length to which tolerances are tied.
 pub fn common_spacing(views: &[View]) -> f64 {
-    let mut spacings: Vec<f64> = views.iter().map(|view| view.spacing).collect();
+    median_spacing(views)
+}
+
+/// The same of any views, such as those that are placed; 0 of none.
+pub fn median_spacing<'a>(views: impl IntoIterator<Item = &'a View>) -> f64 {
+    let mut spacings: Vec<f64> = views.into_iter().map(|view| view.spacing).collect();
     spacings.sort_by(f64::total_cmp);
     spacings.get(spacings.len() / 2).copied().unwrap_or(0.0)
 }

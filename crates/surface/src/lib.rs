@@ -1,4 +1,4 @@
-//! How placed scans become one cloud. Pure.
+//! How placed scans become one cloud, and the cloud a surface. Pure.
 //!
 //! ```
 //! use visage_geometry::progress::Progress;
@@ -17,6 +17,7 @@
 //! ```
 //!
 //! - [`merge`](mod@merge): every point of every placed view in the world, with an outward normal
+//! - [`reconstruct`](mod@reconstruct): from such a cloud to triangles, with what is known of them
 
 pub mod merge;
 pub mod reconstruct;

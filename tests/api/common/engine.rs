@@ -8,9 +8,9 @@ use std::time::{Duration, Instant};
 use visage::app::engine::{Engine, PipelineEngine};
 use visage::classes::{Class, Found};
 use visage::faces::{DescribeError, Signature};
-use visage::geometry::{Cloud, Motion, Surface, Unit, se3};
+use visage::geometry::{Cloud, Mesh, Motion, Point3, Surface, Unit, se3};
 use visage::pipeline::report::ModelReport;
-use visage::pipeline::{ModelCloud, NamedScan, Options, PipelineError, RegisteredModel, Start};
+use visage::pipeline::{ModelCloud, NamedScan, Options, PipelineError, Reconstruction, RegisteredModel, Start};
 use visage::progress::{Progress, Stage};
 
 /// What the next registration does.
@@ -29,6 +29,8 @@ pub enum Mode {
     Refuse,
     /// Hands the initial poses back, and a signature of a ball.
     Described,
+    /// Hands the initial poses back, and a mesh of one triangle.
+    Meshed,
 }
 
 /// Deterministic, and no registration at all. Signatures are real.
@@ -73,7 +75,7 @@ impl Engine for FakeEngine {
         self.runs.fetch_add(1, Ordering::Relaxed);
         let mode = *self.mode.lock().expect("never poisoned");
         match mode {
-            Mode::Quick | Mode::Described => progress.report(Stage::Registering, 1.0),
+            Mode::Quick | Mode::Described | Mode::Meshed => progress.report(Stage::Registering, 1.0),
             Mode::Slow(time) => wait(time, progress, true)?,
             Mode::Deaf(time) => wait(time, progress, false)?,
             Mode::Panic => panic!("told to"),
@@ -91,7 +93,8 @@ impl Engine for FakeEngine {
             poses.insert(name.clone(), se3::from_rows(matrix).expect("rigid"));
         }
         let signature = if mode == Mode::Described { Some(self.signature_of_a_ball()) } else { None };
-        Ok(RegisteredModel { signature, ..outcome(&scans, &poses) })
+        let mesh = (mode == Mode::Meshed).then(triangle);
+        Ok(RegisteredModel { signature, mesh, ..outcome(&scans, &poses) })
     }
 
     fn describe(&self, surface: &Surface, unit: Unit, progress: &Progress) -> Result<Signature, DescribeError> {
@@ -141,6 +144,16 @@ fn wait(time: Duration, progress: &Progress, listens: bool) -> Result<(), Pipeli
     Ok(())
 }
 
+/// A surface of one triangle, of which one corner was seen by nobody.
+fn triangle() -> Reconstruction {
+    let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+    Reconstruction {
+        mesh: Mesh { vertices: corners.map(Point3::from).to_vec(), faces: vec![[0, 1, 2]] },
+        support: vec![3.0, 2.0, 0.0],
+        ..Reconstruction::default()
+    }
+}
+
 fn outcome(scans: &[NamedScan], poses: &BTreeMap<String, Motion>) -> RegisteredModel {
     let pose = |scan: &NamedScan| poses.get(&scan.name).copied().unwrap_or_default();
     let mut merged = ModelCloud { cloud: Cloud::default(), views: Vec::new() };
@@ -155,6 +168,7 @@ fn outcome(scans: &[NamedScan], poses: &BTreeMap<String, Motion>) -> RegisteredM
         poses: scans.iter().map(|scan| (scan.name.clone(), Some(pose(scan)))).collect(),
         report: ModelReport::example(&names),
         cloud: Some(merged),
+        mesh: None,
         signature: None,
     }
 }

@@ -11,7 +11,7 @@ mod reader;
 mod writer;
 
 pub use reader::read;
-pub use writer::{write_cloud, write_mesh};
+pub use writer::{VertexAttributes, write_cloud, write_mesh, write_surface};
 
 use super::table::{BYTES, Content, Format, Reader, Writers};
 

@@ -1,7 +1,7 @@
 //! Clouds and meshes to binary little-endian PLY.
 
 use crate::precision::fits_float;
-use visage_geometry::{Cloud, Mesh, Point3};
+use visage_geometry::{Cloud, Mesh, Point3, Vector3};
 
 /// Writes a cloud with the attributes it has, and for each point the index of its view if `views` is given.
 ///
@@ -43,13 +43,47 @@ pub fn write_cloud(cloud: &Cloud, views: Option<&[u16]>) -> Vec<u8> {
 
 /// Writes a mesh; positions as in [`write_cloud`].
 pub fn write_mesh(mesh: &Mesh) -> Vec<u8> {
+    write_surface(mesh, &VertexAttributes::default())
+}
+
+/// What is written of the vertices of a mesh beside their positions; each of the length of the vertices.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct VertexAttributes<'a> {
+    /// Outward unit normals: `nx ny nz`.
+    pub normals: Option<&'a [Vector3]>,
+    /// `red green blue`.
+    pub colors: Option<&'a [[u8; 3]]>,
+    /// How much data stands for a vertex: `support`, 0 where nobody saw it.
+    pub support: Option<&'a [f32]>,
+}
+
+/// Writes a mesh with attributes of its vertices; positions as in [`write_cloud`].
+pub fn write_surface(mesh: &Mesh, attributes: &VertexAttributes) -> Vec<u8> {
     let mut writer = Writer::new(&mesh.vertices);
+    if attributes.normals.is_some() {
+        writer.properties("float", &["nx", "ny", "nz"]);
+    }
+    if attributes.colors.is_some() {
+        writer.properties("uchar", &["red", "green", "blue"]);
+    }
+    if attributes.support.is_some() {
+        writer.properties("float", &["support"]);
+    }
     writer.header.push_str(&format!("element face {}\n", mesh.faces.len()));
     writer.header.push_str("property list uchar int vertex_indices\n");
     let mut bytes = writer.end_header();
-    bytes.reserve(mesh.vertices.len() * 24 + mesh.faces.len() * 13);
-    for point in &mesh.vertices {
+    bytes.reserve(mesh.vertices.len() * 43 + mesh.faces.len() * 13);
+    for (index, point) in mesh.vertices.iter().enumerate() {
         writer.put_point(&mut bytes, point);
+        if let Some(normals) = attributes.normals {
+            normals[index].iter().for_each(|x| bytes.extend((*x as f32).to_le_bytes()));
+        }
+        if let Some(colors) = attributes.colors {
+            bytes.extend(colors[index]);
+        }
+        if let Some(support) = attributes.support {
+            bytes.extend(support[index].to_le_bytes());
+        }
     }
     for face in &mesh.faces {
         bytes.push(3);
@@ -140,6 +174,24 @@ mod tests {
             faces: vec![[0, 1, 2], [2, 1, 0]],
         };
         let back = ply::read(&write_mesh(&mesh), &ReadLimits::default()).expect("own files are read").surface;
+        assert_eq!(back.mesh(), Some(mesh));
+    }
+    #[test]
+    fn a_mesh_is_written_with_what_is_known_of_its_vertices() {
+        let mesh = Mesh {
+            vertices: vec![Point3::origin(), Point3::new(1.0, 0.0, 0.0), Point3::new(0.0, 1.0, 0.0)],
+            faces: vec![[0, 1, 2]],
+        };
+        let (normals, colors) = (mesh.vertex_normals(), [[1, 2, 3], [4, 5, 6], [7, 8, 255]]);
+        let attributes =
+            VertexAttributes { normals: Some(&normals), colors: Some(&colors), support: Some(&[0.0, 1.5, 2.0]) };
+        let bytes = write_surface(&mesh, &attributes);
+        assert!(header_of(&bytes).contains("property uchar blue\nproperty float support\nelement face 1\n"));
+        // the support of the last vertex stands before the only face
+        assert_eq!(bytes[bytes.len() - 17..bytes.len() - 13], 2.0f32.to_le_bytes());
+        let back = ply::read(&bytes, &ReadLimits::default()).expect("own files are read").surface;
+        assert_eq!(back.cloud.normals, Some(vec![nalgebra::Vector3::z(); 3]));
+        assert_eq!(back.cloud.colors, Some(colors.to_vec()));
         assert_eq!(back.mesh(), Some(mesh));
     }
 }

@@ -4,9 +4,10 @@ use std::collections::BTreeMap;
 
 use visage_domain::asset::Asset;
 use visage_formats::Dropped;
+use visage_formats::ply::{VertexAttributes, write_surface};
 use visage_geometry::se3;
 use visage_pipeline::report::ModelReport;
-use visage_pipeline::{PoseMatrix, RegisteredModel};
+use visage_pipeline::{PoseMatrix, Reconstruction, RegisteredModel};
 
 /// Where something ran and what it took: `report.run`. Apart from the result, since it differs from run to run.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
@@ -106,9 +107,20 @@ fn content(
         Asset::Cloud => {
             outcome.cloud.as_ref().map(|merged| visage_formats::ply::write_cloud(&merged.cloud, Some(&merged.views)))
         }
+        Asset::Mesh => outcome.mesh.as_ref().map(mesh_ply),
         Asset::Report => Some(report_json(&outcome.report, &run())?),
         Asset::UploadedMesh(_) | Asset::UploadedCloud(_) | Asset::Annotated(_) => None,
     })
+}
+
+/// `mesh.ply`: the surface with its normals, its colours if it has some, and how much data stands for each vertex.
+fn mesh_ply(surface: &Reconstruction) -> Vec<u8> {
+    let attributes = VertexAttributes {
+        normals: Some(&surface.mesh.vertex_normals()),
+        colors: surface.colors.as_deref(),
+        support: Some(&surface.support),
+    };
+    write_surface(&surface.mesh, &attributes)
 }
 
 /// `poses.conf` in Stanford's convention; views without a place are left out. `None` when a name has a blank or a view
@@ -138,6 +150,7 @@ mod tests {
             matrices: vec![(name.to_owned(), Some(se3::to_scaled_rows(&pose, scale)))],
             report: report(&[name]),
             cloud: None,
+            mesh: None,
             signature: None,
         }
     }

@@ -79,7 +79,8 @@ impl Dense {
 /// The side of each node: +1 outside, -1 deep inside, 0 on the surface that most samples lie on.
 pub fn sides(samples: &Samples, size: &[i32; 3]) -> Dense {
     let longest = size.iter().copied().max().unwrap_or(1);
-    let mut step = 1;
+    // the levels that follow begin one step finer than this: of small grids, too, it is not the finest
+    let mut step = 2;
     while longest / step > MOST_NODES {
         step *= 2;
     }

@@ -21,6 +21,20 @@ pub enum Fill {
     All,
 }
 
+impl Fill {
+    /// Every choice, the default first.
+    pub const ALL: [Fill; 3] = [Fill::Small, Fill::None, Fill::All];
+
+    /// The name used in options and messages.
+    pub fn name(self) -> &'static str {
+        match self {
+            Fill::None => "none",
+            Fill::Small => "small",
+            Fill::All => "all",
+        }
+    }
+}
+
 /// A vertex was seen if the points around weigh this much: one of them at its place, or several farther off. In the
 /// middle of what a single scan sees they weigh some ten times as much, at grazing angles two times.
 const SEEN: f32 = 1.0;
