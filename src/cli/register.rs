@@ -3,6 +3,11 @@
 mod depth_folder;
 mod folder;
 mod options;
+mod pose_files;
+mod textures;
+mod unfolded;
+mod units;
+mod unpacked;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -17,10 +22,12 @@ use indicatif::{ProgressBar, ProgressStyle};
 use self::depth_folder::DepthFolder;
 use self::folder::Folder;
 use self::options::Given;
+use self::units::Settled;
+use self::unpacked::Unpacked;
 use crate::app::tracker::Tracker;
 use crate::domain::asset::Asset;
 use crate::domain::options::Options;
-use crate::formats::{self, Dropped, Reading, poses::PoseFile};
+use crate::formats::{self, Dropped, ReadLimits, Reading, poses::PoseFile};
 use crate::geometry::{PoseConvention, Unit};
 use crate::jobs::artifacts::{RunFacts, add_readings, write_assets};
 use crate::pipeline::report::{LeftOutReport, ModelReport};
@@ -32,18 +39,19 @@ use crate::registration::quality::{Quality, Verdict};
 /// What to register and where to write it.
 #[derive(Debug, Args)]
 pub struct RegisterArgs {
-    #[arg(help = format!("The folder with the scans ({})", formats::surface_names()))]
-    dir: PathBuf,
+    #[arg(help = format!("The folder with the scans ({}), a zip or tar archive of it, or a file that holds several scans",
+                         formats::surface_names()))]
+    path: PathBuf,
     /// Initial poses: JSON {"scan name": 4x4 scan-to-world}, what MeshLab, Open3D, COLMAP and trajectories write (see
     /// docs/API.md), or a folder with a file of 4 rows for each scan
     #[arg(long)]
     poses: Option<PathBuf>,
-    /// Which files of DIR are scans, such as 'scan_*.ply' [default: those of the pose file, else every scan file]
+    /// Which files of PATH are scans, such as 'scan_*.ply' [default: those of the pose file, else every scan file]
     #[arg(long, value_name = "GLOB")]
     scans: Option<String>,
-    /// Unit of the scans: mm, cm, m, in or unknown
-    #[arg(long, default_value = "unknown")]
-    unit: Unit,
+    /// Unit of the scans: mm, cm, m, in or unknown [default: what their files declare, else unknown]
+    #[arg(long)]
+    unit: Option<Unit>,
     #[command(flatten)]
     options: Given<Options>,
     /// Add scans to a finished model: its folder (or its file of poses); the poses in it stay as they are
@@ -77,25 +85,65 @@ pub fn run(args: RegisterArgs) -> anyhow::Result<()> {
     });
     let progress = Progress::new(tracker.clone(), Arc::new(AtomicBool::new(false)));
 
-    folder::make_out(&args.out, &args.dir)?;
-    let folder = Folder::list(&args.dir)?;
+    folder::make_out(&args.out, &args.path)?;
+    let archive = is_archive(&args.path);
+    let archive = archive.then(|| Unpacked::new(&args.path, &args.out, &ReadLimits::default())).transpose()?;
+    let mut folder = match &archive {
+        Some(unpacked) => Folder::of_archive(&args.path, unpacked)?,
+        None if args.path.is_file() => Folder::of_file(&args.path)?,
+        None => Folder::list(&args.path)?,
+    };
+    pool.install(|| folder.unfold(args.scans.as_deref()))?;
     let given = args.poses.as_deref().map(read_poses).transpose()?;
     let poses = given.map(|file| folder.fit(args.scans.as_deref(), file)).transpose()?;
     let base = args.add_to.as_deref().map(read_base).transpose()?;
     let base = base.map(|file| folder.fit(None, file)).transpose()?;
     let names = folder.choose(args.scans.as_deref(), poses.as_ref(), base.as_ref())?;
+    let mut notes: Vec<String> = archive.iter().flat_map(Unpacked::notes).collect();
+    notes.extend(folder.unfolded().notes());
+    notes.extend(folder.depth().map(DepthFolder::note));
+    let is_told = poses.is_some() || base.is_some();
+    let (found, doubt) = if archive.is_some() && !is_told { pose_files::find(&folder, &names) } else { (None, None) };
+    notes.extend(doubt);
+    let (found, poses) = match found {
+        Some((name, file)) => {
+            notes.push(format!("the scans start from the poses in {name}"));
+            (Some(name), Some(file))
+        }
+        None => (None, poses),
+    };
     let pose_notes = poses.as_ref().map(PoseFile::notes).unwrap_or_default();
-    let not_read = if args.scans.is_none() && poses.is_none() { folder.not_read() } else { Vec::new() };
-    let unit = unit_of(&folder, args.unit)?;
-    let of_depth = folder.depth().map(DepthFolder::note);
-    of_depth.iter().chain(&pose_notes).chain(&not_read).for_each(|note| eprintln!("note: {note}"));
+    notes.extend(pose_notes.iter().cloned());
+    if args.scans.is_none() && args.poses.is_none() {
+        notes.extend(folder.not_read(found.as_deref()));
+    }
+    let mut of_files =
+        if poses.is_none() && base.is_none() { folder.unfolded().poses(&names) } else { BTreeMap::new() };
+    if !of_files.is_empty() {
+        notes.push(format!("{} scans start from the poses that their files give", of_files.len()));
+    }
+    check_depth_unit(&folder, args.unit)?;
+    notes.iter().for_each(|note| eprintln!("note: {note}"));
     let hints = args.hints.as_deref().map(read_hints).transpose()?.unwrap_or_default();
-    let (scans, dropped): (Vec<_>, Vec<_>) =
-        pool.install(|| read_scans(&folder, &names, &progress))?.into_iter().unzip();
-    let dropped: BTreeMap<String, Dropped> = names.iter().cloned().zip(dropped).collect();
+    let mut read = pool.install(|| read_scans(&folder, &names, &progress))?;
+    let declared: Vec<_> = names.iter().map(String::as_str).zip(read.iter().map(|reading| reading.unit)).collect();
+    // depth images are in metres whatever is said of them
+    let given = args.unit.filter(|_| folder.depth().is_none());
+    let Settled { unit, factors, notes } = units::settle(given, &declared);
+    notes.iter().for_each(|note| eprintln!("note: {note}"));
+    for ((name, reading), factor) in names.iter().zip(&mut read).zip(factors) {
+        units::scale(reading, factor);
+        if let Some(pose) = of_files.get_mut(name) {
+            pose.translation.vector *= factor;
+        }
+    }
+    let dropped: BTreeMap<String, Dropped> =
+        names.iter().cloned().zip(read.iter_mut().map(|reading| std::mem::take(&mut reading.dropped))).collect();
+    let named = |(name, reading): (&String, Reading)| NamedScan { name: name.clone(), surface: reading.surface };
+    let scans = names.iter().zip(read).map(named).collect();
     let start = Start {
         other_conventions: poses.as_ref().map(|file| file.other_conventions).unwrap_or_default(),
-        poses: poses.as_ref().map(PoseFile::to_map).unwrap_or_default(),
+        poses: poses.as_ref().map_or(of_files, PoseFile::to_map),
         scales: poses.map(|file| file.scales).unwrap_or_default(),
         base: base.map(|file| file.matrices).unwrap_or_default(),
         hints,
@@ -114,17 +162,18 @@ pub fn run(args: RegisterArgs) -> anyhow::Result<()> {
     summarise(&outcome, &args.out)
 }
 
-/// The unit of the scans: depth images are read in metres.
-fn unit_of(folder: &Folder, given: Unit) -> anyhow::Result<Unit> {
-    if folder.depth().is_none() {
-        return Ok(given);
+/// Whether a path is that of an archive to be unfolded.
+fn is_archive(path: &Path) -> bool {
+    path.is_file() && formats::archive::is_archive(&path.file_name().unwrap_or_default().to_string_lossy())
+}
+
+/// Depth images are read in metres.
+fn check_depth_unit(folder: &Folder, given: Option<Unit>) -> anyhow::Result<()> {
+    let other = given.filter(|unit| folder.depth().is_some() && !matches!(unit, Unit::M | Unit::Unknown));
+    match other {
+        Some(unit) => bail!("depth images are read in metres, not in {}: leave --unit out", unit.name()),
+        None => Ok(()),
     }
-    ensure!(
-        matches!(given, Unit::M | Unit::Unknown),
-        "depth images are read in metres, not in {}: leave --unit out",
-        given.name()
-    );
-    Ok(Unit::M)
 }
 
 fn read_poses(path: &Path) -> anyhow::Result<PoseFile> {
@@ -152,20 +201,21 @@ fn read_base(model: &Path) -> anyhow::Result<PoseFile> {
     Ok(file)
 }
 
-fn read_scans(folder: &Folder, names: &[String], progress: &Progress) -> anyhow::Result<Vec<(NamedScan, Dropped)>> {
+fn read_scans(folder: &Folder, names: &[String], progress: &Progress) -> anyhow::Result<Vec<Reading>> {
     use rayon::prelude::*;
     progress.report(Stage::Loading, 0.0);
-    let of_scans: Vec<anyhow::Result<(NamedScan, Dropped)>> = names
+    let of_scans: Vec<anyhow::Result<Reading>> = names
         .par_iter()
         .map(|name| {
-            let Reading { surface, dropped, .. } = folder.read(name)?;
+            let reading = folder.read(name)?;
+            let Reading { surface, dropped, .. } = &reading;
             if !dropped.is_empty() {
                 eprintln!("note: {name}: {dropped}");
             }
             if !surface.faces.is_empty() && surface.grid.is_none() {
                 eprintln!("note: {name} is a mesh; its vertices are taken as a scan");
             }
-            Ok((NamedScan { name: name.clone(), surface }, dropped))
+            Ok(reading)
         })
         .collect();
     // of several errors the first scan's, whichever thread met its own first
@@ -286,3 +336,6 @@ fn show(bar: &ProgressBar, tracker: &Tracker) {
     bar.set_position((snapshot.progress * 1000.0) as u64);
     bar.set_message(snapshot.stage.map_or("", Stage::name));
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,6 +1,6 @@
 //! Folders of depth images, as cameras and phones leave them.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail, ensure};
 
@@ -11,14 +11,14 @@ use crate::formats::{ReadLimits, Reading};
 const MOST_FRAMES: usize = 200;
 
 /// The depth images of a folder.
-pub struct DepthFolder<'a> {
-    path: &'a Path,
+pub struct DepthFolder {
+    path: PathBuf,
     layout: Layout,
 }
 
-impl<'a> DepthFolder<'a> {
+impl DepthFolder {
     /// Looks for depth images in a folder and the folders in it.
-    pub fn find(path: &'a Path) -> anyhow::Result<Option<Self>> {
+    pub fn find(path: &Path) -> anyhow::Result<Option<Self>> {
         let mut names = Vec::new();
         for entry in listed(path)? {
             let name = entry.file_name().to_string_lossy().into_owned();
@@ -36,7 +36,7 @@ impl<'a> DepthFolder<'a> {
             .collect();
         let folder = path.canonicalize().unwrap_or_else(|_| path.to_owned());
         let folder = folder.file_name().unwrap_or_default().to_string_lossy();
-        Ok(depth_image::layout(&folder, &names).map(|layout| DepthFolder { path, layout }))
+        Ok(depth_image::layout(&folder, &names).map(|layout| DepthFolder { path: path.to_owned(), layout }))
     }
 
     /// The images, in natural order.

@@ -1,11 +1,13 @@
 //! Which files of a folder are scans, and the folder for the results.
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail, ensure};
 
 use super::depth_folder::DepthFolder;
+use super::unfolded::Unfolded;
+use super::{textures, unpacked::Unpacked};
 use crate::formats::{self, FORMATS, Format, FormatError, ReadLimits, Reader, Reading, poses::PoseFile};
 
 /// Makes the folder for the results, and refuses one that can't be written or that holds the scans, before any work.
@@ -26,41 +28,107 @@ pub fn make_out(out: &Path, scans: &Path) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The files of a folder by name.
-pub struct Folder<'a> {
-    path: &'a Path,
-    /// Each name, and whether it is UTF-8 as it stands.
-    files: Vec<(String, bool)>,
-    /// The depth images, if there are no other scans; `files` are these, then.
-    depth: Option<DepthFolder<'a>>,
+/// A scan of a folder, or a file that is none.
+pub(super) struct Listed {
+    /// Its name, by which poses and reports speak of it.
+    pub name: String,
+    /// The file, from the folder on: the same unless it holds several scans.
+    pub file: String,
+    /// Whether the file's name is UTF-8 as it stands.
+    is_utf8: bool,
 }
 
-impl<'a> Folder<'a> {
+impl Listed {
+    fn file(name: String, is_utf8: bool) -> Self {
+        Listed { file: name.clone(), name, is_utf8 }
+    }
+}
+
+/// The scans and other files of a folder by name.
+pub struct Folder {
+    path: PathBuf,
+    /// What the user calls it.
+    shown: PathBuf,
+    files: Vec<Listed>,
+    /// The depth images, if there are no other scans; `files` are these, then.
+    depth: Option<DepthFolder>,
+    /// The scans of files that hold several.
+    unfolded: Unfolded,
+}
+
+impl Folder {
     /// Lists a folder.
-    pub fn list(path: &'a Path) -> anyhow::Result<Self> {
-        let entries = std::fs::read_dir(path).with_context(|| format!("reading the folder {}", path.display()))?;
+    pub fn list(path: &Path) -> anyhow::Result<Self> {
         let mut files = Vec::new();
-        for entry in entries {
-            let entry = entry.with_context(|| format!("reading the folder {}", path.display()))?;
-            if entry.path().is_file() {
-                let name = entry.file_name();
-                files.push((name.to_string_lossy().into_owned(), name.to_str().is_some()));
-            }
-        }
-        files.sort();
-        let mut folder = Folder { path, files, depth: None };
-        if folder.scans().next().is_none() {
-            folder.depth = DepthFolder::find(path)?;
+        list_into(path, "", false, &mut files)?;
+        Folder::of(path, path, files)
+    }
+
+    /// Lists what an archive held, in folders too.
+    pub fn of_archive(archive: &Path, unpacked: &Unpacked) -> anyhow::Result<Self> {
+        let mut files = Vec::new();
+        list_into(unpacked.folder(), "", true, &mut files)?;
+        Folder::of(unpacked.folder(), archive, files)
+    }
+
+    /// A file as the only one of its folder.
+    pub fn of_file(file: &Path) -> anyhow::Result<Self> {
+        let name = file.file_name().unwrap_or_default();
+        let listed = Listed::file(name.to_string_lossy().into_owned(), name.to_str().is_some());
+        formats::check_name(&listed.name)?;
+        let path = file.parent().unwrap_or(Path::new(""));
+        Ok(Folder {
+            path: path.to_owned(),
+            shown: path.to_owned(),
+            files: vec![listed],
+            depth: None,
+            unfolded: Unfolded::default(),
+        })
+    }
+
+    fn of(path: &Path, shown: &Path, mut files: Vec<Listed>) -> anyhow::Result<Self> {
+        files.sort_by(|a, b| a.name.cmp(&b.name));
+        let (path, shown) = (path.to_owned(), shown.to_owned());
+        let mut folder = Folder { path, shown, files, depth: None, unfolded: Unfolded::default() };
+        // the text files of a camera may be anything, too
+        if folder.scans().all(|listed| formats::is_common(&listed.file)) {
+            folder.depth = DepthFolder::find(&folder.path)?;
         }
         if let Some(depth) = &folder.depth {
-            folder.files =
-                depth.names().map(|name| (name.to_owned(), !name.contains(char::REPLACEMENT_CHARACTER))).collect();
+            let file = |name: &str| Listed::file(name.to_owned(), !name.contains(char::REPLACEMENT_CHARACTER));
+            folder.files = depth.names().map(file).collect();
         }
         Ok(folder)
     }
 
+    /// Unfolds the files that hold several scans, so far as they may be wanted.
+    pub fn unfold(&mut self, glob: Option<&str>) -> anyhow::Result<()> {
+        if self.depth.is_some() {
+            return Ok(());
+        }
+        let files = |listed: Vec<&Listed>| listed.into_iter().map(|listed| listed.file.clone()).collect::<Vec<_>>();
+        let chosen = glob.map(|glob| self.matching(glob)).transpose()?.map(files).unwrap_or_default();
+        // a glob that fits no file may fit a scan in one
+        let files = if chosen.is_empty() { files(self.scans().collect()) } else { chosen };
+        let others: Vec<&str> = self.files.iter().map(|listed| listed.file.as_str()).collect();
+        self.unfolded = Unfolded::read(&self.path, &files, &others);
+        let scans = self.unfolded.names().map(|(name, file)| {
+            let (name, file) = (name.to_owned(), file.to_owned());
+            Listed { name, file, is_utf8: true }
+        });
+        let scans: Vec<Listed> = scans.collect();
+        self.files.retain(|listed| !scans.iter().any(|scan| scan.file == listed.file));
+        self.files.extend(scans);
+        Ok(())
+    }
+
+    /// The scans of files that hold several.
+    pub fn unfolded(&self) -> &Unfolded {
+        &self.unfolded
+    }
+
     /// The depth images of the folder, if they are what it holds.
-    pub fn depth(&self) -> Option<&DepthFolder<'a>> {
+    pub fn depth(&self) -> Option<&DepthFolder> {
         self.depth.as_ref()
     }
 
@@ -69,29 +137,48 @@ impl<'a> Folder<'a> {
         if let Some(depth) = &self.depth {
             return depth.read(name);
         }
+        if let Some(reading) = self.unfolded.take(name) {
+            return Ok(reading);
+        }
         let path = self.path.join(name);
         let bytes = std::fs::read(&path).with_context(|| format!("reading {}", path.display()))?;
-        formats::read(name, &bytes, &ReadLimits::default()).with_context(|| format!("reading {}", path.display()))
+        let limits = ReadLimits::default();
+        textures::read(&self.path, name, &bytes, &limits).with_context(|| format!("reading {}", self.shown(name)))
+    }
+
+    /// A file of the folder as the user finds it.
+    fn shown(&self, name: &str) -> String {
+        self.shown.join(name).display().to_string()
+    }
+
+    /// The files that may be scans, and the scans in them: hidden ones are none, such as the `._scan.ply` that a Mac leaves
+    /// beside a scan. Files that may be anything (`.csv`) are scans where there is nothing better.
+    fn scans(&self) -> impl Iterator<Item = &Listed> {
+        let is_depth = self.depth.is_some();
+        let may_be = move |listed: &&Listed| {
+            is_depth || formats::check_name(&listed.file).is_ok() && !listed.file.starts_with('.')
+        };
+        let has_sure = self.files.iter().filter(may_be).any(|listed| is_depth || !formats::is_common(&listed.file));
+        self.files.iter().filter(may_be).filter(move |listed| !has_sure || !formats::is_common(&listed.file))
     }
 
     fn names(&self) -> impl Iterator<Item = &str> {
-        self.files.iter().map(|(name, _)| name.as_str())
+        self.files.iter().map(|listed| listed.name.as_str())
     }
 
-    /// The files that may be scans: hidden ones are none, such as the `._scan.ply` that a Mac leaves beside a scan.
-    /// Files that may be anything (`.csv`) are scans where there is nothing better.
-    fn scans(&self) -> impl Iterator<Item = &str> {
-        let may_be = |name: &&str| self.depth.is_some() || formats::check_name(name).is_ok() && !name.starts_with('.');
-        let has_sure = self.names().filter(may_be).any(|name| self.depth.is_some() || !formats::is_common(name));
-        self.names().filter(may_be).filter(move |name| !has_sure || !formats::is_common(name))
+    /// The files that are no scans, and where they are.
+    pub fn other_files(&self) -> impl Iterator<Item = (&str, PathBuf)> {
+        let scans: Vec<&str> = self.scans().map(|listed| listed.file.as_str()).collect();
+        let others = self.files.iter().filter(move |listed| !scans.contains(&listed.file.as_str()));
+        others.map(|listed| (listed.file.as_str(), self.path.join(&listed.file)))
     }
 
     /// Names the poses of a file as the scans are named, which are those that `glob` chooses, if it is given.
     pub fn fit(&self, glob: Option<&str>, poses: PoseFile) -> anyhow::Result<PoseFile> {
         let chosen = glob.map(|glob| self.matching(glob)).transpose()?;
         let scans = match &chosen {
-            Some(chosen) => chosen.iter().map(String::as_str).collect(),
-            None => self.scans().collect::<Vec<_>>(),
+            Some(chosen) => chosen.iter().map(|listed| listed.name.as_str()).collect(),
+            None => self.scans().map(|listed| listed.name.as_str()).collect::<Vec<_>>(),
         };
         Ok(poses.named_as(&scans)?)
     }
@@ -105,11 +192,11 @@ impl<'a> Folder<'a> {
         base: Option<&PoseFile>,
     ) -> anyhow::Result<Vec<String>> {
         let mut names: Vec<String> = match (glob, poses) {
-            (Some(glob), _) => self.matching(glob)?,
+            (Some(glob), _) => self.matching(glob)?.into_iter().map(|listed| listed.name.clone()).collect(),
             (None, Some(poses)) => self.posed(poses, base)?,
             (None, None) => {
                 self.depth.as_ref().map_or(Ok(()), DepthFolder::check_count)?;
-                self.scans().map(str::to_owned).collect()
+                self.scans().map(|listed| listed.name.clone()).collect()
             }
         };
         let place_in = |file: Option<&PoseFile>, name: &String| {
@@ -120,8 +207,8 @@ impl<'a> Folder<'a> {
         if names.is_empty() {
             bail!("{}", self.without_scans(glob));
         }
-        if let Some((name, _)) = self.files.iter().find(|(name, is_utf8)| !is_utf8 && names.contains(name)) {
-            bail!("the name of {name} in {} is no UTF-8: rename the file", self.path.display());
+        if let Some(Listed { name, .. }) = self.files.iter().find(|file| !file.is_utf8 && names.contains(&file.name)) {
+            bail!("the name of {name} in {} is no UTF-8: rename the file", self.shown.display());
         }
         if let Some(named) = poses.and_then(|poses| poses.poses.first()) {
             let fits = |name: &String| place_in(poses, name) < usize::MAX;
@@ -135,11 +222,12 @@ impl<'a> Folder<'a> {
         Ok(names)
     }
 
-    fn matching(&self, glob: &str) -> anyhow::Result<Vec<String>> {
+    /// What a glob fits: by its own name, or by that of the file that holds it.
+    fn matching(&self, glob: &str) -> anyhow::Result<Vec<&Listed>> {
         let matcher = globset::Glob::new(glob).context("--scans")?.compile_matcher();
         // a name fits itself, whatever its signs mean in a glob
-        let fits = |name: &&str| *name == glob || (matcher.is_match(name) && !name.starts_with('.'));
-        Ok(self.names().filter(fits).map(str::to_owned).collect())
+        let fits = |name: &str| name == glob || (matcher.is_match(name) && !name.starts_with('.'));
+        Ok(self.files.iter().filter(|listed| fits(&listed.name) || fits(&listed.file)).collect())
     }
 
     fn posed(&self, poses: &PoseFile, base: Option<&PoseFile>) -> anyhow::Result<Vec<String>> {
@@ -148,7 +236,7 @@ impl<'a> Folder<'a> {
         ensure!(
             missing.is_empty(),
             "the pose file names scans that are not in {}: {}",
-            self.path.display(),
+            self.shown.display(),
             missing.join(", ")
         );
         let posed = || poses.poses.iter().chain(base.iter().flat_map(|base| &base.poses));
@@ -156,33 +244,41 @@ impl<'a> Folder<'a> {
     }
 
     fn without_scans(&self, glob: Option<&str>) -> String {
-        let path = self.path.display();
+        let path = self.shown.display();
         match glob {
             Some(glob) => format!("no file in {path} fits --scans '{glob}' (in it * ? [...] {{...}} stand for others)"),
             None => {
                 let packed = |name: &&str| matches!(formats::check_name(name), Err(FormatError::Packed { .. }));
                 let packed = self.names().filter(packed).count();
-                let packed =
-                    if packed > 0 { format!("; {packed} files are packed: unpack them") } else { String::new() };
+                let packed = if packed > 0 {
+                    format!("; {packed} files are packed: unpack them{}", self.archive_in_words())
+                } else {
+                    String::new()
+                };
                 format!("no scans in {path} (read are: {}{packed})", formats::surface_endings().join(", "))
             }
         }
     }
 
-    /// What is not read of the folder when its scans are not chosen, in words: other formats, and poses.
-    pub fn not_read(&self) -> Vec<String> {
+    /// An archive of the folder could be given itself.
+    fn archive_in_words(&self) -> String {
+        let archive = self.names().find(|name| formats::archive::is_archive(name));
+        archive.map_or_else(String::new, |name| format!(", or give {name} itself"))
+    }
+
+    /// What is not read of the folder when its scans are not chosen, in words: other formats, and poses, but for the pose
+    /// file that is used.
+    pub fn not_read(&self, used: Option<&str>) -> Vec<String> {
         if self.depth.is_some() {
             return Vec::new();
         }
-        let is_pose_file = |name: &str| is_pose_file(name);
         let mut endings: BTreeMap<String, usize> = BTreeMap::new();
-        let others = self.names().filter(|name| !name.starts_with('.') && name.contains('.') && !is_pose_file(name));
-        let scans: Vec<&str> = self.scans().collect();
-        for name in others.filter(|name| !scans.contains(name)) {
+        let others: Vec<&str> = self.other_files().map(|(name, _)| name).filter(|name| Some(*name) != used).collect();
+        for name in others.iter().filter(|name| !name.starts_with('.') && name.contains('.') && !is_pose_file(name)) {
             *endings.entry(formats::extension(name)).or_default() += 1;
         }
         let mut notes = Vec::new();
-        if let Some(poses) = self.names().find(|name| is_pose_file(name)) {
+        if let Some(poses) = others.iter().find(|name| used.is_none() && is_pose_file(name)) {
             notes.push(format!("{poses} is not used; give it with --poses if the scans are to start from it"));
         }
         let count: usize = endings.values().sum();
@@ -192,6 +288,22 @@ impl<'a> Folder<'a> {
         }
         notes
     }
+}
+
+/// Lists the files of a folder by their paths from it, and those of the folders in it.
+fn list_into(path: &Path, prefix: &str, with_folders: bool, files: &mut Vec<Listed>) -> anyhow::Result<()> {
+    let entries = std::fs::read_dir(path).with_context(|| format!("reading the folder {}", path.display()))?;
+    for entry in entries {
+        let entry = entry.with_context(|| format!("reading the folder {}", path.display()))?;
+        let name = entry.file_name();
+        let shown = format!("{prefix}{}", name.to_string_lossy());
+        if entry.path().is_file() {
+            files.push(Listed::file(shown, name.to_str().is_some()));
+        } else if with_folders && entry.path().is_dir() {
+            list_into(&entry.path(), &format!("{shown}/"), with_folders, files)?;
+        }
+    }
+    Ok(())
 }
 
 /// Whether a file can't be anything but poses, by its ending. JSON may be anything.
@@ -240,7 +352,7 @@ mod tests {
         let list = Folder::list(folder.path()).expect("listed");
         assert_eq!(list.choose(None, None, None).expect("two scans"), ["a9.PCD", "a10.ply"]);
         assert_eq!(list.choose(Some("*"), None, None).expect("a glob").len(), 6, "all but the hidden ones");
-        assert_eq!(list.not_read(), ["3 files are not read (csv, doc, jpg)"]);
+        assert_eq!(list.not_read(None), ["3 files are not read (csv, doc, jpg)"]);
     }
 
     #[test]
@@ -257,7 +369,7 @@ mod tests {
         let list = |names: &[&str]| Folder::list(folder(names).path()).expect("listed").choose(None, None, None);
         assert_eq!(list(&["a.ply.gz", "b.PLY.GZ", "c.ply"]).expect("three"), ["a.ply.gz", "b.PLY.GZ", "c.ply"]);
         let error = list(&["a.zip", "b.ply.xz"]).expect_err("none").to_string();
-        assert!(error.ends_with("; 2 files are packed: unpack them)"), "{error}");
+        assert!(error.ends_with("; 2 files are packed: unpack them, or give a.zip itself)"), "{error}");
         assert!(error.contains(&format!("(read are: {};", formats::surface_endings().join(", "))), "{error}");
     }
 

@@ -87,27 +87,69 @@ pub fn is_archive(name: &str) -> bool {
 /// [`FormatError::Truncated`] and [`FormatError::Malformed`] for one that is damaged, encrypted or without files, or that
 /// names two files alike.
 pub fn entries(name: &str, bytes: &[u8], limits: &ArchiveLimits) -> Result<Contents, FormatError> {
+    let mut entries = Vec::new();
+    let passed_over = each(name, bytes, limits, |entry| {
+        entries.push(entry);
+        Ok::<(), FormatError>(())
+    })?;
+    Ok(Contents { entries, passed_over })
+}
+
+/// Hands the files of an archive to `take` one by one, so that no more than one is in memory; gives what was passed over,
+/// with why. What was taken before an error is to be thrown away.
+///
+/// # Errors
+/// Those of [`entries`], and what `take` gives, which ends it.
+pub fn each<E: From<FormatError>>(
+    name: &str,
+    bytes: &[u8],
+    limits: &ArchiveLimits,
+    mut take: impl FnMut(Entry) -> Result<(), E>,
+) -> Result<Vec<(String, &'static str)>, E> {
+    let mut not_taken = None;
+    let mut keep = |entry: Entry| match take(entry) {
+        Ok(()) => Ok(()),
+        Err(error) => {
+            not_taken = Some(error);
+            Err(FormatError::malformed("archive", "a file of it can't be kept", "see why"))
+        }
+    };
+    let passed_over = unfold(name, bytes, limits, &mut keep);
+    match not_taken {
+        Some(error) => Err(error),
+        None => Ok(passed_over?),
+    }
+}
+
+fn unfold(
+    name: &str,
+    bytes: &[u8],
+    limits: &ArchiveLimits,
+    keep: Keep,
+) -> Result<Vec<(String, &'static str)>, FormatError> {
     let collected = match kind_of(name) {
-        Some(Kind::Zip) => zipped::read(bytes, Collector::new(bytes, limits))?,
-        Some(Kind::Tar) => tarred::read(bytes, Collector::new(bytes, limits))?,
+        Some(Kind::Zip) => zipped::read(bytes, Collector::new(bytes, limits, keep))?,
+        Some(Kind::Tar) => tarred::read(bytes, Collector::new(bytes, limits, keep))?,
         Some(Kind::TarGz) => {
             let most = limits.max_total_bytes.min(most_from(bytes));
             let unpacked = packed::unpack(bytes, most.saturating_add(tarred::overhead(limits)))?;
-            tarred::read(&unpacked, Collector::new(bytes, limits))?
+            tarred::read(&unpacked, Collector::new(bytes, limits, keep))?
         }
         None => {
             let problem = format!("{} is no archive that can be unfolded", quote(name.as_bytes()));
             return Err(FormatError::malformed("name", problem, "send a .zip, .tar, .tar.gz or .tgz file"));
         }
     };
-    let contents = collected.contents;
-    if contents.entries.is_empty() {
-        let why = contents.passed_over.first().map(|(path, why)| format!(": {} {why}", quote(path.as_bytes())));
+    if collected.kept == 0 {
+        let why = collected.passed_over.first().map(|(path, why)| format!(": {} {why}", quote(path.as_bytes())));
         let problem = format!("there are no files in the archive{}", why.unwrap_or_default());
         return Err(FormatError::malformed("the whole archive", problem, "pack the scans themselves"));
     }
-    Ok(contents)
+    Ok(collected.passed_over)
 }
+
+/// Takes a file that was unpacked.
+type Keep<'k> = &'k mut dyn FnMut(Entry) -> Result<(), FormatError>;
 
 /// Bytes that may be made of an archive at most: scans don't pack better, bombs do. Small ones may always unpack.
 fn most_from(archive: &[u8]) -> u64 {
@@ -119,7 +161,10 @@ fn most_from(archive: &[u8]) -> u64 {
 /// Takes the files of an archive one by one, within the limits.
 struct Collector<'a> {
     limits: &'a ArchiveLimits,
-    contents: Contents,
+    keep: Keep<'a>,
+    /// Files that were taken.
+    kept: u64,
+    passed_over: Vec<(String, &'static str)>,
     /// The paths so far, with those that differ in case only counted as one: many disks can't hold both.
     paths: BTreeSet<String>,
     entries: u64,
@@ -129,9 +174,18 @@ struct Collector<'a> {
 }
 
 impl<'a> Collector<'a> {
-    fn new(archive: &[u8], limits: &'a ArchiveLimits) -> Self {
+    fn new(archive: &[u8], limits: &'a ArchiveLimits, keep: Keep<'a>) -> Self {
         let total = limits.max_total_bytes.min(most_from(archive));
-        Collector { limits, contents: Contents::default(), paths: BTreeSet::new(), entries: 0, left: total, total }
+        Collector {
+            limits,
+            keep,
+            kept: 0,
+            passed_over: Vec::new(),
+            paths: BTreeSet::new(),
+            entries: 0,
+            left: total,
+            total,
+        }
     }
 
     /// Counts an entry of whatever kind.
@@ -144,7 +198,7 @@ impl<'a> Collector<'a> {
     fn pass_over(&mut self, path: &str, why: &'static str) {
         // names come from outside: not longer than a path is
         const MOST: usize = 1 << 10;
-        self.contents.passed_over.push((path.chars().take(MOST).collect(), why));
+        self.passed_over.push((path.chars().take(MOST).collect(), why));
     }
 
     /// The path under which a file is kept; one that is not is listed.
@@ -180,8 +234,8 @@ impl<'a> Collector<'a> {
             FormatError::malformed("archive", problem, "pack or upload it again")
         })?;
         self.left -= bytes.len() as u64;
-        self.contents.entries.push(Entry { path, bytes });
-        Ok(())
+        self.kept += 1;
+        (self.keep)(Entry { path, bytes })
     }
 
     fn check_size(&self, size: u64) -> Result<(), FormatError> {

@@ -1,0 +1,87 @@
+//! From a file to a registered model in one command.
+
+use std::path::Path;
+
+use clap::Parser;
+
+use super::unpacked::testing::zip;
+use super::*;
+use crate::formats::e57::{WrittenScan, write_scans};
+use crate::formats::{ply, poses};
+use crate::geometry::{Motion, Surface};
+use crate::synthetic::objects;
+use crate::synthetic::scanner::{ScanSet, Scanner};
+use crate::synthetic::truth::disturb;
+
+#[derive(Debug, Parser)]
+struct Line {
+    #[command(flatten)]
+    args: RegisterArgs,
+}
+
+/// Registers `bytes` as a file of this name; gives the scans with a pose, and the report.
+fn register(name: &str, bytes: &[u8], more: &[&str]) -> (Vec<String>, String) {
+    let place = tempfile::tempdir().expect("a temporary folder");
+    let (file, out) = (place.path().join(name), place.path().join("out"));
+    std::fs::write(&file, bytes).expect("written");
+    let paths = [Path::new("visage"), &file, Path::new("--out"), &out].map(|path| path.to_str().expect("UTF-8"));
+    let line = Line::parse_from([&paths, more].concat());
+    run(line.args).expect("registered");
+    let read = |asset: Asset| std::fs::read(out.join(&*asset.name())).expect("there");
+    let placed = poses::read("poses.json", &read(Asset::Poses)).expect("sound").poses;
+    let is_hidden = |entry: std::io::Result<std::fs::DirEntry>| {
+        entry.expect("listed").file_name().to_string_lossy().starts_with('.')
+    };
+    assert!(!std::fs::read_dir(&out).expect("a folder").any(is_hidden), "what was unpacked is gone");
+    let report = String::from_utf8(read(Asset::Report)).expect("UTF-8");
+    (placed.into_iter().map(|(name, _)| name).collect(), report)
+}
+
+/// Scans of a blob side by side, and poses near the true ones.
+fn scans() -> (Vec<Surface>, Vec<Motion>) {
+    let scanner = Scanner { views: 8, distance: 600.0, resolution: 2.5, noise: 0.15, grazing_angle: 75.0 };
+    let ScanSet { mut scans, poses } = scanner.scan_set(&objects::blob(1, 20_000).mesh, 1);
+    scans.truncate(3);
+    (scans, disturb(&poses[..3], 0.02, 2.0, 1))
+}
+
+const QUICK: &[&str] = &["--no-cloud", "--no-signature", "--threads", "2"];
+
+#[test]
+fn a_zip_of_scans_is_registered_from_the_poses_in_it() {
+    let (scans, near) = scans();
+    let names = ["s0.ply", "s1.ply", "s2.ply"];
+    let posed: Vec<(String, Option<Motion>)> =
+        names.map(str::to_owned).into_iter().zip(near.into_iter().map(Some)).collect();
+    let poses = poses::write_json(&posed);
+    let files: Vec<Vec<u8>> = scans.iter().map(|scan| ply::write_cloud(&scan.cloud, None)).collect();
+    let bytes = zip(&[
+        ("set/scans/s0.ply", &files[0]),
+        ("set/scans/s1.ply", &files[1]),
+        ("set/scans/s2.ply", &files[2]),
+        ("set/rough.json", poses.as_bytes()),
+        ("set/readme.md", b"three scans"),
+        ("__MACOSX/set/scans/._s0.ply", b"no scan"),
+    ]);
+    let (placed, report) = register("set.zip", &bytes, QUICK);
+    assert_eq!(placed, ["scans/s0.ply", "scans/s1.ply", "scans/s2.ply"]);
+    assert!(report.contains("\"given\"") && !report.contains("\"found\""), "{report}");
+}
+
+#[test]
+fn the_scans_of_an_e57_file_are_registered_from_its_poses_in_its_unit() {
+    let (scans, near) = scans();
+    let written = scans.iter().zip(&near).take(2).zip(["front", "a/b"]);
+    let written = written.map(|((scan, pose), name)| WrittenScan {
+        name,
+        cloud: &scan.cloud,
+        grid: None,
+        world_from_scan: Some(pose),
+    });
+    let bytes = write_scans(&written.collect::<Vec<_>>());
+    let (mut placed, report) = register("room.e57", &bytes, QUICK);
+    placed.sort();
+    assert_eq!(placed, ["front", "room.e57#1"]);
+    assert!(report.contains("\"given\"") && !report.contains("\"found\""), "{report}");
+    assert!(report.contains("\"unit\": \"m\""), "{report}");
+}
