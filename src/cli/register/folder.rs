@@ -151,8 +151,8 @@ impl Folder {
         self.shown.join(name).display().to_string()
     }
 
-    /// The files that may be scans, and the scans in them: hidden ones are none, such as the `._scan.ply` that a Mac leaves
-    /// beside a scan. Files that may be anything (`.csv`) are scans where there is nothing better.
+    /// The files that may be scans, and the scans in them: hidden ones are none, such as the `._scan.ply` that a Mac
+    /// leaves beside a scan. Files that may be anything (`.csv`) are scans where there is nothing better.
     fn scans(&self) -> impl Iterator<Item = &Listed> {
         let is_depth = self.depth.is_some();
         let may_be = move |listed: &&Listed| {
@@ -266,8 +266,8 @@ impl Folder {
         archive.map_or_else(String::new, |name| format!(", or give {name} itself"))
     }
 
-    /// What is not read of the folder when its scans are not chosen, in words: other formats, and poses, but for the pose
-    /// file that is used.
+    /// What is not read of the folder when its scans are not chosen, in words: other formats, and poses, but for the
+    /// pose file that is used.
     pub fn not_read(&self, used: Option<&str>) -> Vec<String> {
         if self.depth.is_some() {
             return Vec::new();

@@ -11,6 +11,9 @@ const ENDINGS: &[&str] = &["mtl", "png", "jpg", "jpeg"];
 /// Folders in folders that are searched for them.
 const DEPTH: usize = 2;
 
+/// A file, and its content once that was asked for.
+type Lazy = (PathBuf, OnceCell<Option<Vec<u8>>>);
+
 /// Reads a scan, `name` from `folder`; an OBJ file with its materials and pictures.
 pub fn read(folder: &Path, name: &str, bytes: &[u8], limits: &ReadLimits) -> Result<Reading, FormatError> {
     if formats::check_name(name)? != &obj::FORMAT {
@@ -26,14 +29,14 @@ pub fn read(folder: &Path, name: &str, bytes: &[u8], limits: &ReadLimits) -> Res
         is_sound.then(|| std::fs::read(file).ok()).flatten()
     };
     let resolve = |path: &str| {
-        let (file, read): &(PathBuf, OnceCell<Option<Vec<u8>>>) = files.get(path)?;
+        let (file, read): &Lazy = files.get(path)?;
         read.get_or_init(|| content(file)).as_deref()
     };
     obj_textures::read(&bytes, limits, &resolve)
 }
 
 /// Lists the files that may be needed by their paths from the OBJ file. A folder that can't be listed has none.
-fn list(path: &Path, prefix: &str, depth: usize, files: &mut BTreeMap<String, (PathBuf, OnceCell<Option<Vec<u8>>>)>) {
+fn list(path: &Path, prefix: &str, depth: usize, files: &mut BTreeMap<String, Lazy>) {
     for entry in std::fs::read_dir(path).into_iter().flatten().flatten() {
         let name = format!("{prefix}{}", entry.file_name().to_string_lossy());
         let Ok(kind) = entry.file_type() else { continue };

@@ -24,8 +24,8 @@ pub struct Unfolded {
 }
 
 impl Unfolded {
-    /// Reads those of `files` that may hold several scans. One that can't be read is left: whoever wants it will see why.
-    /// No scan gets the name of one of `others`.
+    /// Reads those of `files` that may hold several scans. One that can't be read is left: whoever wants it will see
+    /// why. No scan gets the name of one of `others`.
     pub fn read(folder: &Path, files: &[String], others: &[&str]) -> Self {
         let read: Vec<(&String, Vec<ScanReading>)> = files
             .par_iter()

