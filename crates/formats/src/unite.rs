@@ -1,8 +1,8 @@
 //! Several scans of a file as one surface.
 
 use super::reading::{Dropped, Reading, ScanReading};
-use super::{FormatError, ReadLimits};
-use visage_geometry::{Cloud, Surface};
+use super::{FormatError, ReadLimits, checked_coordinate};
+use visage_geometry::{Cloud, Point3, Surface};
 
 /// The scans of one file as one surface, each moved to where the file says that it is. Grids and places of scanners
 /// belong to single scans: those of several are left out.
@@ -17,17 +17,19 @@ pub(super) fn unite(scans: Vec<ScanReading>, limits: &ReadLimits) -> Result<Read
         }
     }
     let mut scans = scans.into_iter().map(placed);
-    let Some((_, first)) = scans.next() else {
+    let Some(first) = scans.next() else {
         let problem = "there are no scans in it";
         return Err(FormatError::malformed("the whole file", problem, "send a file with points"));
     };
+    let (_, first) = first?;
     if count == 1 {
         return Ok(first);
     }
     let mut united =
         Reading { surface: Surface::default(), ..Reading { dropped: Dropped::default(), ..first.clone() } };
     let mut had_grid = false;
-    for (index, (name, reading)) in std::iter::once((None, first)).chain(scans).enumerate() {
+    for (index, placed) in std::iter::once(Ok((None, first))).chain(scans).enumerate() {
+        let (name, reading) = placed?;
         let name = name.unwrap_or_else(|| format!("scan {}", index + 1));
         let Reading { surface, dropped, unit } = reading;
         if unit != united.unit {
@@ -45,12 +47,21 @@ pub(super) fn unite(scans: Vec<ScanReading>, limits: &ReadLimits) -> Result<Read
 }
 
 /// A scan in the frame that the file's scans share.
-fn placed(scan: ScanReading) -> (Option<String>, Reading) {
+///
+/// # Errors
+/// [`FormatError::Malformed`] if its pose takes it beyond what counts as a coordinate.
+fn placed(scan: ScanReading) -> Result<(Option<String>, Reading), FormatError> {
     let ScanReading { name, mut reading, world_from_scan } = scan;
     if let Some(motion) = world_from_scan {
         reading.surface = reading.surface.moved(&motion);
+        let is_far = |point: &Point3| point.iter().any(|x| checked_coordinate(*x).is_err());
+        if reading.surface.cloud.points.iter().any(is_far) {
+            let place = name.unwrap_or_else(|| "a scan".to_owned());
+            let remedy = "export the scans with coordinates near the origin";
+            return Err(FormatError::malformed(place, "its pose takes points too far from the origin", remedy));
+        }
     }
-    (name, reading)
+    Ok((name, reading))
 }
 
 /// Takes the points and triangles of another surface. Points without an attribute that others have are without a sound
@@ -122,6 +133,14 @@ mod tests {
     fn one_scan_stays_what_it_is_but_for_its_place() {
         let one = unite(vec![scan(1.0, None)], &ReadLimits::default()).expect("one").surface;
         assert_eq!((one.cloud.points[0], one.sensor), (Point3::new(1.0, 0.0, 1.0), Some(Point3::new(0.0, 0.0, 1.0))));
+    }
+
+    #[test]
+    fn a_pose_that_takes_points_beyond_all_coordinates_is_refused() {
+        let mut far = scan(1.0, None);
+        far.world_from_scan = Some(Motion::translation(visage_geometry::MAX_COORDINATE, 0.0, 0.0));
+        let error = unite(vec![scan(1.0, None), far], &ReadLimits::default()).expect_err("too far").to_string();
+        assert!(error.contains("too far from the origin"), "{error}");
     }
 
     #[test]

@@ -28,7 +28,7 @@ fn register(name: &str, bytes: &[u8], more: &[&str]) -> (Vec<String>, String) {
     let line = Line::parse_from([&paths, more].concat());
     run(line.args).expect("registered");
     let read = |asset: Asset| std::fs::read(out.join(&*asset.name())).expect("there");
-    let placed = poses::read("poses.json", &read(Asset::Poses)).expect("sound").poses;
+    let placed = poses::read(&Asset::Poses.name(), &read(Asset::Poses)).expect("sound").poses;
     let is_hidden = |entry: std::io::Result<std::fs::DirEntry>| {
         entry.expect("listed").file_name().to_string_lossy().starts_with('.')
     };
