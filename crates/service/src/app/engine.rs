@@ -8,7 +8,7 @@ use visage_shape::faces::{self, DescribeError, Signature};
 
 /// What the service asks of the algorithms. Calls block, run inside a rayon pool, and may panic: the caller copes.
 pub trait Engine: Send + Sync + 'static {
-    /// Registers scans from where they start; see [`pipeline::run_from`].
+    /// Registers scans from where they start; see [`visage_pipeline::run_from`].
     fn register(
         &self,
         scans: Vec<NamedScan>,
