@@ -294,6 +294,9 @@ def before_call(context, case, kwargs):
         elif operation in ("putScan", "deleteScan"):
             # there the name of a scan set is taken for that of a scan
             case.path_parameters["name"] = "north.obj"
+    if operation == "putScan" and is_valid(ParameterLocation.PATH):
+        # what is sent has to be of the format that its name says
+        case.path_parameters["name"] = surfaces.made(case.path_parameters["name"])
     if operation in QUERY_RULES and is_valid(ParameterLocation.QUERY):
         QUERY_RULES[operation](case.query)
     if is_valid(ParameterLocation.HEADER) and "Idempotency-Key" in case.headers:

@@ -1,5 +1,6 @@
 """Small surfaces made by code."""
 
+import gzip
 import math
 
 ROWS, COLUMNS = 48, 64
@@ -50,10 +51,26 @@ def facets(ball):
     return ("\n".join(lines + ["endsolid ball"]) + "\n").encode()
 
 
+PLAIN = ("xyz", "asc", "csv", "txt")
+
+
+def made(name):
+    """The name with an ending that `content` can make: OBJ stands for the formats that it can't."""
+    is_packed = name.lower().endswith(".gz")
+    stem, packed = (name[:-3], name[-3:]) if is_packed else (name, "")
+    ending = stem.rsplit(".", 1)[1]
+    if ending.lower() in ("obj", "ply", "pcd", "stl", *PLAIN):
+        return name
+    return stem[: -len(ending)] + "obj" + packed
+
+
 def content(name):
     """The vertices of the ball in the format that the ending of a file name asks for."""
+    if name.lower().endswith(".gz"):
+        return gzip.compress(content(name[:-3]))
     ball = knobbed_ball()
-    if name.lower().endswith(".stl"):
+    ending = name.rsplit(".", 1)[1].lower()
+    if ending == "stl":
         return facets(ball)
     points = [line[2:] for line in ball.decode().splitlines() if line.startswith("v ")]
     heads = {
@@ -63,6 +80,7 @@ def content(name):
         + ["end_header"],
         "pcd": ["FIELDS x y z", "SIZE 4 4 4", "TYPE F F F", "COUNT 1 1 1", f"WIDTH {len(points)}", "HEIGHT 1"]
         + [f"POINTS {len(points)}", "DATA ascii"],
+        **{plain: [] for plain in PLAIN},
     }
-    head = heads[name.rsplit(".", 1)[1].lower()]
+    head = heads[ending]
     return ball if head is None else ("\n".join(head + points) + "\n").encode()
