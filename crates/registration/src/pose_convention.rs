@@ -101,7 +101,7 @@ fn touching(placed: &[Placed], spacing: f64, progress: &Progress) -> Result<f64,
     Ok(touched as f64 / all.max(1) as f64)
 }
 
-/// How often a point of view `i` lies within one of the reaches of another view, and how often it might.
+/// For the sampled points of view `i` and each of the reaches: how many lie within it of another view, and how many there are.
 fn touched(placed: &[Placed], i: usize, samples: usize, reaches: &[f32]) -> [usize; 2] {
     let reach = reaches.last().copied().unwrap_or(0.0);
     let of = &placed[i];
