@@ -3,7 +3,7 @@
 //! `cargo run --release --example scanners -- measure SEED... > ROWS` scans every scene by every sensor for each seed, runs the
 //! whole pipeline without poses, and writes a row for each view and one for each set; `... -- summary ROWS...` prints the tables by
 //! sensor and by scene; `... -- export SEED FOLDER [NAME...]` writes the sets, or those whose names contain NAME, as folders of
-//! PLY files with their true poses in `gt.json`.
+//! PLY files with their true poses in `gt.json`. `measure` takes `SENSOR_SCENE_SEED` instead of a seed for a single set.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -31,13 +31,26 @@ const ENOUGH: f64 = 0.4;
 fn main() -> anyhow::Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    #[cfg(feature = "vary")]
+    if let Ok(varied) = std::env::var("VISAGE_VARY") {
+        let (name, factor) = varied.split_once('=').ok_or_else(|| anyhow::anyhow!("VISAGE_VARY is NAME=FACTOR"))?;
+        visage::geometry::tuning::vary(name, factor.parse()?);
+    }
     match words[..] {
         ["measure", ref seeds @ ..] => {
-            let seeds: Vec<u64> = seeds.iter().map(|seed| seed.parse()).collect::<Result<_, _>>()?;
             println!("{HEADER}");
-            for (sensor, scene, seed) in seeds.iter().flat_map(|seed| all().map(move |(a, b)| (a, b, *seed))) {
-                print!("{}", measure(sensor, scene, seed)?);
+            for wanted in seeds {
+                let (name, seed) = wanted.rsplit_once('_').map_or((None, *wanted), |(name, seed)| (Some(name), seed));
+                let seed: u64 = seed.parse()?;
+                let is_wanted = |(sensor, scene): &(SensorKind, SceneKind)| {
+                    name.is_none_or(|name| format!("{}_{}", sensor.name(), scene.name()) == name)
+                };
+                for (sensor, scene) in all().filter(is_wanted) {
+                    print!("{}", measure(sensor, scene, seed)?);
+                }
             }
+            #[cfg(feature = "vary")]
+            visage::geometry::tuning::used().iter().for_each(|name| println!("constant\t{name}"));
         }
         ["summary", ref files @ ..] => {
             let texts: Vec<String> = files.iter().map(std::fs::read_to_string).collect::<Result<_, _>>()?;

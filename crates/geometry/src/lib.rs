@@ -19,6 +19,7 @@
 //! - [`normals`], [`thinning`], [`organised`], [`own_frame`], [`viewpoint`], [`coincidence`]: what points alone tell
 //! - [`cleaning`]: what of a surface is support or far off
 //! - [`union_find`], [`progress`]: which things hang together; what algorithms know of jobs
+//! - [`tuning`]: the constants of a stage
 
 pub mod cleaning;
 pub mod cloud;
@@ -33,6 +34,7 @@ pub mod progress;
 pub mod se3;
 pub mod surface;
 pub mod thinning;
+pub mod tuning;
 pub mod union_find;
 pub mod viewpoint;
 

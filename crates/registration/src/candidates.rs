@@ -12,8 +12,12 @@ use visage_geometry::neighbours::LocalPoint;
 /// A cell of the world's grid.
 type Cell = [i64; 3];
 
-/// Cell edge in tolerances: wider ones hold more views that don't meet, narrower ones are touched more often.
-const EDGE: f64 = 4.0;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// Cell edge in tolerances: wider ones hold more views that don't meet, narrower ones are touched more often.
+        edge: f64 = 4.0,
+    }
+}
 
 /// The ordered pairs `(i, j)`, `i != j`, of which a point of `queries[i]` may lie within `tolerance` of a point of
 /// `targets[j]`, in lexicographic order. Points are in local frames, `local_poses` map those to the world.
@@ -24,7 +28,7 @@ pub fn candidate_pairs(
     tolerance: f64,
 ) -> Vec<(usize, usize)> {
     let n = targets.len();
-    let edge = (EDGE * tolerance).max(f64::MIN_POSITIVE);
+    let edge = (TUNING.edge * tolerance).max(f64::MIN_POSITIVE);
     let touched: Vec<Vec<Cell>> =
         targets.par_iter().zip(local_poses).map(|(points, pose)| cells(points, pose, tolerance, edge)).collect();
     let mut touched: Vec<(Cell, u32)> =

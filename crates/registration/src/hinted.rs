@@ -30,10 +30,14 @@ pub struct PickedPair {
     pub tolerance: f64,
 }
 
-/// A place on a scan is picked this well, in radii of the view, whatever the other picks say.
-const PICKED_WITHIN: f64 = 0.06;
-/// Picks that lie apart by this many times what their misfit shows are no picks of that motion.
-const MISFIT: f64 = 2.0;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// A place on a scan is picked this well, in radii of the view, whatever the other picks say.
+        picked_within: f64 = 0.06,
+        /// Picks that lie apart by this many times what their misfit shows are no picks of that motion.
+        misfit: f64 = 2.0,
+    }
+}
 
 impl Hinted {
     /// What `hints` say of views with these names. Names that are not there were refused before.
@@ -62,8 +66,8 @@ impl Hinted {
         }
         for ((i, j), places) in collected {
             let Some(fit) = PickFit::of(&places) else { continue };
-            let least = PICKED_WITHIN * views[i].radius.min(views[j].radius);
-            let tolerance = least.max(MISFIT * fit.pick_error(places.len()));
+            let least = TUNING.picked_within * views[i].radius.min(views[j].radius);
+            let tolerance = least.max(TUNING.misfit * fit.pick_error(places.len()));
             hinted.picked.push(PickedPair { i, j, places, fit, tolerance });
         }
         hinted

@@ -14,10 +14,14 @@ pub type Place = [f64; 3];
 pub const LEAST_PICKS: usize = 3;
 /// The most hints of one kind, and the most pairs of one hint: more are no work of a person.
 pub const MOST: usize = 1000;
-/// Picked points whose second spread is less than this share of the first lie in a line: the turn about it is free.
-const IN_LINE: f64 = 0.05;
-/// Picked points that no motion brings nearer to each other than this share of their spread are not the same places.
-const MISFIT: f64 = 0.25;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// Picked points whose second spread is less than this share of the first lie in a line: the turn about it is free.
+        in_line: f64 = 0.05,
+        /// Picked points that no motion brings nearer to each other than this share of their spread are not the same places.
+        misfit: f64 = 0.25,
+    }
+}
 
 /// All hints of a registration.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -190,7 +194,7 @@ impl PickedPoints {
         }
         for (side, name) in [(0, a), (1, b)] {
             let (first, second) = spreads(pairs.iter().map(|pair| pair[side]));
-            if second <= IN_LINE * first {
+            if second <= TUNING.in_line * first {
                 let message = format!("the points picked in {name} (with {a} and {b}) lie in one place or in a line");
                 let remedy = "pick at least one place off that line: the turn about it is not fixed";
                 return Err(HintError { scan: Some(name.clone()), message, remedy });
@@ -198,7 +202,7 @@ impl PickedPoints {
         }
         let fit = PickFit::of(pairs);
         let spread = spreads(pairs.iter().map(|pair| pair[0])).0;
-        if fit.is_none_or(|fit| fit.rms > MISFIT * spread) {
+        if fit.is_none_or(|fit| fit.rms > TUNING.misfit * spread) {
             let rms = fit.map_or(f64::INFINITY, |fit| fit.rms);
             let message = format!(
                 "no motion brings the points picked in {a} and {b} onto each other: they stay {rms:.3} apart, and are \

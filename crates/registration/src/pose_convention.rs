@@ -10,15 +10,20 @@ use visage_geometry::neighbours::LocalPoint;
 use visage_geometry::progress::{Canceled, Progress};
 use visage_geometry::{Motion, PoseConvention};
 
-/// Points that are laid on the other scans: in all, and at least and at most of a scan.
-const SAMPLES: usize = 3000;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// Points that are laid on the other scans: in all, and at least and at most of a scan.
+        samples: usize = 3000,
+        /// The widest distance at which a point may still lie by another scan's surface, in radii of a scan: initial poses are
+        /// rough.
+        reach: f64 = 0.1,
+        /// Another reading is taken if by it so many times as much lies on other scans. Where both lie on each other about as
+        /// well, the surfaces don't tell.
+        clearly: f64 = 1.5,
+    }
+}
+
 const PER_VIEW: (usize, usize) = (20, 300);
-/// The widest distance at which a point may still lie by another scan's surface, in radii of a scan: initial poses are
-/// rough.
-const REACH: f64 = 0.1;
-/// Another reading is taken if by it so many times as much lies on other scans. Where both lie on each other about as
-/// well, the surfaces don't tell.
-const CLEARLY: f64 = 1.5;
 
 /// How poses are read, and why.
 #[derive(Debug, Clone, PartialEq)]
@@ -47,7 +52,7 @@ pub fn choose(
     let (mut best, spacing) = (0.0, common_spacing(views));
     for convention in [PoseConvention::ScanToWorld].iter().chain(others) {
         // what lies well as it stands can't lie much better otherwise
-        if best * CLEARLY > 1.0 {
+        if best * TUNING.clearly > 1.0 {
             break;
         }
         let placed: Vec<Placed> = posed
@@ -58,7 +63,7 @@ pub fn choose(
             })
             .collect();
         let share = touching(&placed, spacing, progress)?;
-        if choice.touching.is_empty() || share > best * CLEARLY {
+        if choice.touching.is_empty() || share > best * TUNING.clearly {
             (choice.read_as, best) = (*convention, share);
         }
         choice.touching.push((*convention, share));
@@ -87,9 +92,9 @@ fn touching(placed: &[Placed], spacing: f64, progress: &Progress) -> Result<f64,
     let mut radii: Vec<f64> = placed.iter().map(|placed| placed.view.radius).collect();
     radii.sort_unstable_by(f64::total_cmp);
     let spacing = spacing.max(f64::MIN_POSITIVE);
-    let widest = (REACH * radii[radii.len() / 2] / spacing).max(1.0).log2().floor();
+    let widest = (TUNING.reach * radii[radii.len() / 2] / spacing).max(1.0).log2().floor();
     let reaches: Vec<f32> = (0..=widest as i32).map(|octave| (spacing * 2f64.powi(octave)) as f32).collect();
-    let samples = (SAMPLES / placed.len()).clamp(PER_VIEW.0, PER_VIEW.1);
+    let samples = (TUNING.samples / placed.len()).clamp(PER_VIEW.0, PER_VIEW.1);
     let counted: Vec<[usize; 2]> = (0..placed.len())
         .into_par_iter()
         .map(|i| {

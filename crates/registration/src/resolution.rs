@@ -12,16 +12,21 @@ use crate::view::View;
 use crate::view::common_spacing;
 use visage_geometry::Motion;
 
-/// Surfels of a pair whose distances are measured.
-const SAMPLES: usize = 150;
-/// Fewer counterparts say nothing.
-const LEAST: usize = 20;
-/// Normals farther apart than this cosine don't belong to one surface.
-const LIKE: f32 = 0.8;
-/// The quantile of the pairs whose distances are taken: most may be wrong.
-const BEST: f64 = 0.25;
-/// Median distances as standard deviations.
-const NORMAL: f64 = 1.4826;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// Surfels of a pair whose distances are measured.
+        samples: usize = 150,
+        /// Fewer counterparts say nothing.
+        least: usize = 20,
+        /// Normals farther apart than this cosine don't belong to one surface.
+        like: f32 = 0.8,
+        /// The quantile of the pairs whose distances are taken: most may be wrong.
+        best: f64 = 0.25,
+        /// Median distances as standard deviations.
+        normal: f64 = 1.4826,
+    }
+}
+
 /// Surfaces that are the same lie within so many standard deviations.
 pub const WITHIN: f64 = 1.5;
 
@@ -40,7 +45,7 @@ pub fn resolution(views: &[View], result: &Outcome) -> f64 {
         })
         .collect();
     apart.sort_unstable_by(f64::total_cmp);
-    let noise = apart.get((BEST * apart.len() as f64) as usize).copied().unwrap_or(0.0);
+    let noise = apart.get((TUNING.best * apart.len() as f64) as usize).copied().unwrap_or(0.0);
     spacing.max(WITHIN * noise)
 }
 
@@ -49,7 +54,7 @@ fn apart(i: &Surfels, j: &Surfels, i_from_j: &Motion, reach: f64) -> Option<f64>
     let motion = i_from_j.cast::<f32>();
     let (rotation, shift) = (motion.rotation.to_rotation_matrix(), motion.translation.vector);
     let vector = |v: [f32; 3]| nalgebra::Vector3::from(v);
-    let step = j.inner.len().div_ceil(SAMPLES).max(1);
+    let step = j.inner.len().div_ceil(TUNING.samples).max(1);
     let mut heights: Vec<f32> = j
         .inner
         .iter()
@@ -59,14 +64,14 @@ fn apart(i: &Surfels, j: &Surfels, i_from_j: &Motion, reach: f64) -> Option<f64>
             let target = i.indexed.tree.nearest(&moved.into(), (reach * reach) as f32)?.index as usize;
             let (normal_i, normal_j) = (vector(i.normals[target]), rotation * vector(j.normals[index as usize]));
             let cosine = normal_i.dot(&normal_j);
-            let is_counterpart = i.is_inner[target] && cosine.abs() > LIKE;
+            let is_counterpart = i.is_inner[target] && cosine.abs() > TUNING.like;
             let mean = (normal_i + normal_j * cosine.signum()).normalize();
             is_counterpart.then(|| mean.dot(&(moved - vector(i.indexed.points[target]))).abs())
         })
         .collect();
-    if heights.len() < LEAST {
+    if heights.len() < TUNING.least {
         return None;
     }
     let middle = heights.len() / 2;
-    Some(NORMAL * f64::from(*heights.select_nth_unstable_by(middle, f32::total_cmp).1))
+    Some(TUNING.normal * f64::from(*heights.select_nth_unstable_by(middle, f32::total_cmp).1))
 }

@@ -46,14 +46,18 @@ pub enum UnusableScan {
 
 /// The least points of a scan.
 pub const MIN_POINTS: usize = 50;
-/// Points at which spacing and noise are measured.
-const SAMPLES: usize = 600;
-/// The largest share of a scan that is specks.
-const SPECKS: f64 = 0.01;
-/// Samples measured one after the other.
-const CHUNK: usize = 150;
-/// The next sample's neighbours are sought within so many times the squared distance of this one's.
-const GUESS: f32 = 1.4;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// Points at which spacing and noise are measured.
+        samples: usize = 600,
+        /// The largest share of a scan that is specks.
+        specks: f64 = 0.01,
+        /// Samples measured one after the other.
+        chunk: usize = 150,
+        /// The next sample's neighbours are sought within so many times the squared distance of this one's.
+        guess: f32 = 1.4,
+    }
+}
 
 impl View {
     /// Prepares a scan; points must be finite.
@@ -68,7 +72,7 @@ impl View {
             return Err(UnusableScan::NoExtent);
         }
         let indexed = IndexedPoints::new(points);
-        let samples = evenly_sampled(&indexed.points, SAMPLES);
+        let samples = evenly_sampled(&indexed.points, TUNING.samples);
         let origin = -center;
         let Measured { mut distances2, mut residuals, shares } = neighbourhoods(&indexed, &samples, &origin);
         let spacing = f64::from(median(&mut distances2).ok_or(UnusableScan::NoExtent)?).sqrt();
@@ -90,7 +94,7 @@ impl View {
     /// measured nor the frame. Otherwise nothing is done and the answer is false: the view is to be made anew.
     pub fn leave_specks_out(&mut self, kept: &[bool]) -> bool {
         let gone = kept.iter().filter(|kept| !**kept).count();
-        let is_few = gone as f64 <= SPECKS * kept.len() as f64 && kept.len() - gone >= MIN_POINTS;
+        let is_few = gone as f64 <= TUNING.specks * kept.len() as f64 && kept.len() - gone >= MIN_POINTS;
         if is_few {
             self.indexed.keep(kept);
         }
@@ -163,14 +167,14 @@ struct Measured {
 /// Measures the surroundings of samples: all from one search.
 fn neighbourhoods(indexed: &IndexedPoints, samples: &[LocalPoint], eye: &Vector3) -> Measured {
     let measured: Vec<(Option<f32>, f32, Option<PointShare>)> = samples
-        .par_chunks(CHUNK)
+        .par_chunks(TUNING.chunk)
         .flat_map_iter(|samples| {
             // most of a scan is about as dense: a good guess, the same for any threads
             let (mut found, mut guess2) = (Vec::new(), 0.0f32);
             samples.iter().map(move |sample| {
                 indexed.tree.k_nearest_unordered(sample, normals::NEIGHBOURS, guess2, &mut found);
                 let distances2 = || found.iter().map(|n| n.distance2);
-                guess2 = GUESS * distances2().fold(0.0, f32::max);
+                guess2 = TUNING.guess * distances2().fold(0.0, f32::max);
                 let nearest2 = distances2().filter(|d| *d > 0.0).min_by(f32::total_cmp);
                 let share = PointShare::of(&indexed.points, sample, &found, eye);
                 (nearest2, normals::plane_through(&indexed.points, &found).rms, share)

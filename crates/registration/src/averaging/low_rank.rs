@@ -40,31 +40,35 @@ pub enum LowRankError {
 
 type Tall = OMatrix<f64, Dyn, U4>;
 
-/// Weight of the nuclear norm.
-const LAMBDA: f64 = 1e-3;
-/// Growth of mu from one outer step to the next: slow where nothing is known, quick from the poses at hand.
-const COLD_GROWTH: f64 = 1.05;
-const WARM_GROWTH: f64 = 1.2;
-const LARGEST_MU: f64 = 1e20;
-/// mu of the start that knows nothing.
-const COLD_MU: f64 = 1e-6;
-/// mu of the start at the poses, times the largest entry that they leave over: a tenth, so that at first nothing is
-/// taken for an outlier.
-const WARM_MU: f64 = 0.1;
-/// No residual is taken for smaller than this, in radii: rounding.
-const LEAST_RESIDUAL: f64 = 1e-6;
-/// Both the split `E = U V` (outer) and the change of E (inner), relative to the norm of X: some 1e-5 of the object's
-/// radius is enough within a loop.
-const COLD_TOLERANCE: f64 = 1e-8;
-const WARM_TOLERANCE: f64 = 1e-6;
-const MAX_OUTER: usize = 1500;
-const MAX_INNER: usize = 100;
-const SEED: u64 = 4;
-/// An answer may disagree with the relative motions by this much more than the poses did: entries of matrices, which
-/// the decomposition minimises, are not quite the twists that are compared.
-const WORSE: f64 = 1.1;
-/// Singular values of a rotation are 1 up to this.
-const RIGID: f64 = 0.1;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// Weight of the nuclear norm.
+        lambda: f64 = 1e-3,
+        /// Growth of mu from one outer step to the next: slow where nothing is known, quick from the poses at hand.
+        cold_growth: f64 = 1.05,
+        warm_growth: f64 = 1.2,
+        largest_mu: f64 = 1e20,
+        /// mu of the start that knows nothing.
+        cold_mu: f64 = 1e-6,
+        /// mu of the start at the poses, times the largest entry that they leave over: a tenth, so that at first nothing is
+        /// taken for an outlier.
+        warm_mu: f64 = 0.1,
+        /// No residual is taken for smaller than this, in radii: rounding.
+        least_residual: f64 = 1e-6,
+        /// Both the split `E = U V` (outer) and the change of E (inner), relative to the norm of X: some 1e-5 of the object's
+        /// radius is enough within a loop.
+        cold_tolerance: f64 = 1e-8,
+        warm_tolerance: f64 = 1e-6,
+        max_outer: usize = 1500,
+        max_inner: usize = 100,
+        seed: u64 = 4,
+        /// An answer may disagree with the relative motions by this much more than the poses did: entries of matrices, which
+        /// the decomposition minimises, are not quite the twists that are compared.
+        worse: f64 = 1.1,
+        /// Singular values of a rotation are 1 up to this.
+        rigid: f64 = 0.1,
+    }
+}
 
 /// Poses that agree with most of the `relative` motions, beginning at `poses`.
 ///
@@ -151,7 +155,8 @@ impl Piece {
         for mut split in [self.at_the_poses(), self.at_random()] {
             let converged = self.iterate(&mut split, &mut steps);
             if let Some(poses) = converged.then(|| self.motions(&split)).flatten()
-                && self.disagreement(&poses) <= WORSE * self.disagreement(&self.poses) + LEAST_RESIDUAL * self.radius
+                && self.disagreement(&poses)
+                    <= TUNING.worse * self.disagreement(&self.poses) + TUNING.least_residual * self.radius
             {
                 return Some((poses, steps));
             }
@@ -178,23 +183,23 @@ impl Piece {
                 let difference = self.measured.fixed_view::<4, 4>(4 * i, 4 * j) - full.fixed_view::<4, 4>(4 * i, 4 * j);
                 difference.amax()
             })
-            .fold(LEAST_RESIDUAL, f64::max);
+            .fold(TUNING.least_residual, f64::max);
         // the multipliers start at 0, so U need not be orthonormal yet: the first step makes it so
         Split {
             multipliers: DMatrix::zeros(4 * n, 4 * n),
             full,
             left: rows,
             right: columns,
-            mu: WARM_MU / largest,
-            growth: WARM_GROWTH,
-            tolerance: WARM_TOLERANCE,
+            mu: TUNING.warm_mu / largest,
+            growth: TUNING.warm_growth,
+            tolerance: TUNING.warm_tolerance,
         }
     }
 
     /// The start that knows nothing: V from a seed.
     fn at_random(&self) -> Split {
         let n = self.poses.len();
-        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(SEED);
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(TUNING.seed);
         let right = Tall::from_fn(4 * n, |_, _| 2.0 * rng.random::<f64>() - 1.0);
         let zeros = DMatrix::zeros(4 * n, 4 * n);
         Split {
@@ -202,17 +207,17 @@ impl Piece {
             left: Tall::zeros(4 * n),
             right,
             multipliers: zeros,
-            mu: COLD_MU,
-            growth: COLD_GROWTH,
-            tolerance: COLD_TOLERANCE,
+            mu: TUNING.cold_mu,
+            growth: TUNING.cold_growth,
+            tolerance: TUNING.cold_tolerance,
         }
     }
 
     /// Augmented Lagrange multipliers; whether `E = U V` holds in the end.
     fn iterate(&self, split: &mut Split, steps: &mut usize) -> bool {
         let tolerance = split.tolerance * self.measured.norm();
-        for _ in 0..MAX_OUTER {
-            for _ in 0..MAX_INNER {
+        for _ in 0..TUNING.max_outer {
+            for _ in 0..TUNING.max_inner {
                 *steps += 1;
                 let Some(change) = self.step(split) else { return false };
                 if change < tolerance {
@@ -224,7 +229,7 @@ impl Piece {
                 return true;
             }
             split.multipliers += gap * split.mu;
-            split.mu = (split.growth * split.mu).min(LARGEST_MU);
+            split.mu = (split.growth * split.mu).min(TUNING.largest_mu);
         }
         false
     }
@@ -236,7 +241,7 @@ impl Piece {
         let svd = (&shifted * &*right).try_svd(true, true, f64::EPSILON, 0)?;
         *left = svd.u? * svd.v_t?;
         let svd = (shifted.tr_mul(left)).try_svd(true, true, f64::EPSILON, 0)?;
-        let shrunk = svd.singular_values.map(|s| (s - LAMBDA / *mu).max(0.0));
+        let shrunk = svd.singular_values.map(|s| (s - TUNING.lambda / *mu).max(0.0));
         *right = svd.u? * DMatrix::from_diagonal(&shrunk) * svd.v_t?;
         let target = &*left * right.transpose() - &*multipliers / *mu;
         let mut change2 = 0.0;
@@ -291,7 +296,7 @@ fn soft(x: f64, threshold: f64) -> f64 {
 /// The rigid motion nearest to a matrix (translation in radii) that has to be almost one.
 fn rigid(matrix: &Matrix4<f64>, radius: f64) -> Option<Motion> {
     let svd = matrix.fixed_view::<3, 3>(0, 0).into_owned().svd(true, true);
-    let sound = svd.singular_values.iter().all(|s| (s - 1.0).abs() < RIGID);
+    let sound = svd.singular_values.iter().all(|s| (s - 1.0).abs() < TUNING.rigid);
     let rotation: Matrix3<f64> = svd.u? * svd.v_t?;
     let translation = matrix.fixed_view::<3, 1>(0, 3) * radius;
     if !sound || rotation.determinant() < 0.0 || !translation.iter().all(|t| t.is_finite()) {

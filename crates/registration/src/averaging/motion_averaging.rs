@@ -52,9 +52,13 @@ pub struct Averaging {
 #[error("the relative motions do not determine every pose")]
 pub struct Undetermined;
 
-const MAX_ROUNDS: usize = 60;
-/// The squared scale of the robust kernel is divided by this in each round until it reaches its floor.
-const SCALE_STEP: f64 = 2.0;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        max_rounds: usize = 60,
+        /// The squared scale of the robust kernel is divided by this in each round until it reaches its floor.
+        scale_step: f64 = 2.0,
+    }
+}
 
 /// Averages `relative` motions starting from `poses`.
 ///
@@ -91,7 +95,7 @@ pub fn average(
         }
         let largest = step(&mut poses, relative, &corrections, &trusts, &columns, options.radius)?;
         rounds += 1;
-        if (settled && largest < 1e-9 * options.radius) || rounds == MAX_ROUNDS {
+        if (settled && largest < 1e-9 * options.radius) || rounds == TUNING.max_rounds {
             let disagreements = disagreements(&poses, relative, options.radius);
             return Ok(Averaging { poses, disagreements, trusts, rounds });
         }
@@ -123,7 +127,7 @@ fn next_scale2(scale2: f64, disagreements: &[f64], noise: f64) -> (f64, bool) {
     let median = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);
     let floor = (3.0 * median).max(noise).powi(2);
     let largest = sorted.last().copied().unwrap_or(0.0).powi(2);
-    let next = (scale2 / SCALE_STEP).min(largest.max(floor));
+    let next = (scale2 / TUNING.scale_step).min(largest.max(floor));
     if next <= floor { (floor, true) } else { (next, false) }
 }
 

@@ -12,8 +12,12 @@ use visage_geometry::neighbours::LocalPoint;
 
 /// The paper runs on every 8th point.
 pub const STRIDE: usize = 8;
-/// The least share of points that counts.
-const LEAST_SHARE: f64 = 0.4;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// The least share of points that counts.
+        least_share: f64 = 0.4,
+    }
+}
 
 /// Obj of `local_poses` (local frame to world), a squared length; infinite if a view has no other to be near to.
 pub fn paper_objective(views: &[View], local_poses: &[Motion]) -> f64 {
@@ -45,7 +49,7 @@ fn nearest2(views: &[View], local_poses: &[Motion], i: usize) -> Vec<f32> {
 fn least_ratio(distances2: &mut [f32]) -> f64 {
     distances2.sort_unstable_by(f32::total_cmp);
     let n = distances2.len() as f64;
-    let first = (LEAST_SHARE * n).ceil() as usize;
+    let first = (TUNING.least_share * n).ceil() as usize;
     let mut least = f64::INFINITY;
     let mut sum = 0.0;
     for (index, distance2) in distances2.iter().enumerate() {

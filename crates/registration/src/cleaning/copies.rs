@@ -20,19 +20,23 @@ pub struct Copy {
     pub motion_of_copy: Motion,
 }
 
-/// Numbers of points, and radii and principal moments of copies differ by less than these shares: formats round.
-const COUNTS: f64 = 0.01;
-const LENGTHS: f64 = 1e-3;
-/// Points at which two views are compared.
-const SAMPLES: usize = 200;
-/// Points are the same within this share of a spacing,
-const SAME: f64 = 0.02;
-/// for at least this share of them.
-const SHARE: f64 = 0.98;
-/// Before the frames are fitted to each other points have to lie within this share of a spacing.
-const NEARLY: f64 = 0.5;
-/// Fits of the frames.
-const FITS: usize = 3;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// Numbers of points, and radii and principal moments of copies differ by less than these shares: formats round.
+        counts: f64 = 0.01,
+        lengths: f64 = 1e-3,
+        /// Points at which two views are compared.
+        samples: usize = 200,
+        /// Points are the same within this share of a spacing,
+        same: f64 = 0.02,
+        /// for at least this share of them.
+        share: f64 = 0.98,
+        /// Before the frames are fitted to each other points have to lie within this share of a spacing.
+        nearly: f64 = 0.5,
+        /// Fits of the frames.
+        fits: usize = 3,
+    }
+}
 
 /// For each view of which other it is a copy. Of several alike the one for which `is_preferred` holds is the original,
 /// else the first.
@@ -46,7 +50,7 @@ pub fn copies(
     let may_be = |i: usize, j: usize| {
         let (a, b) = (&views[i], &views[j]);
         let [count_a, count_b] = [a, b].map(|view| view.points().len() as f64);
-        (count_a - count_b).abs() <= COUNTS * count_a && (a.radius - b.radius).abs() <= LENGTHS * a.radius
+        (count_a - count_b).abs() <= TUNING.counts * count_a && (a.radius - b.radius).abs() <= TUNING.lengths * a.radius
     };
     let pairs = (0..order.len()).flat_map(|later| (0..later).map(move |earlier| (earlier, later)));
     let suspects: Vec<(usize, usize)> =
@@ -74,7 +78,7 @@ pub fn holders(views: &[View], progress: &Progress) -> Result<Vec<(usize, usize)
         .flat_map(|all| (0..views.len()).map(move |part| (all, part)))
         .filter(|(all, part)| {
             let [count_all, count_part] = [*all, *part].map(|view| views[view].points().len() as f64);
-            all != part && count_all > (1.0 + COUNTS) * count_part
+            all != part && count_all > (1.0 + TUNING.counts) * count_part
         })
         .collect();
     let is_held = |&(all, part): &(usize, usize)| {
@@ -82,8 +86,8 @@ pub fn holders(views: &[View], progress: &Progress) -> Result<Vec<(usize, usize)
         let (all, part) = (&views[all], &views[part]);
         let motion = same_frame(all, part);
         let samples = samples_of(part);
-        let most_missing = samples.len() - (SHARE * samples.len() as f64).ceil() as usize;
-        let missing = |sample: &&LocalPoint| nearest(all, &motion, sample, SAME * part.spacing).is_none();
+        let most_missing = samples.len() - (TUNING.share * samples.len() as f64).ceil() as usize;
+        let missing = |sample: &&LocalPoint| nearest(all, &motion, sample, TUNING.same * part.spacing).is_none();
         Ok(samples.iter().filter(missing).take(most_missing + 1).count() <= most_missing)
     };
     let held: Vec<bool> = pairs.par_iter().map(is_held).collect::<Result<_, Canceled>>()?;
@@ -99,7 +103,7 @@ fn same_frame(a: &View, b: &View) -> Motion {
 fn motion_if_same(a: &View, b: &View) -> Option<Motion> {
     let (moments_a, moments_b) = (Moments::of(a), Moments::of(b));
     let differ = (moments_a.values - moments_b.values).abs().max();
-    if differ > LENGTHS * moments_a.values.max() {
+    if differ > TUNING.lengths * moments_a.values.max() {
         return None;
     }
     // nothing but the name was changed, or the format: the frame is the same
@@ -115,32 +119,33 @@ fn motion_if_same(a: &View, b: &View) -> Option<Motion> {
 fn fitted(a: &View, b: &View, start: Motion) -> Option<Motion> {
     let mut a_from_b = start;
     let samples = samples_of(b);
-    for _ in 0..FITS {
+    for _ in 0..TUNING.fits {
         let mut fit = RigidFit::default();
         let mut near = 0;
         for sample in &samples {
-            if let Some(nearest) = nearest(a, &a_from_b, sample, NEARLY * a.spacing) {
+            if let Some(nearest) = nearest(a, &a_from_b, sample, TUNING.nearly * a.spacing) {
                 fit.add(sample, &nearest);
                 near += 1;
             }
         }
-        if (near as f64) < SHARE * samples.len() as f64 {
+        if (near as f64) < TUNING.share * samples.len() as f64 {
             return None;
         }
         a_from_b = fit.solve()?;
     }
     let b_from_a = a_from_b.inverse();
     let same_share = |from: &[LocalPoint], to: &View, motion: &Motion| {
-        let same = from.iter().filter(|sample| nearest(to, motion, sample, SAME * a.spacing).is_some()).count();
+        let same = from.iter().filter(|sample| nearest(to, motion, sample, TUNING.same * a.spacing).is_some()).count();
         same as f64 / from.len() as f64
     };
-    let is_same = same_share(&samples, a, &a_from_b) >= SHARE && same_share(&samples_of(a), b, &b_from_a) >= SHARE;
+    let is_same =
+        same_share(&samples, a, &a_from_b) >= TUNING.share && same_share(&samples_of(a), b, &b_from_a) >= TUNING.share;
     is_same.then_some(a_from_b)
 }
 
 fn samples_of(view: &View) -> Vec<LocalPoint> {
     let points = view.points();
-    points.iter().step_by(points.len().div_ceil(SAMPLES).max(1)).copied().collect()
+    points.iter().step_by(points.len().div_ceil(TUNING.samples).max(1)).copied().collect()
 }
 
 /// The point of `view` nearest to a moved sample, within `reach`.

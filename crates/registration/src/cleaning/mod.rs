@@ -27,12 +27,16 @@ pub struct LeftOut {
     pub kept: Vec<bool>,
 }
 
-/// A support is believed if at least this share of the scans shows one,
-const SHOWN_BY: f64 = 0.5;
-/// and as many scans as this.
-const SHOWN_BY_SCANS: usize = 2;
-/// What is left must be at least this share of the scan, or nothing is left out.
-const LEAST_REST: f64 = 0.02;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// A support is believed if at least this share of the scans shows one,
+        shown_by: f64 = 0.5,
+        /// and as many scans as this.
+        shown_by_scans: usize = 2,
+        /// What is left must be at least this share of the scan, or nothing is left out.
+        least_rest: f64 = 0.02,
+    }
+}
 
 /// A view as it is looked at.
 struct Look<'a> {
@@ -97,7 +101,7 @@ fn closer_looks<'a>(
 
 /// Whether so many scans of a set are enough to believe what they show.
 fn is_believed(shown_by: usize, scans: usize) -> bool {
-    shown_by >= SHOWN_BY_SCANS && shown_by as f64 >= SHOWN_BY * scans as f64
+    shown_by >= TUNING.shown_by_scans && shown_by as f64 >= TUNING.shown_by * scans as f64
 }
 
 /// How many supports the scans of this set have, by the median of those that show any; none if these are too few.
@@ -128,7 +132,7 @@ impl LeftOut {
         };
         let count = |mask: &[bool]| mask.iter().filter(|is| **is).count();
         let (all, standing, left) = (view.points().len(), count(&standing), count(&kept));
-        if left == all || (left as f64) < (LEAST_REST * all as f64).max(2.0 * MIN_POINTS as f64) {
+        if left == all || (left as f64) < (TUNING.least_rest * all as f64).max(2.0 * MIN_POINTS as f64) {
             return LeftOut::default();
         }
         LeftOut { support: all - standing, strays: standing - left, kept }

@@ -55,8 +55,12 @@ pub struct PairEvidence {
     pub slope: f64,
 }
 
-/// The scale follows from the residuals and the weights from the scale: settled after so many rounds.
-const SCALE_ROUNDS: usize = 3;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// The scale follows from the residuals and the weights from the scale: settled after so many rounds.
+        scale_rounds: usize = 3,
+    }
+}
 
 /// Gathers the evidence of the directed `pairs` at `poses` (local frame to world about its middle), up to `distance`.
 pub fn gather(
@@ -141,7 +145,7 @@ impl Between<'_> {
 
 fn robust_scale2(found: &[Vec<Match>], distance: f64) -> f64 {
     let mut scale2 = distance * distance;
-    for _ in 0..SCALE_ROUNDS {
+    for _ in 0..TUNING.scale_rounds {
         let kernel = RobustKernel::with_squared_scale(scale2);
         let sums = found.iter().flatten().fold((0.0, 0.0), |(cost, weight), c| {
             let w = kernel.weight(c.residual);

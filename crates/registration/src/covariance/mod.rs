@@ -7,7 +7,7 @@
 //! `A = a H` with the normal matrix H and the mean slope a of the robust residuals; a cluster c holds *all*
 //! correspondences, of whatever views, in one cell of space, wide enough that what is wrong in one says little of the
 //! next, and `g_c` is its share of the gradient over all unknowns. No noise model is needed. What is wrong with *all*
-//! of a surface, such as the sag of averaged patches, is invisible to any of this and is added as [`SYSTEMATIC`].
+//! of a surface, such as the sag of averaged patches, is invisible to any of this and is added as `TUNING.systematic`.
 //!
 //! Frames: a twist is `(translation, rotation vector)` in the axes of the world, applied from the left, about the
 //! view's own centroid at its pose: `p -> center + exp(w) (p - center) + t`. It is relative to the views that keep
@@ -61,16 +61,21 @@ impl PoseCovariance {
     }
 }
 
-/// Residuals that are wrong in one way over whole sides of an object are not seen by the sandwich, since all poses
-/// yield to them: a surfel is the mean of a voxel and sags below a surface bent by the view's radius R, by up to
-/// `edge^2 / 12 R`, and not alike for views from different directions. This is the share of `edge^2 / R` that is wrong,
-/// times the root of the share of a view's correspondences that are wrong together. Set on code-made shapes for a last
-/// pass with the judged surfels' edge, and lessened with the square of the edge since; tested on other instances of
-/// them (`tests/truth.rs`).
-const SYSTEMATIC: f64 = 0.006;
-
-/// Edge of a cluster's cell, in edges of the surfels' voxels.
-const CELL: f64 = 3.0;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// Residuals that are wrong in one way over whole sides of an object are not seen by the sandwich, since all poses
+        /// yield to them: a surfel is the mean of a voxel and sags below a surface bent by the view's radius R, by up to
+        /// `edge^2 / 12 R`, and not alike for views from different directions. This is the share of `edge^2 / R` that is wrong,
+        /// times the root of the share of a view's correspondences that are wrong together. Set on code-made shapes for a last
+        /// pass with the judged surfels' edge, and lessened with the square of the edge since; tested on other instances of
+        /// them (`tests/truth.rs`).
+        systematic: f64 = 0.006,
+        /// Edge of a cluster's cell, in edges of the surfels' voxels.
+        cell: f64 = 3.0,
+        /// Below this share the covariance grows no more: the motion is free, and that is said by naming it.
+        least_share: f64 = 0.1,
+    }
+}
 
 /// The covariance of each view's pose, from the surfels that the method left, else from ones as fine as `joint`'s;
 /// `None` for view 0, for views not joined to it, and where nothing can be said.
@@ -96,7 +101,7 @@ fn covariances(
     let middle = middle(&result.local_poses);
     let to_middle = nalgebra::Translation3::from(-middle);
     let poses: Vec<Motion> = result.local_poses.iter().map(|pose| to_middle * pose).collect();
-    let evidence = gather(surfels, &poses, &pairs, *reach, CELL * edge);
+    let evidence = gather(surfels, &poses, &pairs, *reach, TUNING.cell * edge);
     let Some(inverse) = inverse_information(&evidence, &columns) else { return none };
     let clusters = clusters(&evidence);
     let slope = mean_slope(&evidence);
@@ -113,7 +118,7 @@ fn covariances(
         let spread = about_center * reality.stretch();
         let sandwich = spread * meat * spread.transpose() * (share * small_sample(count) / (slope * slope));
         let weight: f64 = evidence.iter().filter(|e| e.a == view || e.b == view).map(|e| e.weight).sum();
-        let sag = SYSTEMATIC * edge * edge / surfels[view].radius;
+        let sag = TUNING.systematic * edge * edge / surfels[view].radius;
         let systematic = spread * blocks[view] * spread.transpose() * (weight * sag * sag);
         Some(PoseCovariance {
             center: Point3::from(center + middle),
@@ -156,9 +161,6 @@ struct Reality {
     shares: Vector6<f64>,
 }
 
-/// Below this share the covariance grows no more: the motion is free, and that is said by naming it.
-const LEAST_SHARE: f64 = 0.1;
-
 impl Reality {
     fn new(evidence: &[PairEvidence], blocks: &[Matrix6<f64>], looseness: &Matrix6<f64>) -> Option<Self> {
         let mut clean = Matrix6::zeros();
@@ -175,7 +177,7 @@ impl Reality {
 
     /// Twists that were divided by information that is not real, undone.
     fn stretch(&self) -> Matrix6<f64> {
-        let factors = Matrix6::from_diagonal(&self.shares.map(|share| 1.0 / share.clamp(LEAST_SHARE, 1.0)));
+        let factors = Matrix6::from_diagonal(&self.shares.map(|share| 1.0 / share.clamp(TUNING.least_share, 1.0)));
         self.root * self.axes * factors * self.axes.transpose() * self.inverse
     }
 

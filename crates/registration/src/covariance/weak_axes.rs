@@ -36,21 +36,26 @@ pub struct WeakAxis {
     pub why: String,
 }
 
-/// A motion is weak if less than this share of what holds it is real...
-const LEAST_REAL: f64 = 0.5;
-/// ... or if its standard deviation moves the view's surface by more than this, in spacings.
-const LARGEST_STD: f64 = 0.5;
-/// Of a motion's displacement, less than this share by turning makes it a slide, less by sliding a turn.
-const PURE: f64 = 0.25;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// A motion is weak if less than this share of what holds it is real...
+        least_real: f64 = 0.5,
+        /// ... or if its standard deviation moves the view's surface by more than this, in spacings.
+        largest_std: f64 = 0.5,
+        /// Of a motion's displacement, less than this share by turning makes it a slide, less by sliding a turn.
+        pure: f64 = 0.25,
+    }
+}
 
 /// The weak axes of a view, slides first.
 pub fn weak_axes(pose: &PoseCovariance, spacing: f64) -> Vec<WeakAxis> {
     let Some(metric) = Metric::new(&pose.extent) else { return Vec::new() };
     let spread = (metric.root * pose.covariance * metric.root).symmetric_eigen();
     let loose = (0..6)
-        .filter(|&k| spread.eigenvalues[k] > (LARGEST_STD * spacing).powi(2))
+        .filter(|&k| spread.eigenvalues[k] > (TUNING.largest_std * spacing).powi(2))
         .map(|k| spread.eigenvectors.column(k).into_owned());
-    let unreal = pose.evidence.iter().filter(|(share, _)| *share < LEAST_REAL).map(|(_, twist)| metric.root * twist);
+    let unreal =
+        pose.evidence.iter().filter(|(share, _)| *share < TUNING.least_real).map(|(_, twist)| metric.root * twist);
     let basis = orthonormal(loose.chain(unreal));
     let describe = |unit: Vector6<f64>| {
         let variance = unit.dot(&(metric.root * pose.covariance * metric.root * unit));
@@ -130,7 +135,7 @@ fn describe(twist: &Twist, pose: &PoseCovariance, std_spacings: f64, held: f64) 
         twist.dot(&(pose.extent * twist)).max(0.0).sqrt()
     };
     let all = moved(shift, turn).max(f64::MIN_POSITIVE);
-    let why = if held < LEAST_REAL {
+    let why = if held < TUNING.least_real {
         "what seems to hold it is mostly noise"
     } else {
         "the surface that overlaps has too little relief along it"
@@ -143,12 +148,12 @@ fn describe(twist: &Twist, pose: &PoseCovariance, std_spacings: f64, held: f64) 
         held,
         why: why.into(),
     };
-    if moved(Vector3::zeros(), turn) < PURE * all {
+    if moved(Vector3::zeros(), turn) < TUNING.pure * all {
         return axis(AxisKind::Translation, shift, None);
     }
     let along = turn * (turn.dot(&shift) / turn.norm_squared());
     let point = pose.center + turn.cross(&shift) / turn.norm_squared();
-    let kind = if along.norm() < PURE * all { AxisKind::Rotation } else { AxisKind::Screw };
+    let kind = if along.norm() < TUNING.pure * all { AxisKind::Rotation } else { AxisKind::Screw };
     axis(kind, turn, Some(point))
 }
 

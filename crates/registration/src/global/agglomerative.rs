@@ -9,7 +9,7 @@ use super::component::Component;
 use super::consensus::alike;
 use super::contact::contact;
 use super::merge_evidence::MergeEvidence;
-use super::pair_hypothesis::{LEAST_OVERLAP, PairHypothesis};
+use super::pair_hypothesis::{self, PairHypothesis};
 use super::slippage::can_slip;
 use super::verification::verify;
 use visage_geometry::Motion;
@@ -24,16 +24,22 @@ pub struct Agglomeration {
     pub ambiguous: Vec<bool>,
 }
 
-/// A pair within a join is refined on the surface; it may move by this many edges.
-const DRIFT: f64 = 4.0;
-/// Surfels of a view that are queried when components are joined.
-const SAMPLES: usize = 200;
-/// Another way to lay two components on each other is a rival from this share of the strength on.
-const RIVAL: f64 = 0.85;
-/// Components are joined if of the points of their strongest pairs that come near each other this share touches,
-pub(super) const TOUCHING: f64 = 0.75;
-/// looking at this many pairs.
-const WITNESSES: usize = 3;
+visage_geometry::tuning! {
+    /// What joins need.
+    pub(super) const TUNING: Tuning {
+        /// A pair within a join is refined on the surface; it may move by this many edges.
+        drift: f64 = 4.0,
+        /// Surfels of a view that are queried when components are joined.
+        samples: usize = 200,
+        /// Another way to lay two components on each other is a rival from this share of the strength on.
+        rival: f64 = 0.85,
+        /// Components are joined if of the points of their strongest pairs that come near each other this share touches,
+        touching: f64 = 0.75,
+        /// looking at this many pairs.
+        witnesses: usize = 3,
+    }
+}
+
 /// What came of trying a hypothesis.
 enum Attempt {
     Joined(Component),
@@ -115,24 +121,24 @@ fn try_join(
         return Attempt::Refused;
     }
     evidence.touching = touching(coarse_set, &measured);
-    if evidence.touching < TOUCHING {
+    if evidence.touching < TUNING.touching {
         return Attempt::Refused;
     }
     let radius = right.views.iter().map(|view| coarse_views[*view].radius).fold(0.0, f64::max);
     let rivals = waiting.iter().filter(|other| {
         let same_pair = (other.i, other.j) == (hypothesis.i, hypothesis.j);
-        let is_other = !alike(&other.i_from_j, &hypothesis.i_from_j, radius, DRIFT * edge);
-        same_pair && is_other && coarse_set.score(other) > RIVAL * coarse_set.score(hypothesis)
+        let is_other = !alike(&other.i_from_j, &hypothesis.i_from_j, radius, TUNING.drift * edge);
+        same_pair && is_other && coarse_set.score(other) > TUNING.rival * coarse_set.score(hypothesis)
     });
     for rival in rivals {
         let Some(motion) = implied(left, right, rival) else { continue };
         let other = MergeEvidence::of(coarse_set, &measure_all(coarse_views, left, right, &motion, edge));
         evidence.rival = evidence.rival.max(other.score / evidence.score);
     }
-    if evidence.rival < RIVAL && can_slip(coarse_views, &measured, edge, SAMPLES) {
+    if evidence.rival < TUNING.rival && can_slip(coarse_views, &measured, edge, TUNING.samples) {
         evidence.rival = 1.0;
     }
-    if evidence.rival > RIVAL {
+    if evidence.rival > TUNING.rival {
         return Attempt::Ambiguous;
     }
     let mut union = left.united(right, &motion);
@@ -147,7 +153,7 @@ pub(super) fn touching(coarse_set: &CoarseSet, measured: &[PairHypothesis]) -> f
     strongest.sort_by(|a, b| coarse_set.score(b).total_cmp(&coarse_set.score(a)).then((a.i, a.j).cmp(&(b.i, b.j))));
     let shares: Vec<f64> = strongest
         .iter()
-        .take(WITNESSES)
+        .take(TUNING.witnesses)
         .filter(|hypothesis| hypothesis.is_promising())
         .filter_map(|hypothesis| {
             contact(
@@ -206,13 +212,14 @@ pub(super) fn measure(
         return None;
     }
     let (a, b) = (&coarse_views[i], &coarse_views[j]);
-    let at = |i_from_j: Motion| PairHypothesis { i, j, i_from_j, evidence: verify(a, b, &i_from_j, edge, SAMPLES) };
+    let at =
+        |i_from_j: Motion| PairHypothesis { i, j, i_from_j, evidence: verify(a, b, &i_from_j, edge, TUNING.samples) };
     let raw = at(*implied);
-    if raw.evidence.overlap() < 0.5 * LEAST_OVERLAP {
+    if raw.evidence.overlap() < 0.5 * pair_hypothesis::TUNING.least_overlap {
         return Some(raw);
     }
     let refined = align(a, b, implied, edge);
-    if !alike(&refined, implied, b.radius, DRIFT * edge) {
+    if !alike(&refined, implied, b.radius, TUNING.drift * edge) {
         return Some(raw);
     }
     let refined = at(refined);

@@ -18,8 +18,12 @@ pub struct Effort {
 const PAIR: Effort = Effort { reaches: &[3.0, 2.5, 2.0, 1.5, 1.2, 1.0], samples: 350 };
 /// For a place among several views, each of which says where it is: less is off, and more surfels find a counterpart.
 const COMPONENT: Effort = Effort { reaches: &[1.5, 1.2, 1.0], samples: 150 };
-/// Normals farther apart don't belong to one surface.
-const LEAST_COSINE: f32 = 0.6;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// Normals farther apart don't belong to one surface.
+        least_cosine: f32 = 0.6,
+    }
+}
 
 /// Improves `i_from_j`, which maps view j's local frame into view i's.
 pub fn align(i: &CoarseView, j: &CoarseView, i_from_j: &Motion, edge: f64) -> Motion {
@@ -70,7 +74,7 @@ fn residual(
     normal_j: &nalgebra::Vector3<f32>,
 ) -> Option<(nalgebra::Vector3<f32>, f32)> {
     let normal_i = i.normals[target];
-    if !i.is_inner[target] || normal_j.dot(&normal_i) < LEAST_COSINE {
+    if !i.is_inner[target] || normal_j.dot(&normal_i) < TUNING.least_cosine {
         return None;
     }
     let normal = (normal_i + normal_j).normalize();

@@ -21,23 +21,27 @@ use visage_geometry::{Motion, Point3, Vector3, se3};
 
 /// The most places that are told.
 pub const MOST: usize = 8;
-/// A place is told if so much speaks for it, in what speaks for the best: what counts as a rival when components are grown is
-/// 0.8, less what noise and holes make of it.
-const LEAST_SCORE: f64 = 0.7;
-/// Places with less than this share are not refined on the surface.
-const LEAST_RAW: f64 = 0.4;
-/// So many surfels have to speak for the best place.
-const LEAST: f64 = 12.0;
-/// Places that are tried, at most.
-const TRIED: usize = 64;
-/// Surfels of a view that are queried of a place.
-const SAMPLES: usize = 200;
-/// Places nearer to each other than this, in edges, are one.
-const SAME: f64 = 4.0;
-/// Surfels that the placed ones hold lie within this distance of them, in edges.
-const HELD: f64 = 0.6;
-/// A motion that hardly turns the surface, as a share of how it shifts it, is no turn about an axis.
-const TURNS: f64 = 0.1;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// A place is told if so much speaks for it, in what speaks for the best: what counts as a rival when components are grown is
+        /// 0.8, less what noise and holes make of it.
+        least_score: f64 = 0.7,
+        /// Places with less than this share are not refined on the surface.
+        least_raw: f64 = 0.4,
+        /// So many surfels have to speak for the best place.
+        least: f64 = 12.0,
+        /// Places that are tried, at most.
+        tried: usize = 64,
+        /// Surfels of a view that are queried of a place.
+        samples: usize = 200,
+        /// Places nearer to each other than this, in edges, are one.
+        same: f64 = 4.0,
+        /// Surfels that the placed ones hold lie within this distance of them, in edges.
+        held: f64 = 0.6,
+        /// A motion that hardly turns the surface, as a share of how it shifts it, is no turn about an axis.
+        turns: f64 = 0.1,
+    }
+}
 
 /// What is laid on the placed views: one view, or a component that hangs together.
 #[derive(Debug, Clone, PartialEq)]
@@ -209,19 +213,19 @@ impl<'a> Ground<'a> {
     /// Whether two worlds of the piece put it into the same place.
     fn is_same(&self, a: &Motion, b: &Motion) -> bool {
         let Some((_, pose)) = self.members.first() else { return true };
-        alike(&(a * pose), &(b * pose), self.radius, SAME * self.edge())
+        alike(&(a * pose), &(b * pose), self.radius, TUNING.same * self.edge())
     }
 
     fn alternatives(self) -> Option<Alternatives> {
         let mut found: Vec<(f64, Motion)> = Vec::new();
         let raw = self.proposed();
         let best = raw.iter().map(|(balance, _)| *balance).fold(0.0, f64::max);
-        for (_, world) in raw.iter().filter(|(balance, _)| *balance >= LEAST_RAW * best).take(TRIED) {
+        for (_, world) in raw.iter().filter(|(balance, _)| *balance >= TUNING.least_raw * best).take(TUNING.tried) {
             self.try_place(world, &mut found);
         }
         self.try_products(&mut found);
-        let best = found.first().map(|(balance, _)| *balance).filter(|best| *best >= LEAST)?;
-        found.retain(|(balance, _)| *balance >= LEAST_SCORE * best);
+        let best = found.first().map(|(balance, _)| *balance).filter(|best| *best >= TUNING.least)?;
+        found.retain(|(balance, _)| *balance >= TUNING.least_score * best);
         let freedom = self.freedom(&found.first()?.1);
         found.truncate(if freedom.is_some() { 1 } else { MOST });
         let place = |(balance, world): &(f64, Motion)| Alternative { world_from_piece: *world, score: balance / best };
@@ -245,7 +249,7 @@ impl<'a> Ground<'a> {
         hypotheses.sort_by(|a, b| b.score().total_cmp(&a.score()).then((a.i, a.j).cmp(&(b.i, b.j))));
         let mut worlds: Vec<Motion> = self.own.into_iter().collect();
         for world in hypotheses.into_iter().filter_map(world) {
-            if worlds.len() < TRIED && !worlds.iter().any(|other| self.is_same(other, &world)) {
+            if worlds.len() < TUNING.tried && !worlds.iter().any(|other| self.is_same(other, &world)) {
                 worlds.push(world);
             }
         }
@@ -276,18 +280,18 @@ impl<'a> Ground<'a> {
     fn try_products(&self, found: &mut Vec<(f64, Motion)>) {
         let mut tried = 0;
         let mut is_new = true;
-        while is_new && tried < TRIED {
+        while is_new && tried < TUNING.tried {
             is_new = false;
             let Some(&(best, first)) = found.first() else { return };
             let known: Vec<Motion> = found
                 .iter()
-                .filter(|(balance, _)| *balance >= LEAST_SCORE * best)
+                .filter(|(balance, _)| *balance >= TUNING.least_score * best)
                 .take(MOST)
                 .map(|(_, world)| *world)
                 .collect();
             let products = known.iter().skip(1).flat_map(|a| known.iter().skip(1).map(move |b| (a, b)));
             for world in products.flat_map(|(a, b)| [a * first.inverse() * b, first * a.inverse() * b]) {
-                if tried < TRIED && !found.iter().any(|(_, other)| self.is_same(other, &world)) {
+                if tried < TUNING.tried && !found.iter().any(|(_, other)| self.is_same(other, &world)) {
                     tried += 1;
                     is_new |= self.try_place(&world, found);
                 }
@@ -307,8 +311,12 @@ impl<'a> Ground<'a> {
             let i_from_j = pose_i.inv_mul(&(world * pose_j));
             let (a, b) = (self.coarse_view(*i), self.coarse_view(*j));
             let is_near = i_from_j.translation.vector.norm() <= a.radius + b.radius;
-            let hypothesis =
-                || PairHypothesis { i: *i, j: *j, i_from_j, evidence: verify(a, b, &i_from_j, self.edge(), SAMPLES) };
+            let hypothesis = || PairHypothesis {
+                i: *i,
+                j: *j,
+                i_from_j,
+                evidence: verify(a, b, &i_from_j, self.edge(), TUNING.samples),
+            };
             is_near.then(hypothesis)
         })
     }
@@ -316,7 +324,7 @@ impl<'a> Ground<'a> {
     /// How the piece slides on the placed views, if it does.
     fn freedom(&self, world: &Motion) -> Option<Freedom> {
         let measured: Vec<PairHypothesis> = self.measured(world).collect();
-        if !can_slip(&self.search.coarse_views, &measured, self.edge(), SAMPLES) {
+        if !can_slip(&self.search.coarse_views, &measured, self.edge(), TUNING.samples) {
             return None;
         }
         weakest(&self.held(world))
@@ -324,7 +332,7 @@ impl<'a> Ground<'a> {
 
     /// The surfels of the piece that lie on placed views: position and normal in the world.
     fn held(&self, world: &Motion) -> Vec<(Vector3, Vector3)> {
-        let reach2 = (HELD * self.edge()).powi(2) as f32;
+        let reach2 = (TUNING.held * self.edge()).powi(2) as f32;
         let mut held = Vec::new();
         for (view, pose) in &self.members {
             let (coarse_view, pose) = (self.coarse_view(*view), world * pose);
@@ -347,7 +355,7 @@ impl<'a> Ground<'a> {
 fn weakest(surfels: &[(Vector3, Vector3)]) -> Option<Freedom> {
     let slippage = Slippage::of(surfels)?;
     let WeakestMotion { shift, turn } = slippage.weakest();
-    if turn.norm() < TURNS * shift.norm() {
+    if turn.norm() < TUNING.turns * shift.norm() {
         return Some(Freedom::Along(shift.normalize()));
     }
     // the screw axis of the twist about the middle

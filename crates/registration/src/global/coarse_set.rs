@@ -5,10 +5,18 @@ use super::pair_hypothesis::PairHypothesis;
 use super::votes::SurfelVotes;
 use crate::view::View;
 
-/// Distances up to this many times the set's noise are nothing to wonder at.
-const TOLERATED_NOISE: f64 = 1.6;
-/// Noise below this, in edges, is that of sampling.
-const LEAST_NOISE: f64 = 0.012;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// Distances up to this many times the set's noise are nothing to wonder at.
+        tolerated_noise: f64 = 1.6,
+        /// Noise below this, in edges, is that of sampling.
+        least_noise: f64 = 0.012,
+        /// Surfaces that are the same lie within so many root mean squares of their distance.
+        within: f64 = 2.0,
+        /// A hypothesis says something of the noise from this score on.
+        telling: f64 = 0.1,
+    }
+}
 
 /// What the views of a set are, coarse and fine.
 #[derive(Debug, Clone, Copy)]
@@ -35,28 +43,22 @@ impl CoarseSet<'_> {
 
     /// The mean square distance of surfels that agree, in what the set's noise explains; 1 if that explains it.
     pub fn excess(&self, votes: &SurfelVotes) -> f64 {
-        let excess = votes.rms() / (self.edge * TOLERATED_NOISE * self.noise);
+        let excess = votes.rms() / (self.edge * TUNING.tolerated_noise * self.noise);
         (excess * excess).max(1.0)
     }
 }
 
-/// Surfaces that are the same lie within so many root mean squares of their distance.
-const WITHIN: f64 = 2.0;
-
 /// What scans can resolve: the larger of their spacing and of how far apart surfaces lie that are the same. Depth cameras
 /// sample far more finely than they measure.
 pub fn resolution(spacing: f64, noise: f64, edge: f64) -> f64 {
-    spacing.max(WITHIN * noise * edge)
+    spacing.max(TUNING.within * noise * edge)
 }
-
-/// A hypothesis says something of the noise from this score on.
-const TELLING: f64 = 0.1;
 
 /// The noise of a set by its hypotheses, in edges: for most views one of its hypotheses is right, and a right one lies nearer than
 /// wrong ones do.
 pub fn noise_level(hypotheses: &[PairHypothesis], edge: f64) -> f64 {
     let mut nearest: std::collections::BTreeMap<usize, f64> = std::collections::BTreeMap::new();
-    for hypothesis in hypotheses.iter().filter(|hypothesis| hypothesis.score() > TELLING) {
+    for hypothesis in hypotheses.iter().filter(|hypothesis| hypothesis.score() > TUNING.telling) {
         for view in [hypothesis.i, hypothesis.j] {
             let rms = nearest.entry(view).or_insert(f64::INFINITY);
             *rms = rms.min(hypothesis.evidence.both().rms() / edge);
@@ -64,5 +66,5 @@ pub fn noise_level(hypotheses: &[PairHypothesis], edge: f64) -> f64 {
     }
     let mut levels: Vec<f64> = nearest.into_values().collect();
     levels.sort_by(f64::total_cmp);
-    levels.get(levels.len() / 2).copied().unwrap_or(0.0).max(LEAST_NOISE)
+    levels.get(levels.len() / 2).copied().unwrap_or(0.0).max(TUNING.least_noise)
 }

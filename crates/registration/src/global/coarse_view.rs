@@ -35,22 +35,29 @@ pub struct CoarseView {
     pub depth_image: DepthImage,
 }
 
-/// Radius of a normal's neighbourhood, in edges.
-const NORMAL_REACH: f64 = 1.2;
-/// A surfel lies on a rim if the mean of its neighbourhood is farther off than this share of its radius: half a disc
-/// has its mean at 0.42.
-const RIM_OFFSET: f32 = 0.3;
-/// Side of the cells of a depth image, in edges.
-const DEPTH_CELL: f64 = 1.3;
-/// Voxels with less than this share of the median number of points, or with a neighbourhood of less than the second
-/// share, are outliers.
-const OUTLIER_VOXEL: f64 = 0.1;
-const OUTLIER_AROUND: f64 = 0.2;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// Radius of a normal's neighbourhood, in edges.
+        normal_reach: f64 = 1.2,
+        /// A surfel lies on a rim if the mean of its neighbourhood is farther off than this share of its radius: half a disc
+        /// has its mean at 0.42.
+        rim_offset: f32 = 0.3,
+        /// Side of the cells of a depth image, in edges.
+        depth_cell: f64 = 1.3,
+        /// Voxels with less than this share of the median number of points, or with a neighbourhood of less than the second
+        /// share, are outliers.
+        outlier_voxel: f64 = 0.1,
+        outlier_around: f64 = 0.2,
+        /// Edge of the cells that a voxel's share of surface is counted in, in its own: nearer to its scanner a surface holds more
+        /// points, but no more cells.
+        cell: f64 = 0.25,
+    }
+}
 
 impl CoarseView {
     /// Reduces a view with surfels of one voxel of edge `edge`; `sensor` if the file or the caller told it.
     pub fn new(view: &View, edge: f64, sensor: Option<Sensor>) -> Self {
-        let reach = (NORMAL_REACH * edge) as f32;
+        let reach = (TUNING.normal_reach * edge) as f32;
         let (centroids, fitted) = supported(view, edge, reach);
         let facets: Vec<Facet> = fitted.iter().filter(|f| f.is_inner).map(Fitted::facet).collect();
         let (mut normals, is_inner): (Vec<_>, Vec<bool>) = fitted.into_iter().map(|f| (f.normal, f.is_inner)).unzip();
@@ -68,7 +75,7 @@ impl CoarseView {
         }
         let inner: Vec<u32> = (0..is_inner.len() as u32).filter(|index| is_inner[*index as usize]).collect();
         let radius = centroids.iter().map(|c| nalgebra::Vector3::from(*c).norm()).fold(0.0f32, f32::max).into();
-        let mut depth_image = DepthImage::new(&centroids, &sensor, DEPTH_CELL * edge);
+        let mut depth_image = DepthImage::new(&centroids, &sensor, TUNING.depth_cell * edge);
         // a scanner that looks all the way round has its picture end where its rays do, not where an object does
         if sensor.is_round(view.points()) {
             depth_image.crop();
@@ -114,13 +121,9 @@ impl Fitted {
     }
 }
 
-/// Edge of the cells that a voxel's share of surface is counted in, in its own: nearer to its scanner a surface holds more
-/// points, but no more cells.
-const CELL: f64 = 0.25;
-
 /// The means of the voxels with the surface there, outliers left out.
 fn supported(view: &View, edge: f64, reach: f32) -> (Vec<LocalPoint>, Vec<Fitted>) {
-    let cells = thin(view.points(), (CELL * edge) as f32);
+    let cells = thin(view.points(), (TUNING.cell * edge) as f32);
     let voxels = thin(&cells.centroids, edge as f32);
     let indexed = IndexedPoints::new(cells.centroids);
     let least_in_voxel = least_in_voxel(&voxels.counts);
@@ -132,7 +135,7 @@ fn supported(view: &View, edge: f64, reach: f32) -> (Vec<LocalPoint>, Vec<Fitted
         .map(|(center, _)| (center, fit(&indexed, &cells.counts, &center, reach)))
         .collect();
     let around: Vec<u32> = fitted.iter().map(|f| f.1.cells as u32).collect();
-    let least_around = OUTLIER_AROUND * typical_count(&around);
+    let least_around = TUNING.outlier_around * typical_count(&around);
     fitted.into_iter().filter(|(_, f)| f.cells as f64 >= least_around).unzip()
 }
 
@@ -145,7 +148,7 @@ pub fn count_voxels(points: &[LocalPoint], edge: f64) -> usize {
 
 /// Voxels with fewer points are outliers.
 fn least_in_voxel(counts: &[u32]) -> f64 {
-    OUTLIER_VOXEL * typical_count(counts)
+    TUNING.outlier_voxel * typical_count(counts)
 }
 
 /// The count of the voxel that the median point lies in: voxels of outliers may be many, but hold few points.
@@ -167,7 +170,7 @@ fn fit(cells: &IndexedPoints, counts: &[u32], center: &LocalPoint, reach: f32) -
     let mut points = 0;
     cells.tree.for_each_within(center, reach * reach, |n| points += counts[n.index as usize]);
     let (normal, is_inner) = match normal {
-        Some(normal) => (normal.cast::<f32>(), mean.norm() < RIM_OFFSET * reach),
+        Some(normal) => (normal.cast::<f32>(), mean.norm() < TUNING.rim_offset * reach),
         None => (nalgebra::Vector3::z(), false),
     };
     Fitted { normal, is_inner, cells: count, points }

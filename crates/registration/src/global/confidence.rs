@@ -13,12 +13,17 @@ pub const STILL: f64 = 4.0;
 pub const SURE: f64 = limits::LEAST_SURE;
 /// Numbers that the model looks at.
 pub const FEATURES: usize = 11;
-/// Displacement by one standard deviation where it is not known: what is usual, in the size of the set,
-const USUAL_DISPLACEMENT: f64 = 3e-3;
-/// and what is added to it, so that none is free of doubt.
-const LEAST_DISPLACEMENT: f64 = 1e-4;
-/// Agreement of colours that is as good as any.
-const COLOURS_AGREE: f64 = 0.8;
+
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// Displacement by one standard deviation where it is not known: what is usual, in the size of the set,
+        usual_displacement: f64 = 3e-3,
+        /// and what is added to it, so that none is free of doubt.
+        least_displacement: f64 = 1e-4,
+        /// Agreement of colours that is as good as any.
+        colours_agree: f64 = 0.8,
+    }
+}
 
 /// The probability that a view that stands so is right.
 pub fn confidence(support: &PoseSupport, witness: &Witness) -> f64 {
@@ -39,8 +44,8 @@ pub fn features(support: &PoseSupport, witness: &Witness) -> [f64; FEATURES] {
         s.rms.max(0.1).ln(),
         (1.0 - s.sharpness).sqrt(),
         s.agreeing,
-        (witness.displacement.unwrap_or(USUAL_DISPLACEMENT) + LEAST_DISPLACEMENT).ln(),
-        witness.colours.map_or(0.0, |agreement| agreement.min(COLOURS_AGREE) - COLOURS_AGREE),
+        (witness.displacement.unwrap_or(TUNING.usual_displacement) + TUNING.least_displacement).ln(),
+        witness.colours.map_or(0.0, |agreement| agreement.min(TUNING.colours_agree) - TUNING.colours_agree),
         f64::from(u8::from(witness.is_looked_through)),
     ]
 }

@@ -19,24 +19,28 @@ pub struct Proposal {
     pub support: usize,
 }
 
-/// Distances between compatible matches may differ by this many edges.
-const DISTANCE_TOLERANCE: f32 = 1.0;
-/// Matches nearer to each other than this (in edges) say little of each other.
-const LEAST_DISTANCE: f32 = 4.0;
-/// Cosine's tolerance of compatible angles.
-const ANGLE_TOLERANCE: f32 = 0.25;
-/// Two places lie on one plane if the cosine of their normals is more than this (18 degrees)
-const PARALLEL: f32 = 0.95;
-/// and the sine of the line between them against the plane less than this (12 degrees).
-const LEVEL: f32 = 0.2;
-/// Matches that a motion is first fitted to.
-const FIRST_FIT: usize = 24;
-/// Seeds tried.
-const SEEDS: usize = 40;
-/// A match is explained if its points meet within this many edges,
-const EXPLAINED: f32 = 1.5;
-/// and its normals within this cosine.
-const EXPLAINED_COSINE: f32 = 0.8;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// Distances between compatible matches may differ by this many edges.
+        distance_tolerance: f32 = 1.0,
+        /// Matches nearer to each other than this (in edges) say little of each other.
+        least_distance: f32 = 4.0,
+        /// Cosine's tolerance of compatible angles.
+        angle_tolerance: f32 = 0.25,
+        /// Two places lie on one plane if the cosine of their normals is more than this (18 degrees)
+        parallel: f32 = 0.95,
+        /// and the sine of the line between them against the plane less than this (12 degrees).
+        level: f32 = 0.2,
+        /// Matches that a motion is first fitted to.
+        first_fit: usize = 24,
+        /// Seeds tried.
+        seeds: usize = 40,
+        /// A match is explained if its points meet within this many edges,
+        explained: f32 = 1.5,
+        /// and its normals within this cosine.
+        explained_cosine: f32 = 0.8,
+    }
+}
 
 /// The oriented points of a match.
 struct Oriented {
@@ -110,7 +114,8 @@ pub fn proposals(
         }
         let mut ranked: Vec<(u32, usize)> = relation.members(seed).map(|k| (relation.common(seed, k), k)).collect();
         ranked.sort_by(|a, b| b.0.cmp(&a.0).then(a.1.cmp(&b.1)));
-        let first: Vec<usize> = std::iter::once(seed).chain(ranked.iter().take(FIRST_FIT).map(|(_, k)| *k)).collect();
+        let first: Vec<usize> =
+            std::iter::once(seed).chain(ranked.iter().take(TUNING.first_fit).map(|(_, k)| *k)).collect();
         let Some(mut motion) = fit(&oriented, &first, edge) else { continue };
         let mut inliers = explained(&oriented, &motion, edge as f32);
         for _ in 0..2 {
@@ -157,19 +162,19 @@ fn compatibility(oriented: &[Oriented], support: Support, edge: f32) -> Relation
 fn compatible(a: &Oriented, b: &Oriented, edge: f32) -> bool {
     let (d, e) = (b.p - a.p, b.q - a.q);
     let (length, other) = (d.norm(), e.norm());
-    if (length - other).abs() > DISTANCE_TOLERANCE * edge || length.min(other) < LEAST_DISTANCE * edge {
+    if (length - other).abs() > TUNING.distance_tolerance * edge || length.min(other) < TUNING.least_distance * edge {
         return false;
     }
-    (a.n.dot(&b.n) - a.m.dot(&b.m)).abs() < ANGLE_TOLERANCE
-        && (a.n.dot(&d) / length - a.m.dot(&e) / other).abs() < ANGLE_TOLERANCE
-        && (b.n.dot(&d) / length - b.m.dot(&e) / other).abs() < ANGLE_TOLERANCE
+    (a.n.dot(&b.n) - a.m.dot(&b.m)).abs() < TUNING.angle_tolerance
+        && (a.n.dot(&d) / length - a.m.dot(&e) / other).abs() < TUNING.angle_tolerance
+        && (b.n.dot(&d) / length - b.m.dot(&e) / other).abs() < TUNING.angle_tolerance
 }
 
 /// Whether both places of view i lie on one plane.
 #[inline]
 fn is_on_one_plane(a: &Oriented, b: &Oriented) -> bool {
     let d = b.p - a.p;
-    a.n.dot(&b.n) > PARALLEL && a.n.dot(&d).abs() < LEVEL * d.norm()
+    a.n.dot(&b.n) > TUNING.parallel && a.n.dot(&d).abs() < TUNING.level * d.norm()
 }
 
 /// The matches that belong together with most others, the best first.
@@ -180,7 +185,7 @@ fn seeds(relation: &Relation, count: usize) -> Vec<usize> {
         .collect();
     ranked.sort_by(|a, b| b.0.cmp(&a.0).then(a.1.cmp(&b.1)));
     // seeds are spread over the ranking: the first explained set uses up most of its head
-    ranked.into_iter().map(|(_, k)| k).take(4 * SEEDS).collect()
+    ranked.into_iter().map(|(_, k)| k).take(4 * TUNING.seeds).collect()
 }
 
 /// The motion that brings the q onto the p and their normals onto each other.
@@ -202,9 +207,9 @@ fn fit(oriented: &[Oriented], chosen: &[usize], edge: f64) -> Option<Motion> {
 fn explained(oriented: &[Oriented], motion: &Motion, edge: f32) -> Vec<usize> {
     let motion = motion.cast::<f32>();
     let (rotation, shift) = (motion.rotation.to_rotation_matrix(), motion.translation.vector);
-    let limit2 = (EXPLAINED * edge).powi(2);
+    let limit2 = (TUNING.explained * edge).powi(2);
     let is_explained = |o: &Oriented| {
-        (rotation * o.q + shift - o.p).norm_squared() < limit2 && (rotation * o.m).dot(&o.n) > EXPLAINED_COSINE
+        (rotation * o.q + shift - o.p).norm_squared() < limit2 && (rotation * o.m).dot(&o.n) > TUNING.explained_cosine
     };
     (0..oriented.len()).filter(|k| is_explained(&oriented[*k])).collect()
 }

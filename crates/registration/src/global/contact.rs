@@ -5,16 +5,20 @@ use crate::quality::sharpness::NEAR;
 use crate::view::View;
 use visage_geometry::{Motion, Point3};
 
-/// Points of a view that are laid on the other.
-const SAMPLES: usize = 300;
-/// A point has a counterpart if it lies no farther than this beside its nearest one, in spacings;
-const BESIDE: f64 = 2.0;
-/// it touches it if it lies no farther than this above or below.
-const ON: f64 = 1.0;
-/// it meets it if it lies no farther than this many times the noise of both scans,
-const MEETING_NOISE: f64 = 3.0;
-/// but this much, in spacings, is allowed in any case.
-const MEETING: f64 = 0.2;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// Points of a view that are laid on the other.
+        samples: usize = 300,
+        /// A point has a counterpart if it lies no farther than this beside its nearest one, in spacings;
+        beside: f64 = 2.0,
+        /// it touches it if it lies no farther than this above or below.
+        on: f64 = 1.0,
+        /// it meets it if it lies no farther than this many times the noise of both scans,
+        meeting_noise: f64 = 3.0,
+        /// but this much, in spacings, is allowed in any case.
+        meeting: f64 = 0.2,
+    }
+}
 
 /// How two views lie on each other at full resolution.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -31,18 +35,19 @@ pub struct Contact {
 
 /// How view j lies on view i; `None` if none of its points is near. `i_from_j` is improved first.
 pub fn contact(i: &View, j: &View, i_from_j: &Motion, spacing: f64) -> Option<Contact> {
-    let samples: Vec<Point3> = spread(j, SAMPLES).collect();
+    let samples: Vec<Point3> = spread(j, TUNING.samples).collect();
     let motion = laid_on(&[(i, Motion::identity())], &samples, i_from_j, spacing);
     let heights = heights(i, &samples, &motion, spacing);
     let noise = i.range_accuracy.hypot(j.range_accuracy).max(f64::MIN_POSITIVE);
     let within = |limit: f64| heights.iter().filter(|height| **height < limit).count() as f64;
-    let touching = within(ON * spacing);
-    let squares: f64 = heights.iter().filter(|height| **height < ON * spacing).map(|height| height * height).sum();
+    let touching = within(TUNING.on * spacing);
+    let squares: f64 =
+        heights.iter().filter(|height| **height < TUNING.on * spacing).map(|height| height * height).sum();
     let near = heights.len() as f64;
     (near > 0.0).then(|| Contact {
         i_from_j: motion,
         touching: touching / near,
-        meeting: within((MEETING_NOISE * noise).max(MEETING * spacing)) / near,
+        meeting: within((TUNING.meeting_noise * noise).max(TUNING.meeting * spacing)) / near,
         rms_noise: (squares / touching.max(1.0)).sqrt() / noise,
     })
 }
@@ -52,7 +57,7 @@ fn heights(view: &View, samples: &[Point3], motion: &Motion, spacing: f64) -> Ve
     let height = |Foot { normal, offset, .. }: Foot| {
         let height = normal.dot(&offset).abs();
         // a point that lies beside its nearest one lies beyond a rim: it has no counterpart
-        (offset.norm_squared() - height * height < (BESIDE * spacing).powi(2)).then_some(height)
+        (offset.norm_squared() - height * height < (TUNING.beside * spacing).powi(2)).then_some(height)
     };
     feet(view, samples, motion, NEAR * spacing).into_iter().filter_map(height).collect()
 }

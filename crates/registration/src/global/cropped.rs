@@ -8,19 +8,22 @@ use super::coarse_view::CoarseView;
 use super::pair_hypothesis::PairHypothesis;
 use super::votes::SurfelVotes;
 
-/// Surfels that have to agree before a hypothesis says something of pictures.
-const LEAST_AGREE: f64 = 60.0;
-/// Of what is said inside both pictures this share has to agree.
-const COHERENT: f64 = 0.75;
-/// A picture is cropped if this share of what should be in it is missed: on right motions of whole objects hardly anything
-/// is, whatever the scanner.
-const MISSED: f64 = 0.12;
-
-/// Frames come in sets: fewer than this share of cropped pictures are whole objects that were laid on each other wrongly,
-const FRAMES: f64 = 1.0 / 3.0;
-/// and where this share of a large set is cropped all are: one scanner took them, and of some the best hypothesis shows it by
-/// chance not.
-const ALL_FRAMES: f64 = 2.0 / 3.0;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// Surfels that have to agree before a hypothesis says something of pictures.
+        least_agree: f64 = 60.0,
+        /// Of what is said inside both pictures this share has to agree.
+        coherent: f64 = 0.75,
+        /// A picture is cropped if this share of what should be in it is missed: on right motions of whole objects hardly anything
+        /// is, whatever the scanner.
+        missed: f64 = 0.12,
+        /// Frames come in sets: fewer than this share of cropped pictures are whole objects that were laid on each other wrongly,
+        frames: f64 = 1.0 / 3.0,
+        /// and where this share of a large set is cropped all are: one scanner took them, and of some the best hypothesis shows it by
+        /// chance not.
+        all_frames: f64 = 2.0 / 3.0,
+    }
+}
 
 /// How many coarse views of a set have to be cropped.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -42,10 +45,10 @@ pub fn crop(coarse_views: &mut [CoarseView], hypotheses: &[PairHypothesis], want
             said[picture].1 += votes.agree;
         }
     }
-    let is_cropped = |view: &usize| said[*view].0 > MISSED * (said[*view].0 + said[*view].1);
+    let is_cropped = |view: &usize| said[*view].0 > TUNING.missed * (said[*view].0 + said[*view].1);
     let cropped: Vec<usize> = (0..coarse_views.len()).filter(is_cropped).collect();
     let is_share = |share: f64| cropped.len() as f64 >= share * coarse_views.len() as f64;
-    if cropped.is_empty() || !is_share(if wanted == Frames::All { ALL_FRAMES } else { FRAMES }) {
+    if cropped.is_empty() || !is_share(if wanted == Frames::All { TUNING.all_frames } else { TUNING.frames }) {
         return false;
     }
     if wanted == Frames::All {
@@ -80,5 +83,5 @@ fn balance(hypothesis: &PairHypothesis) -> f64 {
 
 fn is_coherent(hypothesis: &PairHypothesis) -> bool {
     let (agree, against) = inside(hypothesis);
-    agree >= LEAST_AGREE && agree >= COHERENT * (agree + against)
+    agree >= TUNING.least_agree && agree >= TUNING.coherent * (agree + against)
 }

@@ -22,30 +22,33 @@ use crate::view_graph::all_pairs;
 use visage_geometry::Motion;
 use visage_geometry::progress::{Canceled, Progress};
 
-/// Motions of a pair that are proposed by single matches, and by matches that are not on one plane.
-const PROPOSALS: usize = 12;
-/// Surfels of a view that are queried of a component.
-const SAMPLES: usize = 100;
-/// Components of fewer views say too little to be clear.
-const LEAST_VIEWS: usize = 3;
-/// Of what all pairs of a clear component say, at most this share is that a scanner looked through a surface or missed it
-/// (the dragon's say 0.011),
-const NOT_SEEN: f64 = 0.02;
-/// and at least this share agrees (the happy buddha's say 0.865).
-const AGREE: f64 = 0.83;
-
-/// A hypothesis within a component that says something else, is as strong as this and stronger than what the component says instead,
-/// contradicts it: on right registrations of real scans of things such hypotheses have 0.025 at most, and smooth pebbles laid on
-/// each other the wrong way have left right ones of 0.1 to 0.4 unused.
-const CONTRADICTING: f64 = 0.2;
-/// A component of which more than this share of views is contradicted is not clear at all: half of it may lie wrong.
-const CONTRADICTED: f64 = 0.125;
-/// Another place is as good as a view's own from this share of what speaks for that on.
-const RIVAL: f64 = 0.8;
-/// More open views than this are not looked at exhaustively: it takes seconds for each.
-const MOST_OPEN: usize = 24;
-/// Motions nearer to each other than this, in edges, say the same.
-const SAME: f64 = 4.0;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// Motions of a pair that are proposed by single matches, and by matches that are not on one plane.
+        proposals: usize = 12,
+        /// Surfels of a view that are queried of a component.
+        samples: usize = 100,
+        /// Components of fewer views say too little to be clear.
+        least_views: usize = 3,
+        /// Of what all pairs of a clear component say, at most this share is that a scanner looked through a surface or missed it
+        /// (the dragon's say 0.011),
+        not_seen: f64 = 0.02,
+        /// and at least this share agrees (the happy buddha's say 0.865).
+        agree: f64 = 0.83,
+        /// A hypothesis within a component that says something else, is as strong as this and stronger than what the component says instead,
+        /// contradicts it: on right registrations of real scans of things such hypotheses have 0.025 at most, and smooth pebbles laid on
+        /// each other the wrong way have left right ones of 0.1 to 0.4 unused.
+        contradicting: f64 = 0.2,
+        /// A component of which more than this share of views is contradicted is not clear at all: half of it may lie wrong.
+        contradicted: f64 = 0.125,
+        /// Another place is as good as a view's own from this share of what speaks for that on.
+        rival: f64 = 0.8,
+        /// More open views than this are not looked at exhaustively: it takes seconds for each.
+        most_open: usize = 24,
+        /// Motions nearer to each other than this, in edges, say the same.
+        same: f64 = 4.0,
+    }
+}
 
 /// What is clear of an agglomeration: of each component the views that hardly anything speaks against, if they agree with each other.
 #[derive(Debug, Clone)]
@@ -59,7 +62,8 @@ impl Cores {
     /// Asks the components of an agglomeration.
     pub fn of(coarse_set: &CoarseSet, hypotheses: &[PairHypothesis], agglomeration: &Agglomeration) -> Self {
         let mut cores = Cores { components: Vec::new(), home: vec![None; coarse_set.coarse_views.len()] };
-        for component in agglomeration.components.iter().filter(|component| component.views.len() >= LEAST_VIEWS) {
+        for component in agglomeration.components.iter().filter(|component| component.views.len() >= TUNING.least_views)
+        {
             let core = without_contradicted(coarse_set, hypotheses, component);
             if is_coherent(coarse_set, &core) {
                 core.views.iter().for_each(|view| cores.home[*view] = Some(cores.components.len()));
@@ -95,7 +99,7 @@ pub fn search_exhaustively(
     hinted: &Hinted,
     progress: &Progress,
 ) -> Result<Agglomeration, Canceled> {
-    if cores.open() > MOST_OPEN {
+    if cores.open() > TUNING.most_open {
         return Ok(quick.clone());
     }
     hypotheses.extend(more_hypotheses(coarse_set, hypotheses, pairs, &cores, progress)?);
@@ -133,7 +137,7 @@ fn without_contradicted(coarse_set: &CoarseSet, hypotheses: &[PairHypothesis], c
         })
         .collect();
     let contradicted: BTreeSet<usize> = contradicted.into_iter().flatten().flatten().collect();
-    if contradicted.len() as f64 > CONTRADICTED * component.views.len() as f64 {
+    if contradicted.len() as f64 > TUNING.contradicted * component.views.len() as f64 {
         return component.among(&[]);
     }
     let clear: Vec<usize> = (0..component.views.len()).filter(|k| !contradicted.contains(k)).collect();
@@ -143,8 +147,13 @@ fn without_contradicted(coarse_set: &CoarseSet, hypotheses: &[PairHypothesis], c
 /// Whether a strong hypothesis says something else than the motion by which a component lays its pair, and more clearly.
 fn contradicts(coarse_set: &CoarseSet, hypothesis: &PairHypothesis, implied: &Motion) -> bool {
     let score = coarse_set.score(hypothesis);
-    score >= CONTRADICTING
-        && !alike(implied, &hypothesis.i_from_j, coarse_set.coarse_views[hypothesis.j].radius, SAME * coarse_set.edge)
+    score >= TUNING.contradicting
+        && !alike(
+            implied,
+            &hypothesis.i_from_j,
+            coarse_set.coarse_views[hypothesis.j].radius,
+            TUNING.same * coarse_set.edge,
+        )
         && measure(coarse_set.coarse_views, hypothesis.i, hypothesis.j, implied, coarse_set.edge)
             .is_none_or(|own| score > coarse_set.score(&own))
 }
@@ -159,11 +168,11 @@ fn is_as_well_at(coarse_set: &CoarseSet, component: &Component, place: usize, po
             motion.translation.vector.norm() < coarse_view(*other).radius + coarse_view(place).radius
         });
         near.map(|(other, motion)| {
-            verify(coarse_view(other), coarse_view(place), &motion, coarse_set.edge, SAMPLES).both().balance()
+            verify(coarse_view(other), coarse_view(place), &motion, coarse_set.edge, TUNING.samples).both().balance()
         })
         .sum()
     };
-    balance(pose) > RIVAL * balance(&component.local_poses[place])
+    balance(pose) > TUNING.rival * balance(&component.local_poses[place])
 }
 
 /// Whether the pairs of a component agree, and no scanner looked through what another saw.
@@ -175,11 +184,13 @@ fn is_coherent(coarse_set: &CoarseSet, component: &Component) -> bool {
         .map(|&(k, l)| {
             let (i, j) = (&coarse_set.coarse_views[component.views[k]], &coarse_set.coarse_views[component.views[l]]);
             let i_from_j = component.local_poses[k].inv_mul(&component.local_poses[l]);
-            verify(i, j, &i_from_j, coarse_set.edge, SAMPLES).both()
+            verify(i, j, &i_from_j, coarse_set.edge, TUNING.samples).both()
         })
         .collect();
     let votes: SurfelVotes = votes.into_iter().sum();
-    n >= LEAST_VIEWS && votes.unseen() <= NOT_SEEN * votes.said() && votes.agree >= AGREE * votes.said()
+    n >= TUNING.least_views
+        && votes.unseen() <= TUNING.not_seen * votes.said()
+        && votes.agree >= TUNING.agree * votes.said()
 }
 
 /// Further hypotheses of the pairs that are matched, but for those within one core.
@@ -203,8 +214,8 @@ fn more_hypotheses(
             progress.check()?;
             let matches = matching::matches(&coarse_set.coarse_views[i], &coarse_set.coarse_views[j], coarse_set.edge);
             let (a, b) = (&coarse_set.coarse_views[i], &coarse_set.coarse_views[j]);
-            let agreed = proposals(a, b, &matches, Support::AcrossPlanes, coarse_set.edge, PROPOSALS);
-            let turned = rotation_search(&scorers[i], &scorers[j], &matches, coarse_set.edge, PROPOSALS);
+            let agreed = proposals(a, b, &matches, Support::AcrossPlanes, coarse_set.edge, TUNING.proposals);
+            let turned = rotation_search(&scorers[i], &scorers[j], &matches, coarse_set.edge, TUNING.proposals);
             let proposed = agreed.into_iter().map(|proposal| proposal.i_from_j).chain(turned);
             let known: Vec<PairHypothesis> =
                 known.iter().filter(|hypothesis| (hypothesis.i, hypothesis.j) == (i, j)).copied().collect();

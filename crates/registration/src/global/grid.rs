@@ -3,10 +3,14 @@
 
 use visage_geometry::neighbours::LocalPoint;
 
-/// Cells along a side, at most: a stray surfel far away must not make a grid of gigabytes.
-const MOST_CELLS: f32 = 128.0;
-/// Cells that a surfel is entered in, to either side.
-const AROUND: i32 = 2;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// Cells along a side, at most: a stray surfel far away must not make a grid of gigabytes.
+        most_cells: f32 = 128.0,
+        /// Cells that a surfel is entered in, to either side.
+        around: i32 = 2,
+    }
+}
 
 /// For each cell the surfel nearest to its middle.
 #[derive(Debug, Clone)]
@@ -22,10 +26,10 @@ impl NearGrid {
     pub fn new(points: &[LocalPoint], cell: f32) -> Self {
         let bound = |axis: usize, fold: fn(f32, f32) -> f32, start| points.iter().map(|p| p[axis]).fold(start, fold);
         let low = [0, 1, 2].map(|axis| bound(axis, f32::min, f32::INFINITY));
-        let origin = nalgebra::Vector3::from(low).map(|x| x - cell * AROUND as f32);
+        let origin = nalgebra::Vector3::from(low).map(|x| x - cell * TUNING.around as f32);
         let size = [0, 1, 2].map(|axis| {
             let extent = bound(axis, f32::max, f32::NEG_INFINITY) - low[axis];
-            (extent / cell).clamp(0.0, MOST_CELLS) as i32 + 1 + 2 * AROUND
+            (extent / cell).clamp(0.0, TUNING.most_cells) as i32 + 1 + 2 * TUNING.around
         });
         let mut grid = NearGrid { origin, inverse: 1.0 / cell, size, nearest: Vec::new() };
         let cells = size.iter().map(|n| *n as usize).product();
@@ -39,10 +43,10 @@ impl NearGrid {
 
     fn enter(&mut self, surfel: u32, point: &nalgebra::Vector3<f32>, distances2: &mut [f32]) {
         let place = (point - self.origin) * self.inverse;
-        let center = place.map(|x| x.floor().clamp(-MOST_CELLS, 4.0 * MOST_CELLS) as i32);
-        for z in center.z - AROUND..=center.z + AROUND {
-            for y in center.y - AROUND..=center.y + AROUND {
-                for x in center.x - AROUND..=center.x + AROUND {
+        let center = place.map(|x| x.floor().clamp(-TUNING.most_cells, 4.0 * TUNING.most_cells) as i32);
+        for z in center.z - TUNING.around..=center.z + TUNING.around {
+            for y in center.y - TUNING.around..=center.y + TUNING.around {
+                for x in center.x - TUNING.around..=center.x + TUNING.around {
                     let Some(cell) = self.index([x, y, z]) else { continue };
                     let middle = nalgebra::Vector3::new(x as f32, y as f32, z as f32).add_scalar(0.5);
                     let distance2 = (middle - place).norm_squared();

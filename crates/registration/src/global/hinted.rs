@@ -22,30 +22,34 @@ use crate::hinted::{Hinted, PickedPair};
 use visage_geometry::Motion;
 use visage_geometry::progress::{Canceled, Progress};
 
-/// Surfels of a view that are queried of picked points.
-const SAMPLES: usize = 400;
-/// Refined on the surface, picked places may come apart by this many edges more.
-const REFINED: f64 = 3.0;
-/// Picked points are followed if this share of the surfels agrees,
-const LEAST_OVERLAP: f64 = 0.02;
-/// this share of what was said: more speaks for them than against,
-const CONSISTENT: f64 = 0.5;
-/// this share of the points near each other touches at full resolution,
-const TOUCHING: f64 = 0.5;
-/// and no other motion of the pair, at least as consistent, is stronger by this factor
-const OVERRULED: f64 = 2.0;
-/// (unless so much agrees that nothing speaks against them: a like part elsewhere may be larger).
-const CLEAR: f64 = 0.8;
-/// Poses that differ by less than this, in edges, are the same.
-const SAME: f64 = 4.0;
-/// Components that are said to overlap are joined on half the score that others need,
-const JOINED_SCORE: f64 = 0.08;
-/// and of contact.
-const JOINED_TOUCHING: f64 = 0.6;
-/// Another way to lay them on each other is a rival from this share of the score on.
-const RIVAL: f64 = 0.85;
-/// Motions of a pair that is said to overlap, proposed by single matches.
-const PROPOSALS: usize = 12;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// Surfels of a view that are queried of picked points.
+        samples: usize = 400,
+        /// Refined on the surface, picked places may come apart by this many edges more.
+        refined: f64 = 3.0,
+        /// Picked points are followed if this share of the surfels agrees,
+        least_overlap: f64 = 0.02,
+        /// this share of what was said: more speaks for them than against,
+        consistent: f64 = 0.5,
+        /// this share of the points near each other touches at full resolution,
+        touching: f64 = 0.5,
+        /// and no other motion of the pair, at least as consistent, is stronger by this factor
+        overruled: f64 = 2.0,
+        /// (unless so much agrees that nothing speaks against them: a like part elsewhere may be larger).
+        clear: f64 = 0.8,
+        /// Poses that differ by less than this, in edges, are the same.
+        same: f64 = 4.0,
+        /// Components that are said to overlap are joined on half the score that others need,
+        joined_score: f64 = 0.08,
+        /// and of contact.
+        joined_touching: f64 = 0.6,
+        /// Another way to lay them on each other is a rival from this share of the score on.
+        rival: f64 = 0.85,
+        /// Motions of a pair that is said to overlap, proposed by single matches.
+        proposals: usize = 12,
+    }
+}
 
 /// What is known before anything was searched.
 #[derive(Debug, Clone, Copy)]
@@ -75,7 +79,7 @@ impl Prior<'_> {
             return Vec::new();
         }
         let (i, j) = (HypothesisScorer::new(&coarse_views[i], edge), HypothesisScorer::new(&coarse_views[j], edge));
-        rotation_search(&i, &j, matches, edge, PROPOSALS)
+        rotation_search(&i, &j, matches, edge, TUNING.proposals)
     }
 }
 
@@ -103,22 +107,23 @@ fn followed(coarse_set: &CoarseSet, hypotheses: &[PairHypothesis], pair: &Picked
     let (a, b) = (&coarse_set.coarse_views[i], &coarse_set.coarse_views[j]);
     let picked = pair.fit.a_from_b;
     let refined = align(a, b, &picked, coarse_set.edge);
-    let stays = pair.distances(&refined).0 <= pair.tolerance.max(pair.fit.rms + REFINED * coarse_set.edge);
+    let stays = pair.distances(&refined).0 <= pair.tolerance.max(pair.fit.rms + TUNING.refined * coarse_set.edge);
     let i_from_j = if stays { refined } else { picked };
-    let hypothesis = PairHypothesis { i, j, i_from_j, evidence: verify(a, b, &i_from_j, coarse_set.edge, SAMPLES) };
+    let hypothesis =
+        PairHypothesis { i, j, i_from_j, evidence: verify(a, b, &i_from_j, coarse_set.edge, TUNING.samples) };
     let touches =
         || contact(&coarse_set.views[i], &coarse_set.views[j], &i_from_j, coarse_set.resolution).map(|c| c.touching);
     let consistency = hypothesis.evidence.both().consistency();
     let is_overruled = |other: &PairHypothesis| {
         (other.i, other.j) == (i, j)
-            && !alike(&other.i_from_j, &i_from_j, b.radius, SAME * coarse_set.edge)
+            && !alike(&other.i_from_j, &i_from_j, b.radius, TUNING.same * coarse_set.edge)
             && other.evidence.both().consistency() >= consistency
-            && coarse_set.score(other) > OVERRULED * coarse_set.score(&hypothesis)
+            && coarse_set.score(other) > TUNING.overruled * coarse_set.score(&hypothesis)
     };
-    let holds = hypothesis.evidence.overlap() >= LEAST_OVERLAP
-        && consistency >= CONSISTENT
-        && (consistency >= CLEAR || !hypotheses.iter().any(is_overruled))
-        && touches().is_some_and(|touching| touching >= TOUCHING);
+    let holds = hypothesis.evidence.overlap() >= TUNING.least_overlap
+        && consistency >= TUNING.consistent
+        && (consistency >= TUNING.clear || !hypotheses.iter().any(is_overruled))
+        && touches().is_some_and(|touching| touching >= TUNING.touching);
     holds.then_some(hypothesis)
 }
 
@@ -179,7 +184,7 @@ fn agreement(coarse_set: &CoarseSet, component: &Component, other: &Component) -
     let motion = pose(component, first) * pose(other, first).inverse();
     let is_same = |view: &usize| {
         let radius = coarse_set.coarse_views[*view].radius;
-        alike(&(motion * pose(other, *view)), &pose(component, *view), radius, SAME * coarse_set.edge)
+        alike(&(motion * pose(other, *view)), &pose(component, *view), radius, TUNING.same * coarse_set.edge)
     };
     shared.iter().all(is_same).then_some(motion)
 }
@@ -230,16 +235,16 @@ fn joined(
             let measured = measure_all(coarse_set.coarse_views, left, right, &motion, coarse_set.edge);
             (MergeEvidence::of(coarse_set, &measured), measured, motion)
         })
-        .filter(|(evidence, ..)| evidence.best >= JOINED_SCORE && evidence.score >= JOINED_SCORE)
+        .filter(|(evidence, ..)| evidence.best >= TUNING.joined_score && evidence.score >= TUNING.joined_score)
         .collect();
     found.sort_by(|a, b| b.0.score.total_cmp(&a.0.score));
-    found.retain(|(_, measured, _)| touching(coarse_set, measured) >= JOINED_TOUCHING);
+    found.retain(|(_, measured, _)| touching(coarse_set, measured) >= TUNING.joined_touching);
     let (best, measured, motion) = found.first()?;
     let radius = right.views.iter().map(|view| coarse_set.coarse_views[*view].radius).fold(0.0, f64::max);
     let is_rival = |(evidence, _, other): &(MergeEvidence, Vec<PairHypothesis>, Motion)| {
-        !alike(other, motion, radius, SAME * coarse_set.edge) && evidence.score > RIVAL * best.score
+        !alike(other, motion, radius, TUNING.same * coarse_set.edge) && evidence.score > TUNING.rival * best.score
     };
-    if found.iter().any(is_rival) || can_slip(coarse_set.coarse_views, measured, coarse_set.edge, SAMPLES) {
+    if found.iter().any(is_rival) || can_slip(coarse_set.coarse_views, measured, coarse_set.edge, TUNING.samples) {
         return None;
     }
     let mut union = left.united(right, motion);

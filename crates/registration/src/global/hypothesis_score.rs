@@ -12,20 +12,24 @@ use visage_geometry::Motion;
 
 /// Surfels of a view that can be queried.
 pub const WITNESSES: usize = 120;
-/// A surfel's counterpart lies no farther beside it than this, in edges,
-const BESIDE: f32 = 2.2;
-/// and their normals are alike to this cosine.
-const LIKE: f32 = 0.6;
-/// A surfel stands where the scanner looked through from this height over the surface it saw on, in edges.
-const IN_FRONT: f32 = 2.0;
-/// A surface faces a scanner that it should be seen by from this cosine of its normal on.
-const FACING: f32 = 0.6;
-/// A surfel that the other scanner should have seen counts as so many that cross.
-const NOT_SEEN: f32 = 1.5;
-/// Motions are ranked by the overlap times what the share of agreement exceeds this by.
-const LEAST_CONSISTENCY: f32 = 0.4;
-/// Search distances of the steps towards the surface, in edges.
-const REACHES: [f32; 4] = [2.0, 1.5, 1.2, 1.0];
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// A surfel's counterpart lies no farther beside it than this, in edges,
+        beside: f32 = 2.2,
+        /// and their normals are alike to this cosine.
+        like: f32 = 0.6,
+        /// A surfel stands where the scanner looked through from this height over the surface it saw on, in edges.
+        in_front: f32 = 2.0,
+        /// A surface faces a scanner that it should be seen by from this cosine of its normal on.
+        facing: f32 = 0.6,
+        /// A surfel that the other scanner should have seen counts as so many that cross.
+        not_seen: f32 = 1.5,
+        /// Motions are ranked by the overlap times what the share of agreement exceeds this by.
+        least_consistency: f32 = 0.4,
+        /// Search distances of the steps towards the surface, in edges.
+        reaches: [f32; 4] = [2.0, 1.5, 1.2, 1.0],
+    }
+}
 
 /// A view that can be looked at quickly.
 #[derive(Debug, Clone)]
@@ -52,7 +56,7 @@ impl HypothesisScore {
     /// How much speaks for the motion, to rank motions.
     pub fn strength(&self) -> f32 {
         let consistency = self.agree / (self.agree + self.conflict).max(1.0);
-        self.agree / self.queried.max(1.0) * (consistency - LEAST_CONSISTENCY).max(0.0)
+        self.agree / self.queried.max(1.0) * (consistency - TUNING.least_consistency).max(0.0)
     }
 }
 
@@ -86,14 +90,14 @@ impl<'a> HypothesisScorer<'a> {
         for (place, normal) in queried {
             let (moved, turned) = (motion.rotation * place + motion.translation.vector, motion.rotation * normal);
             let Some(target) = other.grid.near(&moved) else {
-                said.conflict += if other.misses(&moved, &turned, edge) { NOT_SEEN } else { 0.0 };
+                said.conflict += if other.misses(&moved, &turned, edge) { TUNING.not_seen } else { 0.0 };
                 continue;
             };
             let offset = moved - other.coarse_view.position(target);
             let other_normal = other.coarse_view.normals[target];
             let along = other_normal.dot(&offset);
-            let is_beside = offset.norm_squared() - along * along < (BESIDE * edge).powi(2);
-            if is_beside && along.abs() < tolerance && other_normal.dot(&turned) > LIKE {
+            let is_beside = offset.norm_squared() - along * along < (TUNING.beside * edge).powi(2);
+            if is_beside && along.abs() < tolerance && other_normal.dot(&turned) > TUNING.like {
                 said.agree += 1.0;
             } else if other.coarse_view.is_inner[target] {
                 said.conflict += 1.0;
@@ -106,18 +110,18 @@ impl<'a> HypothesisScorer<'a> {
     fn misses(&self, place: &Vector3<f32>, normal: &Vector3<f32>, edge: f32) -> bool {
         let depth_image = &self.coarse_view.depth_image;
         match depth_image.look(place) {
-            Seen::Surface { height } => height > IN_FRONT * edge,
+            Seen::Surface { height } => height > TUNING.in_front * edge,
             Seen::Rim | Seen::Unknown => false,
             Seen::Nothing => {
                 let toward = depth_image.toward_scanner(place);
-                toward.dot(normal) > FACING * toward.norm()
+                toward.dot(normal) > TUNING.facing * toward.norm()
             }
         }
     }
 
     /// Improves a motion that maps this view into `other`'s frame: a few point-to-plane steps of the witnesses.
     pub fn refined(&self, other: &HypothesisScorer, motion: &Motion, edge: f32) -> Motion {
-        descend(motion, REACHES.map(|reach| f64::from(reach * edge)), |motion, reach, sums| {
+        descend(motion, TUNING.reaches.map(|reach| f64::from(reach * edge)), |motion, reach, sums| {
             let (by, reach) = (motion.cast::<f32>(), reach as f32);
             let (rotation, shift) = (by.rotation.to_rotation_matrix(), by.translation.vector);
             let kernel = RobustKernel::within(reach);
@@ -127,7 +131,7 @@ impl<'a> HypothesisScorer<'a> {
                 let (offset, other_normal) =
                     (moved - other.coarse_view.position(target), other.coarse_view.normals[target]);
                 // the surfel looked up may lie beside the nearest
-                if other_normal.dot(&turned) < LIKE || offset.norm() > 2.0 * reach {
+                if other_normal.dot(&turned) < TUNING.like || offset.norm() > 2.0 * reach {
                     continue;
                 }
                 let mean = (other_normal + turned).normalize();

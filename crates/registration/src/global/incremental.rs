@@ -6,7 +6,7 @@
 
 use rayon::prelude::*;
 
-use super::agglomerative::{TOUCHING, measure, touching};
+use super::agglomerative::{self, measure, touching};
 use super::alignment::align_onto;
 use super::coarse_set::CoarseSet;
 use super::component::Component;
@@ -17,21 +17,26 @@ use super::verification::verify;
 use visage_geometry::Motion;
 use visage_geometry::progress::{Canceled, Progress};
 
-/// Surfels of a view that are queried of a place,
-const SAMPLES: usize = 100;
-/// and of whether it could slide.
-const SLIDE_SAMPLES: usize = 200;
-/// Hypotheses that components are grown from.
-const SEEDS: usize = 24;
-/// Places nearer to each other than this, in edges, are one.
-const SAME: f64 = 2.5;
-/// A view is taken in if so much speaks for its place,
-const LEAST: f64 = 12.0;
-/// and if another place has less than this share of that.
-const RIVAL: f64 = 0.8;
-/// The agreement of one pair counts up to about so many surfels: views stacked on each other agree much, and a right
-/// set has many pairs that agree a little.
-const ENOUGH: f64 = 60.0;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// Surfels of a view that are queried of a place,
+        samples: usize = 100,
+        /// and of whether it could slide.
+        slide_samples: usize = 200,
+        /// Hypotheses that components are grown from.
+        seeds: usize = 24,
+        /// Places nearer to each other than this, in edges, are one.
+        same: f64 = 2.5,
+        /// A view is taken in if so much speaks for its place,
+        least: f64 = 12.0,
+        /// and if another place has less than this share of that.
+        rival: f64 = 0.8,
+        /// The agreement of one pair counts up to about so many surfels: views stacked on each other agree much, and a right
+        /// set has many pairs that agree a little.
+        enough: f64 = 60.0,
+    }
+}
+
 /// Views with their poses in a world of their own, in the order in which they came.
 type Placed = Vec<(usize, Motion)>;
 
@@ -128,7 +133,7 @@ impl IncrementalSearch<'_> {
             })
             .collect::<Result<_, Canceled>>()?;
         let best = grown.into_iter().reduce(|best, next| if next.0 > best.0 { next } else { best });
-        Ok(best.filter(|(total, _)| *total >= LEAST).map(|(_, placed)| placed))
+        Ok(best.filter(|(total, _)| *total >= TUNING.least).map(|(_, placed)| placed))
     }
 
     /// The hypotheses between free views that most speaks for. Clear components are beginnings themselves.
@@ -138,10 +143,10 @@ impl IncrementalSearch<'_> {
             self.hypotheses.par_iter().filter(|hypothesis| is_free(&hypothesis.i) && is_free(&hypothesis.j));
         let mut seeds: Vec<(f64, &PairHypothesis)> = between_free
             .map(|hypothesis| (self.balance(hypothesis.i, hypothesis.j, &hypothesis.i_from_j), hypothesis))
-            .filter(|(balance, _)| *balance >= LEAST)
+            .filter(|(balance, _)| *balance >= TUNING.least)
             .collect();
         seeds.sort_by(|a, b| b.0.total_cmp(&a.0).then((a.1.i, a.1.j).cmp(&(b.1.i, b.1.j))));
-        seeds.truncate(SEEDS);
+        seeds.truncate(TUNING.seeds);
         seeds.into_iter().map(|(_, hypothesis)| hypothesis).collect()
     }
 
@@ -188,7 +193,7 @@ impl IncrementalSearch<'_> {
     }
 
     fn is_same(&self, view: usize, a: &Motion, b: &Motion) -> bool {
-        alike(a, b, self.coarse_set.coarse_views[view].radius, SAME * self.coarse_set.edge)
+        alike(a, b, self.coarse_set.coarse_views[view].radius, TUNING.same * self.coarse_set.edge)
     }
 
     /// A pose refined on the surface of all that are placed, if that stays near.
@@ -204,8 +209,8 @@ impl IncrementalSearch<'_> {
         if i_from_j.translation.vector.norm() > a.radius + b.radius {
             return 0.0;
         }
-        let votes = verify(a, b, i_from_j, self.coarse_set.edge, SAMPLES).both();
-        ENOUGH * (1.0 - (-votes.agree / self.coarse_set.excess(&votes) / ENOUGH).exp()) - votes.against()
+        let votes = verify(a, b, i_from_j, self.coarse_set.edge, TUNING.samples).both();
+        TUNING.enough * (1.0 - (-votes.agree / self.coarse_set.excess(&votes) / TUNING.enough).exp()) - votes.against()
     }
 
     /// How much those that are placed speak for a view's pose.
@@ -244,9 +249,9 @@ impl IncrementalSearch<'_> {
             let others: Placed = [&placed[..index], &placed[index + 1..]].concat();
             let own: Vec<PairHypothesis> =
                 measured.iter().filter(|hypothesis| hypothesis.i == view || hypothesis.j == view).copied().collect();
-            if self.has_rival(&others, view, &pose) || can_slip(coarse_views, &own, edge, SLIDE_SAMPLES) {
+            if self.has_rival(&others, view, &pose) || can_slip(coarse_views, &own, edge, TUNING.slide_samples) {
                 ambiguous.push(view);
-            } else if touching(self.coarse_set, &own) >= TOUCHING {
+            } else if touching(self.coarse_set, &own) >= agglomerative::TUNING.touching {
                 kept.push((view, pose));
             }
         }
@@ -257,7 +262,7 @@ impl IncrementalSearch<'_> {
 
     /// Whether a view could as well stand elsewhere.
     fn has_rival(&self, others: &[(usize, Motion)], view: usize, pose: &Motion) -> bool {
-        let limit = RIVAL * self.balance_at(others, view, pose);
+        let limit = TUNING.rival * self.balance_at(others, view, pose);
         let elsewhere = others.iter().flat_map(|(other, at)| self.proposed(*other, at, view));
         let mut elsewhere = elsewhere.filter(|rival| !self.is_same(view, rival, pose));
         elsewhere.any(|rival| self.balance_at(others, view, &rival) > limit)
@@ -282,7 +287,7 @@ fn clearest(waiting: &[Waiting]) -> Option<(usize, Motion)> {
         let Some(first) = places.iter().max_by(|a, b| a.balance.total_cmp(&b.balance)) else { continue };
         let others = places.iter().filter(|place| !std::ptr::eq(*place, first));
         let second = others.map(|place| place.balance).fold(0.0, f64::max);
-        let is_clear = first.balance >= LEAST && second < RIVAL * first.balance;
+        let is_clear = first.balance >= TUNING.least && second < TUNING.rival * first.balance;
         if is_clear && best.is_none_or(|(lead, ..)| first.balance - second > lead) {
             best = Some((first.balance - second, index, first.pose));
         }

@@ -12,20 +12,25 @@ use super::descriptor::Descriptors;
 use super::hinted::Prior;
 use crate::view_graph::all_pairs;
 
-/// Each view is matched with so many others, and with those that chose it. A set of so many views is matched in all pairs.
-const PARTNERS: usize = 16;
-/// Surfels of a view that vote,
-const VOTERS: usize = 48;
-/// for so many views each,
-const VOTES: usize = 8;
-/// and those that are looked at of each other view: descriptions change little from one surfel to the next.
-const LOOKED_AT: usize = 120;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// Each view is matched with so many others, and with those that chose it. A set of so many views is matched in all pairs.
+        partners: usize = 16,
+        /// Surfels of a view that vote,
+        voters: usize = 48,
+        /// for so many views each,
+        votes: usize = 8,
+        /// and those that are looked at of each other view: descriptions change little from one surfel to the next.
+        looked_at: usize = 120,
+    }
+}
+
 /// Voters compared in one go.
 const TOGETHER: usize = 4;
 
 /// Whether so many views are too many for all pairs to be matched.
 pub fn is_large(views: usize) -> bool {
-    views > PARTNERS + 1
+    views > TUNING.partners + 1
 }
 
 /// The pairs (i < j) that are worth matching, in order.
@@ -50,7 +55,7 @@ fn chosen_partners(coarse_views: &[CoarseView]) -> Vec<Vec<usize>> {
     let some = |count: usize| -> Vec<Descriptors> {
         coarse_views.par_iter().map(|coarse_view| coarse_view.descriptors.spread(count)).collect()
     };
-    let (voters, looked_at) = (some(VOTERS), some(LOOKED_AT));
+    let (voters, looked_at) = (some(TUNING.voters), some(TUNING.looked_at));
     let votes: Vec<Vec<u32>> = (0..coarse_views.len())
         .into_par_iter()
         .with_max_len(1)
@@ -60,7 +65,7 @@ fn chosen_partners(coarse_views: &[CoarseView]) -> Vec<Vec<usize>> {
     let chosen = |view: usize| {
         let mut others: Vec<usize> = (0..coarse_views.len()).filter(|other| *other != view).collect();
         others.sort_by_key(|other| std::cmp::Reverse(both(view, *other)));
-        others.truncate(PARTNERS);
+        others.truncate(TUNING.partners);
         others
     };
     (0..coarse_views.len()).map(chosen).collect()
@@ -84,7 +89,7 @@ fn votes_of(view: usize, voters: &Descriptors, others: &[Descriptors]) -> Vec<u3
     let mut votes = vec![0; others.len()];
     for nearest in &nearest {
         let mut sorted = nearest.clone();
-        let (_, limit, _) = sorted.select_nth_unstable_by(VOTES - 1, f32::total_cmp);
+        let (_, limit, _) = sorted.select_nth_unstable_by(TUNING.votes - 1, f32::total_cmp);
         let for_whom =
             nearest.iter().enumerate().filter(|(_, distance2)| **distance2 <= *limit && distance2.is_finite());
         for_whom.for_each(|(other, _)| votes[other] += 1);
@@ -135,10 +140,10 @@ mod tests {
 
     #[test]
     fn a_small_set_is_matched_in_all_pairs_and_known_poses_add_theirs() {
-        let coarse_views = along_the_ground(PARTNERS as u32 + 1);
+        let coarse_views = along_the_ground(TUNING.partners as u32 + 1);
         let none = Hinted::default();
-        let prior = Prior { given: &[None; PARTNERS + 1], hinted: &none };
-        assert_eq!(likely_pairs(&coarse_views, &prior).len(), PARTNERS * (PARTNERS + 1) / 2);
+        let prior = Prior { given: &[None; TUNING.partners + 1], hinted: &none };
+        assert_eq!(likely_pairs(&coarse_views, &prior).len(), TUNING.partners * (TUNING.partners + 1) / 2);
         let coarse_views = along_the_ground(40);
         let without = likely_pairs(&coarse_views, &Prior { given: &[None; 40], hinted: &none });
         let apart = all_pairs(40).find(|pair| !without.contains(pair));

@@ -13,14 +13,19 @@ pub struct Match {
     pub ratio: f32,
 }
 
-/// Surfels of a view for which a counterpart is sought, at most.
-const KEYPOINTS: usize = 500;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// Surfels of a view for which a counterpart is sought, at most.
+        keypoints: usize = 500,
+        /// The next best is looked for at least this far from the best, in edges.
+        elsewhere: f32 = 4.0,
+        /// A next best whose squared distance is this many times the best's is as good as none.
+        clear: f32 = 4.0,
+    }
+}
+
 /// Matches of a pair that are kept, at most.
 pub const MATCHES: usize = 448;
-/// The next best is looked for at least this far from the best, in edges.
-const ELSEWHERE: f32 = 4.0;
-/// A next best whose squared distance is this many times the best's is as good as none.
-const CLEAR: f32 = 4.0;
 /// Keypoints compared in one go.
 const TOGETHER: usize = 4;
 
@@ -36,8 +41,8 @@ pub fn matches(i: &CoarseView, j: &CoarseView, edge: f64) -> Vec<Match> {
 }
 
 fn one_sided(from: &CoarseView, to: &CoarseView, edge: f64) -> Vec<Match> {
-    let elsewhere2 = (ELSEWHERE * edge as f32).powi(2);
-    let step = from.inner.len().div_ceil(KEYPOINTS).max(1);
+    let elsewhere2 = (TUNING.elsewhere * edge as f32).powi(2);
+    let step = from.inner.len().div_ceil(TUNING.keypoints).max(1);
     let keypoints: Vec<usize> = (0..from.inner.len()).step_by(step).collect();
     let mut rows: [Vec<f32>; TOGETHER] = Default::default();
     let mut found = Vec::with_capacity(keypoints.len());
@@ -62,9 +67,9 @@ fn best_of(distances2: &[f32], to: &CoarseView, elsewhere2: f32) -> Option<(usiz
     let place = to.position(to.inner[best] as usize);
     let others = distances2.iter().copied().enumerate().filter(|(l, d)| {
         // few are so near that their places have to be looked at
-        *d < CLEAR * nearest && (to.position(to.inner[*l] as usize) - place).norm_squared() > elsewhere2
+        *d < TUNING.clear * nearest && (to.position(to.inner[*l] as usize) - place).norm_squared() > elsewhere2
     });
-    let second = least(others).map_or(CLEAR * nearest, |(_, d)| d);
+    let second = least(others).map_or(TUNING.clear * nearest, |(_, d)| d);
     Some((best, nearest / second.max(f32::MIN_POSITIVE)))
 }
 

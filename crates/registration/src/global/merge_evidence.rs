@@ -16,11 +16,15 @@ pub struct MergeEvidence {
     pub touching: f64,
 }
 
-/// Components are joined if the best pair scores this,
-const STRONG: f64 = 0.16;
-/// or all together score this, with one that is not weak.
-const STRONG_TOGETHER: f64 = 0.32;
-const NOT_WEAK: f64 = 0.1;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// Components are joined if the best pair scores this,
+        strong: f64 = 0.16,
+        /// or all together score this, with one that is not weak.
+        strong_together: f64 = 0.32,
+        not_weak: f64 = 0.1,
+    }
+}
 
 impl MergeEvidence {
     /// Adds up what all pairs say.
@@ -31,6 +35,6 @@ impl MergeEvidence {
 
     /// Whether they are enough to join two components.
     pub fn suffice(&self) -> bool {
-        self.best >= STRONG || (self.score >= STRONG_TOGETHER && self.best >= NOT_WEAK)
+        self.best >= TUNING.strong || (self.score >= TUNING.strong_together && self.best >= TUNING.not_weak)
     }
 }

@@ -53,20 +53,24 @@ use crate::view::{View, common_spacing};
 use visage_geometry::Motion;
 use visage_geometry::progress::{Canceled, Progress, Stage};
 
-/// About how many surfels stand for a view.
-const SURFELS: f64 = 1500.0;
-/// Voxels of a view at most, on average.
-const MOST_SURFELS: f64 = 2200.0;
-/// A voxel narrower than this (in spacings) holds too few points to average.
-const FINEST_EDGE: f64 = 2.5;
-/// A view of n points has about `n (EDGE_FACTOR / edge)^2` voxels of an edge given in spacings.
-const EDGE_FACTOR: f64 = 1.7;
-/// Motions of a pair that are refined on the surface.
-const PROPOSALS: usize = 32;
-/// Of these the ones that take part further.
-const HYPOTHESES: usize = 5;
-/// Surfels of a view that are queried whether a motion is right.
-const SAMPLES: usize = 400;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// About how many surfels stand for a view.
+        surfels: f64 = 1500.0,
+        /// Voxels of a view at most, on average.
+        most_surfels: f64 = 2200.0,
+        /// A voxel narrower than this (in spacings) holds too few points to average.
+        finest_edge: f64 = 2.5,
+        /// A view of n points has about `n (TUNING.edge_factor / edge)^2` voxels of an edge given in spacings.
+        edge_factor: f64 = 1.7,
+        /// Motions of a pair that are refined on the surface.
+        proposals: usize = 32,
+        /// Of these the ones that take part further.
+        hypotheses: usize = 5,
+        /// Surfels of a view that are queried whether a motion is right.
+        samples: usize = 400,
+    }
+}
 
 /// What global registration found.
 #[derive(Debug, Clone)]
@@ -140,9 +144,9 @@ impl Search {
 pub fn edge_of(views: &[View]) -> f64 {
     let count = views.len().max(1) as f64;
     let points = views.iter().map(|view| view.points().len() as f64).sum::<f64>() / count;
-    let edge = common_spacing(views) * (EDGE_FACTOR * (points / SURFELS).sqrt()).max(FINEST_EDGE);
+    let edge = common_spacing(views) * (TUNING.edge_factor * (points / TUNING.surfels).sqrt()).max(TUNING.finest_edge);
     let voxels: usize = views.par_iter().map(|view| count_voxels(view.points(), edge)).sum();
-    edge * (voxels as f64 / count / MOST_SURFELS).sqrt().max(1.0)
+    edge * (voxels as f64 / count / TUNING.most_surfels).sqrt().max(1.0)
 }
 
 /// Sorts `views` into components and finds poses within each. The largest component is found first; what is left is a set of
@@ -199,7 +203,7 @@ fn find_at_once(
             Ok(refined_motions(
                 &coarse_views,
                 (i, j),
-                hinted::proposed(&coarse_views, (i, j), prior, edge, PROPOSALS),
+                hinted::proposed(&coarse_views, (i, j), prior, edge, TUNING.proposals),
                 &[],
                 edge,
             ))
@@ -250,7 +254,7 @@ fn find_at_once(
 
 /// The best ways to lay two views on each other.
 fn pair_hypotheses(coarse_views: &[CoarseView], i: usize, j: usize, prior: &Prior, edge: f64) -> Vec<PairHypothesis> {
-    let proposed = hinted::proposed(coarse_views, (i, j), prior, edge, PROPOSALS);
+    let proposed = hinted::proposed(coarse_views, (i, j), prior, edge, TUNING.proposals);
     hypotheses_of(coarse_views, (i, j), proposed, &[], edge)
 }
 
@@ -306,11 +310,11 @@ fn best_of_pair(
     edge: f64,
 ) -> Vec<PairHypothesis> {
     let hypothesis = |i_from_j: &Motion| {
-        let evidence = verification::verify(&coarse_views[i], &coarse_views[j], i_from_j, edge, SAMPLES);
+        let evidence = verification::verify(&coarse_views[i], &coarse_views[j], i_from_j, edge, TUNING.samples);
         PairHypothesis { i, j, i_from_j: *i_from_j, evidence }
     };
     let mut hypotheses: Vec<PairHypothesis> = motions.iter().map(hypothesis).collect();
     hypotheses.sort_by(|a, b| b.score().total_cmp(&a.score()));
-    hypotheses.truncate(HYPOTHESES);
+    hypotheses.truncate(TUNING.hypotheses);
     hypotheses
 }

@@ -7,10 +7,14 @@ use visage_geometry::neighbours::LocalPoint;
 use visage_geometry::normals::{self, local_planes};
 use visage_geometry::{Motion, Point3, Vector3};
 
-/// Points of a body of several views that are laid on the others.
-const SAMPLES: usize = 600;
-/// Search distances of the steps, in what the views resolve; the first also covers what surfels left over.
-const REACHES: [f64; 5] = [8.0, 6.0, 4.0, 3.0, 3.0];
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// Points of a body of several views that are laid on the others.
+        samples: usize = 600,
+        /// Search distances of the steps, in what the views resolve; the first also covers what surfels left over.
+        reaches: [f64; 5] = [8.0, 6.0, 4.0, 3.0, 3.0],
+    }
+}
 
 /// Improves `world_from_piece`, the world of a body of `members` (each with its local frame's pose in the body), which is
 /// laid on views that are `placed` in the world.
@@ -23,7 +27,7 @@ pub fn settled(
 ) -> Motion {
     let samples: Vec<Point3> = members
         .iter()
-        .flat_map(|(view, pose)| spread(&views[*view], SAMPLES / members.len()).map(move |point| pose * point))
+        .flat_map(|(view, pose)| spread(&views[*view], TUNING.samples / members.len()).map(move |point| pose * point))
         .collect();
     let placed: Vec<(&View, Motion)> = placed.iter().map(|(view, pose)| (&views[*view], *pose)).collect();
     laid_on(&placed, &samples, world_from_piece, resolution)
@@ -38,7 +42,7 @@ pub fn spread(view: &View, count: usize) -> impl Iterator<Item = Point3> + '_ {
 
 /// Improves `start`, which maps `samples` into the world of the views that are `placed`.
 pub fn laid_on(placed: &[(&View, Motion)], samples: &[Point3], start: &Motion, resolution: f64) -> Motion {
-    descend(start, REACHES.map(|reach| reach * resolution), |motion, reach, sums| {
+    descend(start, TUNING.reaches.map(|reach| reach * resolution), |motion, reach, sums| {
         let kernel = RobustKernel::within(reach);
         for (view, pose) in placed {
             for Foot { place, normal, offset } in feet(view, samples, &pose.inv_mul(motion), reach) {

@@ -16,10 +16,15 @@ pub struct PairHypothesis {
     pub evidence: PairVotes,
 }
 
-/// A hypothesis is worth trying from this share of agreeing surfels on,
-pub const LEAST_OVERLAP: f64 = 0.08;
-/// and this share of agreement among all that was said.
-const LEAST_CONSISTENCY: f64 = 0.6;
+visage_geometry::tuning! {
+    /// What makes a hypothesis worth trying.
+    pub(super) const TUNING: Tuning {
+        /// This share of agreeing surfels,
+        least_overlap: f64 = 0.08,
+        /// and this share of agreement among all that was said.
+        least_consistency: f64 = 0.6,
+    }
+}
 
 impl PairHypothesis {
     /// How much speaks for it; see [`super::votes`].
@@ -29,6 +34,7 @@ impl PairHypothesis {
 
     /// Whether it is worth trying.
     pub fn is_promising(&self) -> bool {
-        self.evidence.overlap() >= LEAST_OVERLAP && self.evidence.both().consistency() >= LEAST_CONSISTENCY
+        self.evidence.overlap() >= TUNING.least_overlap
+            && self.evidence.both().consistency() >= TUNING.least_consistency
     }
 }

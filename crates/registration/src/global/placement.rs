@@ -63,8 +63,18 @@ pub struct Placement {
 /// Refines poses; see [`crate::method::Method::register`].
 pub type Refine<'a> = dyn Fn(&[View], &[Motion]) -> Result<Outcome, Canceled> + 'a;
 
-/// A given pose that is off by less than this share of the view's size is one that refinement can start from.
-const NEAR: f64 = 0.3;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// A given pose that is off by less than this share of the view's size is one that refinement can start from.
+        near: f64 = 0.3,
+        /// Of a set of which the other places of a view do as well as its own, as a mean, views may lie elsewhere.
+        symmetric: f64 = 0.5,
+        /// Pieces whose other places are told: where more are open, the set is in doubt, and not they.
+        most_pieces: usize = 24,
+        /// A refined view that is surer to be wrong than this has no place there either.
+        refuted: f64 = 0.1,
+    }
+}
 
 /// Places all views of a set, whatever poses it has.
 pub fn place(set: &Set, refine: &Refine, progress: &Progress) -> Result<Placement, Canceled> {
@@ -97,12 +107,6 @@ pub fn place(set: &Set, refine: &Refine, progress: &Progress) -> Result<Placemen
     Ok(Placement { result, origins, confidences, pose_supports, ambiguous: found.ambiguous, components, alternatives })
 }
 
-/// Of a set of which the other places of a view do as well as its own, as a mean, views may lie elsewhere.
-const SYMMETRIC: f64 = 0.5;
-
-/// Pieces whose other places are told: where more are open, the set is in doubt, and not they.
-const MOST_PIECES: usize = 24;
-
 /// What may lie in several ways: ambiguous views and components without a place, and placed views that are not sure in a set
 /// that looks the same from several sides.
 fn open_pieces(
@@ -117,16 +121,13 @@ fn open_pieces(
     let mut pieces: Vec<Piece> = components.iter().skip(1).filter(open).map(Piece::of_component).collect();
     let is_single = |view: &usize| !components.iter().skip(1).any(|component| component.views.contains(view));
     let may_lie_elsewhere = |view: &usize| match pose_supports[*view].filter(|_| result.placed[*view]) {
-        Some(support) => confidences[*view] < SURE && support.component_rival >= SYMMETRIC,
+        Some(support) => confidences[*view] < SURE && support.component_rival >= TUNING.symmetric,
         None => ambiguous[*view] && !result.placed[*view],
     };
     pieces.extend((0..ambiguous.len()).filter(is_single).filter(may_lie_elsewhere).map(Piece::of_view));
-    pieces.truncate(MOST_PIECES);
+    pieces.truncate(TUNING.most_pieces);
     pieces
 }
-
-/// A refined view that is surer to be wrong than this has no place there either.
-const REFUTED: f64 = 0.1;
 
 /// Refines a component. A few views that then cross the others, or that the others' scanners refute, were laid there by
 /// mistake: they are left out, and the rest is refined anew. When most are, nothing can be said of any, and the verdict
@@ -141,7 +142,7 @@ fn settle_component(
     let refined = refine(&members, &component.local_poses)?;
     let pose_supports = pose_supports_of(&members, &component.views, &refined, search);
     let kept: Vec<usize> =
-        (0..members.len()).filter(|k| confidence(&pose_supports[*k], &Witness::default()) >= REFUTED).collect();
+        (0..members.len()).filter(|k| confidence(&pose_supports[*k], &Witness::default()) >= TUNING.refuted).collect();
     if kept.len() == members.len() || kept.len() < 2 || 2 * kept.len() <= members.len() {
         return Ok((component.clone(), refined, pose_supports));
     }
@@ -220,7 +221,7 @@ fn settle_world(views: &[View], given: &[Option<Motion>], result: &mut Outcome) 
         given[view].is_some_and(|pose| {
             let difference = (world * result.local_poses[view]).inv_mul(&pose);
             let moved = difference.translation.vector.norm() + difference.rotation.angle() * views[view].radius;
-            moved < NEAR * views[view].radius
+            moved < TUNING.near * views[view].radius
         })
     };
     let mut best: Option<(usize, Motion)> = None;

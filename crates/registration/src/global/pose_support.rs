@@ -16,16 +16,20 @@ use super::votes::SurfelVotes;
 use crate::view_graph::all_pairs;
 use visage_geometry::{Motion, Vector3};
 
-/// Surfels of a view that are queried of its place,
-const SAMPLES: usize = 400;
-/// and of another place.
-const RIVAL_SAMPLES: usize = 120;
-/// Other places that are tried for a view.
-const RIVALS: usize = 6;
-/// A place farther off than this, in edges, is another one.
-const ELSEWHERE: f64 = 4.0;
-/// A surfel is held by another view's within this distance, in edges.
-const HELD: f64 = 0.6;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// Surfels of a view that are queried of its place,
+        samples: usize = 400,
+        /// and of another place.
+        rival_samples: usize = 120,
+        /// Other places that are tried for a view.
+        rivals: usize = 6,
+        /// A place farther off than this, in edges, is another one.
+        elsewhere: f64 = 4.0,
+        /// A surfel is held by another view's within this distance, in edges.
+        held: f64 = 0.6,
+    }
+}
 
 /// What speaks for and against a view's place.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -64,7 +68,7 @@ pub fn pose_supports(
     let said: Vec<PairVotes> = pairs
         .par_iter()
         .map(|&(i, j)| {
-            verify(coarse_views[i], coarse_views[j], &local_poses[i].inv_mul(&local_poses[j]), edge, SAMPLES)
+            verify(coarse_views[i], coarse_views[j], &local_poses[i].inv_mul(&local_poses[j]), edge, TUNING.samples)
         })
         .collect();
     let mut whole = SurfelVotes::default();
@@ -125,7 +129,7 @@ fn agreeing(
     for hypothesis in best.into_values() {
         let found = local_poses[hypothesis.i].inv_mul(&local_poses[hypothesis.j]);
         let radius = coarse_views[hypothesis.i].radius.max(coarse_views[hypothesis.j].radius);
-        let is_of_component = alike(&found, &hypothesis.i_from_j, radius, ELSEWHERE * edge);
+        let is_of_component = alike(&found, &hypothesis.i_from_j, radius, TUNING.elsewhere * edge);
         for view in [hypothesis.i, hypothesis.j].into_iter().filter(|_| is_of_component || hypothesis.is_promising()) {
             counts[view][usize::from(is_of_component)] += 1.0;
         }
@@ -150,10 +154,10 @@ fn rival(
             true => local_poses[hypothesis.i] * hypothesis.i_from_j,
             false => local_poses[hypothesis.j] * hypothesis.i_from_j.inverse(),
         };
-        if places.iter().all(|other| !alike(other, &place, coarse_views[view].radius, ELSEWHERE * edge)) {
+        if places.iter().all(|other| !alike(other, &place, coarse_views[view].radius, TUNING.elsewhere * edge)) {
             places.push(place);
         }
-        if places.len() > RIVALS {
+        if places.len() > TUNING.rivals {
             break;
         }
     }
@@ -161,7 +165,7 @@ fn rival(
     let balance = |place: &Motion| -> f64 {
         let say = |other: &usize| {
             let motion = local_poses[*other].inv_mul(place);
-            verify(coarse_views[*other], coarse_views[view], &motion, edge, RIVAL_SAMPLES).both().balance()
+            verify(coarse_views[*other], coarse_views[view], &motion, edge, TUNING.rival_samples).both().balance()
         };
         others.iter().map(say).sum()
     };
@@ -180,7 +184,7 @@ fn held_surfels(
     let coarse_view = coarse_views[view];
     let motions: Vec<nalgebra::Isometry3<f32>> =
         local_poses.iter().map(|pose| pose.inv_mul(&local_poses[view]).cast()).collect();
-    let reach2 = (HELD * edge).powi(2) as f32;
+    let reach2 = (TUNING.held * edge).powi(2) as f32;
     let is_held = |place: nalgebra::Vector3<f32>| {
         let near = |other: usize| {
             let moved = motions[other] * nalgebra::Point3::from(place);

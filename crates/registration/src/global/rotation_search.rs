@@ -9,26 +9,30 @@ use super::hypothesis_score::{HypothesisScorer, WITNESSES};
 use super::matching::Match;
 use visage_geometry::Motion;
 
-/// Turns tried for each match: what half a step moves at the far end of a view, drawing it onto the surface makes good.
-const TURNS: usize = 36;
-/// Surfels of one view that are queried first of a motion,
-const FIRST: usize = 16;
-/// so many of which must agree, and more than conflict;
-const FIRST_AGREE: f32 = 3.0;
-/// and those of both views that are queried then.
-const SECOND: usize = 48;
-/// A motion of this strength
-const LEAST_STRENGTH: f32 = 0.02;
-/// is among those, so many at most, that are refined on the surface.
-const FINALISTS: usize = 300;
-/// Tolerance along the normal before that, in edges,
-const LOOSE: f32 = 1.3;
-/// and after it.
-const CLOSE: f32 = 0.6;
-/// Motions that differ by less than this, in edges, are one: before,
-const SAME_LOOSE: f64 = 2.5;
-/// and after.
-const SAME_CLOSE: f64 = 2.0;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// Turns tried for each match: what half a step moves at the far end of a view, drawing it onto the surface makes good.
+        turns: usize = 36,
+        /// Surfels of one view that are queried first of a motion,
+        first: usize = 16,
+        /// so many of which must agree, and more than conflict;
+        first_agree: f32 = 3.0,
+        /// and those of both views that are queried then.
+        second: usize = 48,
+        /// A motion of this strength
+        least_strength: f32 = 0.02,
+        /// is among those, so many at most, that are refined on the surface.
+        finalists: usize = 300,
+        /// Tolerance along the normal before that, in edges,
+        loose: f32 = 1.3,
+        /// and after it.
+        close: f32 = 0.6,
+        /// Motions that differ by less than this, in edges, are one: before,
+        same_loose: f64 = 2.5,
+        /// and after.
+        same_close: f64 = 2.0,
+    }
+}
 
 /// At most `count` motions (view j's local frame to view i's) that a match proposes and the surfaces bear out best, the
 /// best first, no two of them alike.
@@ -42,13 +46,17 @@ pub fn rotation_search(
     let radius = j.coarse_view.radius;
     let turns = matches.iter().flat_map(|m| all_turns(i.coarse_view, j.coarse_view, m));
     let found = turns.filter_map(|motion| Some((strength_of_turn(i, j, &motion, edge as f32)?, motion.cast::<f64>())));
-    let finalists =
-        distinct(found.map(|(strength, m)| (strength, as_motion(&m))), radius, SAME_LOOSE * edge, FINALISTS);
+    let finalists = distinct(
+        found.map(|(strength, m)| (strength, as_motion(&m))),
+        radius,
+        TUNING.same_loose * edge,
+        TUNING.finalists,
+    );
     let refined = finalists.iter().map(|motion| {
         let motion = j.refined(i, motion, edge as f32);
-        (strength(i, j, &as_matrix(&motion), edge as f32, WITNESSES, CLOSE), motion)
+        (strength(i, j, &as_matrix(&motion), edge as f32, WITNESSES, TUNING.close), motion)
     });
-    distinct(refined.filter(|(strength, _)| *strength > 0.0), radius, SAME_CLOSE * edge, count)
+    distinct(refined.filter(|(strength, _)| *strength > 0.0), radius, TUNING.same_close * edge, count)
 }
 
 /// The motions that bring the surfels of a match and their normals onto each other.
@@ -58,8 +66,8 @@ fn all_turns(i: &CoarseView, j: &CoarseView, m: &Match) -> impl Iterator<Item = 
     let axis = Unit::new_normalize(normal_i);
     let level = Rotation3::rotation_between(&normal_j, &normal_i)
         .unwrap_or_else(|| Rotation3::from_axis_angle(&perpendicular(&axis), std::f32::consts::PI));
-    (0..TURNS).map(move |turn| {
-        let angle = turn as f32 * std::f32::consts::TAU / TURNS as f32;
+    (0..TUNING.turns).map(move |turn| {
+        let angle = turn as f32 * std::f32::consts::TAU / TUNING.turns as f32;
         let rotation = Rotation3::from_axis_angle(&axis, angle) * level;
         IsometryMatrix3::from_parts((place_i - rotation * place_j).into(), rotation)
     })
@@ -72,11 +80,11 @@ fn strength_of_turn(
     motion: &IsometryMatrix3<f32>,
     edge: f32,
 ) -> Option<f32> {
-    let first = j.look(0..FIRST, i, motion, edge, LOOSE * edge);
-    if first.agree < FIRST_AGREE || first.agree < first.conflict {
+    let first = j.look(0..TUNING.first, i, motion, edge, TUNING.loose * edge);
+    if first.agree < TUNING.first_agree || first.agree < first.conflict {
         return None;
     }
-    Some(strength(i, j, motion, edge, SECOND, LOOSE)).filter(|strength| *strength > LEAST_STRENGTH)
+    Some(strength(i, j, motion, edge, TUNING.second, TUNING.loose)).filter(|strength| *strength > TUNING.least_strength)
 }
 
 /// The lesser of what both views say.

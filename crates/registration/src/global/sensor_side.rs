@@ -11,10 +11,14 @@ use super::pair_hypotheses;
 use crate::view::View;
 use visage_geometry::progress::{Canceled, Progress};
 
-/// A side that is less clear than this is tried from behind, too.
-const UNCLEAR: f64 = 0.5;
-/// The other side is taken if the best hypotheses to all others are stronger by this factor, together.
-const BETTER: f64 = 1.2;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// A side that is less clear than this is tried from behind, too.
+        unclear: f64 = 0.5,
+        /// The other side is taken if the best hypotheses to all others are stronger by this factor, together.
+        better: f64 = 1.2,
+    }
+}
 
 /// Tries the other side of unclear views, one after the other, and puts the better coarse view and its hypotheses in the place of
 /// the old. Whether any was better. `pairs` are those that are matched.
@@ -30,7 +34,7 @@ pub fn try_other_sensor_sides(
     let mut is_changed = false;
     for view in 0..views.len() {
         let clarity = coarse_views[view].side_clarity;
-        if clarity >= UNCLEAR {
+        if clarity >= TUNING.unclear {
             continue;
         }
         let mut reversed = CoarseView::new(&views[view], edge, Some(coarse_views[view].sensor.reversed()));
@@ -39,7 +43,7 @@ pub fn try_other_sensor_sides(
         }
         let before = std::mem::replace(&mut coarse_views[view], CoarseView { side_clarity: clarity, ..reversed });
         let found = hypotheses_of_view(coarse_views, prior, pairs, view, edge, progress)?;
-        if fit(&found, view, views.len()) > BETTER * fit(hypotheses, view, views.len()) {
+        if fit(&found, view, views.len()) > TUNING.better * fit(hypotheses, view, views.len()) {
             hypotheses.retain(|hypothesis| hypothesis.i != view && hypothesis.j != view);
             hypotheses.extend(found);
             is_changed = true;

@@ -70,16 +70,20 @@ impl Slippage {
     }
 }
 
-/// How far surfaces are slid, in edges: several times what counts as lying on each other.
-const SLIDE: f64 = 4.0;
-/// Distances below this, in edges, are those of one surface sampled twice.
-const FLAT: f64 = 0.03;
-/// They slide if of what was said this share of what it was still agrees,
-const STILL_CONSISTENT: f64 = 0.97;
-/// at this share of the surfels at least (some leave the overlap),
-const STILL_AGREE: f64 = 0.6;
-/// and those lie on each other as well: their mean square distance grows by no more than this factor.
-const STILL_CLOSE: f64 = 1.5;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// How far surfaces are slid, in edges: several times what counts as lying on each other.
+        slide: f64 = 4.0,
+        /// Distances below this, in edges, are those of one surface sampled twice.
+        flat: f64 = 0.03,
+        /// They slide if of what was said this share of what it was still agrees,
+        still_consistent: f64 = 0.97,
+        /// at this share of the surfels at least (some leave the overlap),
+        still_agree: f64 = 0.6,
+        /// and those lie on each other as well: their mean square distance grows by no more than this factor.
+        still_close: f64 = 1.5,
+    }
+}
 
 /// Whether the pairs of a join, each by itself, still agree after a move along the direction that holds them least.
 pub fn can_slip(coarse_views: &[CoarseView], measured: &[PairHypothesis], edge: f64, samples: usize) -> bool {
@@ -93,14 +97,14 @@ pub fn can_slip(coarse_views: &[CoarseView], measured: &[PairHypothesis], edge: 
         let Some(slid) = slid else { continue };
         (before, after) = (before + hypothesis.evidence.both(), after + slid);
     }
-    let flat = (FLAT * edge).powi(2);
+    let flat = (TUNING.flat * edge).powi(2);
     before.agree > 0.0
-        && after.agree > STILL_AGREE * before.agree
-        && after.consistency() > STILL_CONSISTENT * before.consistency()
-        && after.mean_square() < STILL_CLOSE * before.mean_square().max(flat)
+        && after.agree > TUNING.still_agree * before.agree
+        && after.consistency() > TUNING.still_consistent * before.consistency()
+        && after.mean_square() < TUNING.still_close * before.mean_square().max(flat)
 }
 
-/// The move (to and fro) that changes the distances of the surfaces least, scaled to [`SLIDE`]; twists of view i's
+/// The move (to and fro) that changes the distances of the surfaces least, scaled to `TUNING.slide`; twists of view i's
 /// frame.
 fn weakest_moves(i: &CoarseView, j: &CoarseView, hypothesis: &PairHypothesis, edge: f64) -> Vec<Vector6<f64>> {
     let motion = hypothesis.i_from_j.cast::<f32>();
@@ -120,7 +124,7 @@ fn weakest_moves(i: &CoarseView, j: &CoarseView, hypothesis: &PairHypothesis, ed
     let turn = turn / slippage.spread();
     let displacement = |place: &Vector3| (shift + turn.cross(&(place - middle))).norm_squared();
     let typical = (moved.iter().map(|(place, _)| displacement(place)).sum::<f64>() / moved.len() as f64).sqrt();
-    let scale = SLIDE * edge / typical.max(f64::MIN_POSITIVE);
+    let scale = TUNING.slide * edge / typical.max(f64::MIN_POSITIVE);
     // back from the middle to the origin of view i's frame
     let shift = shift - turn.cross(&middle);
     let twist = Vector6::new(shift.x, shift.y, shift.z, turn.x, turn.y, turn.z) * scale;

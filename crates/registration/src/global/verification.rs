@@ -26,18 +26,23 @@ impl PairVotes {
     }
 }
 
-/// A surfel agrees within this distance along the normal, in edges,
-const ON: f32 = 0.35;
-/// and this cosine of the normals.
-const LIKE: f32 = 0.85;
-/// Two sides of a wall have normals of less than this cosine.
-const OPPOSED: f32 = -0.4;
-/// A surfel is near a surface within this distance, in edges.
-const NEAR: f32 = 1.6;
-/// It stands in front of a surface from this distance on, in edges.
-const IN_FRONT: f32 = 1.5;
-/// A surface faces a scanner that it should be seen by from this cosine of its normal on.
-const FACING: f32 = 0.6;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// A surfel agrees within this distance along the normal, in edges,
+        on: f32 = 0.35,
+        /// and this cosine of the normals.
+        like: f32 = 0.85,
+        /// Two sides of a wall have normals of less than this cosine.
+        opposed: f32 = -0.4,
+        /// A surfel is near a surface within this distance, in edges.
+        near: f32 = 1.6,
+        /// It stands in front of a surface from this distance on, in edges.
+        in_front: f32 = 1.5,
+        /// A surface faces a scanner that it should be seen by from this cosine of its normal on.
+        facing: f32 = 0.6,
+    }
+}
+
 /// Asks both views, at most about `samples` surfels each.
 pub fn verify(i: &CoarseView, j: &CoarseView, i_from_j: &Motion, edge: f64, samples: usize) -> PairVotes {
     PairVotes {
@@ -49,7 +54,7 @@ pub fn verify(i: &CoarseView, j: &CoarseView, i_from_j: &Motion, edge: f64, samp
 /// Whether a surface in `other`'s frame faces its scanner.
 fn is_facing(other: &CoarseView, place: &nalgebra::Vector3<f32>, normal: &nalgebra::Vector3<f32>) -> bool {
     let toward = other.depth_image.toward_scanner(place);
-    toward.dot(normal) > FACING * toward.norm()
+    toward.dot(normal) > TUNING.facing * toward.norm()
 }
 
 /// Puts surfels of `view` into `other`; `motion` maps the frame of the first into that of the second.
@@ -62,10 +67,10 @@ fn votes(view: &CoarseView, other: &CoarseView, motion: &Motion, edge: f32, samp
         let index = index as usize;
         votes.queried += 1.0;
         let moved = rotation * view.position(index) + shift;
-        let nearest = other.indexed.tree.nearest(&moved.into(), (NEAR * edge).powi(2));
+        let nearest = other.indexed.tree.nearest(&moved.into(), (TUNING.near * edge).powi(2));
         let Some(target) = nearest.map(|n| n.index as usize) else {
             match other.depth_image.look(&moved) {
-                Seen::Surface { height } if height > IN_FRONT * edge => votes.looked_through += 1.0,
+                Seen::Surface { height } if height > TUNING.in_front * edge => votes.looked_through += 1.0,
                 Seen::Nothing if is_facing(other, &moved, &(rotation * view.normals[index])) => votes.missed += 1.0,
                 _ => {}
             }
@@ -77,11 +82,11 @@ fn votes(view: &CoarseView, other: &CoarseView, motion: &Motion, edge: f32, samp
         let offset = moved - other.position(target);
         let mean = normal + other_normal;
         let along = if cosine > -0.9 { mean.dot(&offset) / mean.norm() } else { normal.dot(&offset) };
-        if cosine > LIKE && along.abs() < ON * edge {
+        if cosine > TUNING.like && along.abs() < TUNING.on * edge {
             votes.agree += 1.0;
             votes.squares += f64::from(along * along);
         } else if other.is_inner[target] {
-            let is_far_side = cosine < OPPOSED && other_normal.dot(&offset) < 0.0;
+            let is_far_side = cosine < TUNING.opposed && other_normal.dot(&offset) < 0.0;
             *(if is_far_side { &mut votes.hidden } else { &mut votes.contradict }) += 1.0;
         }
     }

@@ -6,14 +6,18 @@
 //! on right motions than on wrong ones, are the score: the logarithm of the odds, up to the number of surfels that say the
 //! same thing because they are neighbours. Scores of pairs are added.
 
-/// A surfel that crosses a surface weighs as many that agree. On right motions 3 to 6 % of what is said does, on wrong
-/// ones 14 to 26 %: by itself it would weigh four, but crossings come in patches, where noise or a thin wall is.
-const CONTRADICT: f64 = 1.0;
-/// A surfel where the other scanner looked through: 0.1 % on right motions, 4 to 8 % on wrong ones.
-const LOOKED_THROUGH: f64 = 25.0;
-/// A surfel that the other scanner should have seen: 0 to 3 % on right motions (holes where light does not come back, and
-/// frames that end), 7 to 9 % on wrong ones.
-const MISSED: f64 = 10.0;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// A surfel that crosses a surface weighs as many that agree. On right motions 3 to 6 % of what is said does, on wrong
+        /// ones 14 to 26 %: by itself it would weigh four, but crossings come in patches, where noise or a thin wall is.
+        contradict: f64 = 1.0,
+        /// A surfel where the other scanner looked through: 0.1 % on right motions, 4 to 8 % on wrong ones.
+        looked_through: f64 = 25.0,
+        /// A surfel that the other scanner should have seen: 0 to 3 % on right motions (holes where light does not come back, and
+        /// frames that end), 7 to 9 % on wrong ones.
+        missed: f64 = 10.0,
+    }
+}
 
 /// What surfels say when they are put into another view; counts.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -42,7 +46,7 @@ impl SurfelVotes {
 
     /// What speaks against the motion, in surfels that agree.
     pub fn against(&self) -> f64 {
-        CONTRADICT * self.contradict + LOOKED_THROUGH * self.looked_through + MISSED * self.missed
+        TUNING.contradict * self.contradict + TUNING.looked_through * self.looked_through + TUNING.missed * self.missed
     }
 
     /// How much speaks for the motion, a surfel queried: 1 if all agree.

@@ -15,14 +15,18 @@ use crate::view::common_spacing;
 use visage_geometry::Motion;
 use visage_geometry::progress::{Canceled, Progress};
 
-/// Scales between the inverse of this and this are tried.
-const RANGE: f64 = 1.4;
-/// Surfels nearer than this many edges of the first pass are counterparts to some extent.
-const REACH: f64 = 1.5;
-/// Surfels of a view that are asked, at most.
-const SAMPLES: usize = 250;
-/// Scales tried, at most: half of [`RANGE`] on either side.
-const MAX_STEPS: f64 = 120.0;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// Scales between the inverse of this and this are tried.
+        range: f64 = 1.4,
+        /// Surfels nearer than this many edges of the first pass are counterparts to some extent.
+        reach: f64 = 1.5,
+        /// Surfels of a view that are asked, at most.
+        samples: usize = 250,
+        /// Scales tried, at most: half of `TUNING.range` on either side.
+        max_steps: f64 = 120.0,
+    }
+}
 
 /// What each view's points are to be multiplied by, given the poses of their scans; 1 for those that are `fixed` or
 /// whose scale `is_known`, and for those that touch nothing at any scale.
@@ -35,7 +39,7 @@ pub fn coarse_scales(
 ) -> Result<Vec<f64>, Canceled> {
     let edge = PASSES[0].edge(views, common_spacing(views));
     let surfels: Vec<Surfels> = views.par_iter().map(|view| Surfels::new(view, edge)).collect();
-    let search = Search { views, surfels: &surfels, scan_poses, reach: REACH * edge };
+    let search = Search { views, surfels: &surfels, scan_poses, reach: TUNING.reach * edge };
     let mut scales = vec![1.0; views.len()];
     let mut placed: Vec<usize> = (0..views.len()).filter(|view| is_known[*view] || fixed.contains(view)).collect();
     let mut tables: Vec<Option<Table>> =
@@ -107,8 +111,8 @@ impl Search<'_> {
     /// of the reach.
     fn table(&self, view: usize) -> Table {
         let lever = self.views[view].center.norm() + self.surfels[view].radius;
-        let steps = (2.0 * RANGE.ln() * lever / self.reach).ceil().clamp(4.0, MAX_STEPS);
-        let scales: Vec<f64> = (0..=2 * steps as usize).map(|k| RANGE.powf(k as f64 / steps - 1.0)).collect();
+        let steps = (2.0 * TUNING.range.ln() * lever / self.reach).ceil().clamp(4.0, TUNING.max_steps);
+        let scales: Vec<f64> = (0..=2 * steps as usize).map(|k| TUNING.range.powf(k as f64 / steps - 1.0)).collect();
         let samples = samples(&self.surfels[view]).count();
         Table { outward: vec![vec![0.0; samples]; scales.len()], inward: vec![0.0; scales.len()], scales }
     }
@@ -155,6 +159,6 @@ impl Search<'_> {
 
 /// Indices of inner surfels spread evenly over a view.
 fn samples(surfels: &Surfels) -> impl Iterator<Item = usize> {
-    let step = surfels.inner.len().div_ceil(SAMPLES).max(1);
+    let step = surfels.inner.len().div_ceil(TUNING.samples).max(1);
     surfels.inner.iter().step_by(step).map(|index| *index as usize)
 }

@@ -79,25 +79,36 @@ pub const PASSES: [Pass; 2] = [
     },
 ];
 
-/// A voxel narrower than this (in spacings) holds too few points to average.
-const FINEST_EDGE: f64 = 2.5;
-/// A view of n points has about `n (EDGE_FACTOR / edge)^2` voxels of an edge given in spacings.
-const EDGE_FACTOR: f64 = 1.7;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// A voxel narrower than this (in spacings) holds too few points to average.
+        finest_edge: f64 = 2.5,
+        /// A view of n points has about `n (TUNING.edge_factor / edge)^2` voxels of an edge given in spacings.
+        edge_factor: f64 = 1.7,
+        /// Edge of the voxels of the surfels that results are judged by, in edges of the last pass: fewer are enough, and all
+        /// pairs are searched anew with them.
+        judged_edge: f64 = 1.63,
+        /// The largest distance of their correspondences, in their edges.
+        judged_reach: f64 = 0.63,
+        max_steps: usize = 50,
+        /// Pairs take part down to this share of xi_0: less overlap than ICP of one pair needs is still worth having when all
+        /// pairs hold each other.
+        overlap_share: f64 = 0.6,
+        /// Surfels by which pairs are chosen and reported, at most: a share to about 2 %.
+        overlap_samples: usize = 500,
+        /// A point of another view nearer than this many spacings is a counterpart, in the report.
+        touching: f64 = 2.0,
+    }
+}
 
 impl Pass {
     /// The edge of the voxels, in the unit of the scans.
     fn edge(&self, views: &[View], spacing: f64) -> f64 {
         let points = views.iter().map(|view| view.points().len() as f64).sum::<f64>() / views.len() as f64;
-        let edge = EDGE_FACTOR * (points / self.surfels).sqrt();
-        spacing * edge.min(self.coarsest_edge.unwrap_or(edge)).max(FINEST_EDGE)
+        let edge = TUNING.edge_factor * (points / self.surfels).sqrt();
+        spacing * edge.min(self.coarsest_edge.unwrap_or(edge)).max(TUNING.finest_edge)
     }
 }
-
-/// Edge of the voxels of the surfels that results are judged by, in edges of the last pass: fewer are enough, and all
-/// pairs are searched anew with them.
-const JUDGED_EDGE: f64 = 1.63;
-/// The largest distance of their correspondences, in their edges.
-const JUDGED_REACH: f64 = 0.63;
 
 /// The surfels that results are judged by, whatever the method was.
 pub fn judged_surfels(views: &[View]) -> FineSurfels {
@@ -108,21 +119,16 @@ pub fn judged_surfels(views: &[View]) -> FineSurfels {
 
 /// Of the last pass's surfels those that results are judged by.
 fn judged(fine: &[Surfels], fine_edge: f64) -> FineSurfels {
-    let edge = JUDGED_EDGE * fine_edge;
+    let edge = TUNING.judged_edge * fine_edge;
     let views = thinned(fine, edge);
     let count = |views: &[Surfels]| views.iter().map(|surfels| surfels.inner.len()).sum::<usize>();
     let share = count(&views) as f64 / count(fine).max(1) as f64;
-    FineSurfels { views, edge, reach: JUDGED_REACH * edge, share }
+    FineSurfels { views, edge, reach: TUNING.judged_reach * edge, share }
 }
 
 fn thinned(surfels: &[Surfels], edge: f64) -> Vec<Surfels> {
     surfels.par_iter().map(|surfels| surfels.thinned(edge)).collect()
 }
-
-const MAX_STEPS: usize = 50;
-/// Pairs take part down to this share of xi_0: less overlap than ICP of one pair needs is still worth having when all
-/// pairs hold each other.
-const OVERLAP_SHARE: f64 = 0.6;
 
 /// Registers `views` from `initial` poses (local frame to world). View 0 keeps its pose.
 pub fn joint(
@@ -169,17 +175,11 @@ struct Run<'a> {
     progress: &'a Progress,
 }
 
-/// Surfels by which pairs are chosen and reported, at most: a share to about 2 %.
-const OVERLAP_SAMPLES: usize = 500;
-
 /// Surfels spread evenly over a view (they are stored along a space-filling curve).
 fn sampled(surfels: &Surfels) -> Vec<LocalPoint> {
     let points = &surfels.indexed.points;
-    points.iter().step_by(points.len().div_ceil(OVERLAP_SAMPLES).max(1)).copied().collect()
+    points.iter().step_by(points.len().div_ceil(TUNING.overlap_samples).max(1)).copied().collect()
 }
-
-/// A point of another view nearer than this many spacings is a counterpart, in the report.
-const TOUCHING: f64 = 2.0;
 
 impl Run<'_> {
     /// Chooses pairs and refines the poses in `state` over them; answers with the change of each view's scale.
@@ -195,12 +195,13 @@ impl Run<'_> {
         let samples: Vec<Vec<LocalPoint>> = surfels.iter().map(sampled).collect();
         let samples: Vec<&[LocalPoint]> = samples.iter().map(Vec::as_slice).collect();
         state.overlaps = overlaps(&targets, &samples, &state.local_poses, pass.tolerance * edge, self.progress)?;
-        let mut graph = ViewGraph::choose(&state.overlaps, OVERLAP_SHARE * self.options.min_overlap, pass.min_degree);
+        let mut graph =
+            ViewGraph::choose(&state.overlaps, TUNING.overlap_share * self.options.min_overlap, pass.min_degree);
         graph.pairs.retain(|(i, j)| !(self.fixed.contains(i) && self.fixed.contains(j)));
         let refine_options = RefineOptions {
             first_distance: pass.first_distance * edge,
             last_distance: pass.last_distance * edge,
-            max_steps: MAX_STEPS,
+            max_steps: TUNING.max_steps,
             settled: pass.settled * self.spacing,
             query_stride: pass.query_stride,
         };
@@ -243,7 +244,7 @@ impl Run<'_> {
     fn measure_pairs(&self, views: &[View], surfels: &[Surfels], state: &mut Outcome) -> Result<(), Canceled> {
         let options = IcpOptions {
             trim: Trim::Share(1.0),
-            max_distance: TOUCHING * self.spacing,
+            max_distance: TUNING.touching * self.spacing,
             threshold: 0.0,
             max_iterations: 0,
             min_step: 0.0,

@@ -41,19 +41,24 @@ pub struct Refined {
     pub rms: f64,
 }
 
-/// Each step's search distance in the one before.
-const SHRINK: f64 = 0.6;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// Each step's search distance in the one before.
+        shrink: f64 = 0.6,
+        /// Searches look this much farther than correspondences may be apart, so that the next steps know whom to ask again.
+        margin: f64 = 1.3,
+        /// Where the last steps begin, in steps that end it.
+        unsettled: f64 = 10.0,
+        /// Surfels that ask in one step, over all pairs, at most: it bounds memory, and where pairs are so many they say the same
+        /// many times over.
+        most_queries: usize = 4_000_000,
+        /// The largest change of a scale's logarithm in one step.
+        scale_step: f64 = 0.1,
+    }
+}
+
 /// The robust kernel's scale in root mean square residuals.
 pub(crate) const KERNEL: f64 = 3.0;
-/// Searches look this much farther than correspondences may be apart, so that the next steps know whom to ask again.
-const MARGIN: f64 = 1.3;
-/// Where the last steps begin, in steps that end it.
-const UNSETTLED: f64 = 10.0;
-/// Surfels that ask in one step, over all pairs, at most: it bounds memory, and where pairs are so many they say the same
-/// many times over.
-const MOST_QUERIES: usize = 4_000_000;
-/// The largest change of a scale's logarithm in one step.
-const SCALE_STEP: f64 = 0.1;
 
 /// Refines `local_poses` over `pairs` (i < j); `anchors` keep their pose (and scale). With `D` = 6 unknowns a view is
 /// moved, with 7 it is also scaled.
@@ -103,8 +108,8 @@ pub fn refine<const D: usize>(
         refined.rms = (blocks.iter().map(|b| b.cost).sum::<f64>() / weight.max(f64::MIN_POSITIVE)).sqrt();
         scale = scale.min(KERNEL * refined.rms);
         let last = distance <= options.last_distance;
-        distance = (SHRINK * distance).max(options.last_distance);
-        if last && query_stride > 1 && largest < UNSETTLED * options.settled {
+        distance = (TUNING.shrink * distance).max(options.last_distance);
+        if last && query_stride > 1 && largest < TUNING.unsettled * options.settled {
             query_stride = 1;
             searches.par_iter_mut().for_each(|search| search.asked_at = None);
         } else if last && largest < options.settled {
@@ -118,7 +123,7 @@ pub fn refine<const D: usize>(
 /// with each partner.
 fn searches(surfels: &[Surfels], directed: &[(usize, usize)]) -> Vec<Search> {
     let all: usize = directed.iter().map(|&(a, _)| surfels[a].inner.len()).sum();
-    let stride = all.div_ceil(MOST_QUERIES).max(1);
+    let stride = all.div_ceil(TUNING.most_queries).max(1);
     directed.iter().map(|&(a, b)| Search::new(surfels[a].inner.len(), stride, b % stride)).collect()
 }
 
@@ -135,7 +140,7 @@ struct Step {
 impl Step {
     fn of<const D: usize>(solution: &nalgebra::SVector<f64, D>) -> Self {
         let twist = Twist::from_iterator(solution.iter().copied());
-        let growth = if D == SCALED { solution[D - 1].clamp(-SCALE_STEP, SCALE_STEP).exp() } else { 1.0 };
+        let growth = if D == SCALED { solution[D - 1].clamp(-TUNING.scale_step, TUNING.scale_step).exp() } else { 1.0 };
         Step { twist, growth }
     }
 
@@ -203,7 +208,7 @@ impl Search {
 
     /// All surfels are asked again once the views have moved so far that one without a neighbour may have got one.
     fn must_ask_all(&self, placement: &Placement, radius: f64, distance: f64) -> bool {
-        let slack = 0.5 * (MARGIN - 1.0) * distance;
+        let slack = 0.5 * (TUNING.margin - 1.0) * distance;
         self.asked_at.is_none_or(|asked| asked.largest_step(placement, radius) > slack)
     }
 }
@@ -229,7 +234,7 @@ fn assemble<const D: usize>(
     let motion = placement.motion.cast::<f32>();
     let ratio = placement.ratio as f32;
     let (rotation, shift) = (motion.rotation.to_rotation_matrix(), motion.translation.vector);
-    let search_distance2 = (MARGIN * distance).powi(2) as f32;
+    let search_distance2 = (TUNING.margin * distance).powi(2) as f32;
     let distance2 = (distance * distance) as f32;
     let kernel = RobustKernel::with_squared_scale((scale * scale) as f32);
     let Search { stride, first, pursuits, active, .. } = search;

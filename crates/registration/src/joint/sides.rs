@@ -9,25 +9,29 @@ use super::surfels::Surfels;
 use crate::sensor::Sensor;
 use visage_geometry::Motion;
 
-/// Cells of a picture along an edge, at most.
-const LARGEST: usize = 48;
-/// How far before or behind a sheet something must lie, in edges, since starting poses are rough.
-const APART: f32 = 1.0;
-/// Other views that are asked, at most.
-const ASKED: usize = 32;
-/// The rest of the object is seen if so many times the sheet's surfels lie on one side of it,
-const LEAST: f64 = 0.1;
-/// and no more than this share of that on the other.
-const OTHER_SIDE: f64 = 0.4;
-/// Seen more from the side than this cosine, the axis is too rough to tell.
-const GRAZING: f64 = 0.25;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// Cells of a picture along an edge, at most.
+        largest: usize = 48,
+        /// How far before or behind a sheet something must lie, in edges, since starting poses are rough.
+        apart: f32 = 1.0,
+        /// Other views that are asked, at most.
+        asked: usize = 32,
+        /// The rest of the object is seen if so many times the sheet's surfels lie on one side of it,
+        least: f64 = 0.1,
+        /// and no more than this share of that on the other.
+        other_side: f64 = 0.4,
+        /// Seen more from the side than this cosine, the axis is too rough to tell.
+        grazing: f64 = 0.25,
+    }
+}
 
 type Vector = nalgebra::Vector3<f32>;
 
 /// Turns the normals of views without sides towards the scanner, as far as that is clear; `few` are surfels of voxels of
 /// `edge`, `all` the sets of surfels to turn. A view where it is not clear stays as it is.
 pub fn find_sides(few: &[Surfels], edge: f64, poses: &[Motion], all: &mut [&mut [Surfels]]) {
-    let asked: Vec<usize> = (0..few.len()).step_by(few.len().div_ceil(ASKED)).collect();
+    let asked: Vec<usize> = (0..few.len()).step_by(few.len().div_ceil(TUNING.asked)).collect();
     let sides: Vec<Option<Sensor>> = (0..few.len())
         .into_par_iter()
         .with_max_len(1)
@@ -36,7 +40,7 @@ pub fn find_sides(few: &[Surfels], edge: f64, poses: &[Motion], all: &mut [&mut 
     for surfels in all {
         for (surfels, side) in surfels.iter_mut().zip(&sides) {
             if let Some(side) = side {
-                surfels.turn_towards(side, GRAZING);
+                surfels.turn_towards(side, TUNING.grazing);
             }
         }
     }
@@ -55,12 +59,12 @@ fn seen_from(few: &[Surfels], edge: f32, poses: &[Motion], view: usize, asked: &
             let Some((low, high, depth)) = picture.at(&(motion * nalgebra::Point3::from(*point)).coords) else {
                 continue;
             };
-            before += usize::from(depth > high + APART * edge);
-            behind += usize::from(depth < low - APART * edge);
+            before += usize::from(depth > high + TUNING.apart * edge);
+            behind += usize::from(depth < low - TUNING.apart * edge);
         }
     }
     let (more, less) = (before.max(behind) as f64, before.min(behind) as f64);
-    let is_clear = more >= LEAST * points.len() as f64 && less <= OTHER_SIDE * more;
+    let is_clear = more >= TUNING.least * points.len() as f64 && less <= TUNING.other_side * more;
     let axis = axis.cast::<f64>();
     is_clear.then_some(Sensor::Toward(if before > behind { -axis } else { axis }))
 }
@@ -89,8 +93,8 @@ impl Picture {
             points.iter().map(|p| p.dot(&axes[k])).fold((f32::MAX, f32::MIN), |(l, h), x| (l.min(x), h.max(x)))
         });
         let widest = ends.iter().map(|(low, high)| high - low).fold(0.0, f32::max);
-        let inverse = 1.0 / cell.max(widest / (LARGEST - 1) as f32).max(f32::MIN_POSITIVE);
-        let cells = ends.map(|(low, high)| (((high - low) * inverse) as usize + 1).min(LARGEST));
+        let inverse = 1.0 / cell.max(widest / (TUNING.largest - 1) as f32).max(f32::MIN_POSITIVE);
+        let cells = ends.map(|(low, high)| (((high - low) * inverse) as usize + 1).min(TUNING.largest));
         let count = cells[0] * cells[1];
         let depths = vec![(f32::MAX, f32::MIN); count];
         let mut picture =

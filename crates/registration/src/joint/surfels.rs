@@ -41,18 +41,24 @@ pub struct FineSurfels {
     pub share: f64,
 }
 
-/// Points a normal is fitted to,
-const NEIGHBOURS: usize = 16;
-/// as long as noise is no more than this share of the spacing: with more of it, what they lie on has to be as much wider,
-/// or they hold no plane.
-const CALM: f64 = 0.25;
-const MOST_NEIGHBOURS: usize = 96;
-/// Surfels fitted one after the other.
-const CHUNK: usize = 256;
-/// The next surfel's points are sought within so many times the squared distance of this one's.
-const GUESS: f32 = 1.4;
-/// A surfel lies on a rim if the mean of its neighbours is farther off than this share of their mean distance.
-const RIM_OFFSET: f64 = 0.4;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// Points a normal is fitted to,
+        neighbours: usize = 16,
+        /// as long as noise is no more than this share of the spacing: with more of it, what they lie on has to be as much wider,
+        /// or they hold no plane.
+        calm: f64 = 0.25,
+        most_neighbours: usize = 96,
+        /// Surfels fitted one after the other.
+        chunk: usize = 256,
+        /// The next surfel's points are sought within so many times the squared distance of this one's.
+        guess: f32 = 1.4,
+        /// A surfel lies on a rim if the mean of its neighbours is farther off than this share of their mean distance.
+        rim_offset: f64 = 0.4,
+        /// The cosine below which a surface is seen so much from the side that noise decides which it is.
+        grazing: f64 = 0.1,
+    }
+}
 
 impl Surfels {
     /// One surfel for each voxel of edge `edge`.
@@ -60,14 +66,14 @@ impl Surfels {
         let centroids = thin(view.points(), edge as f32).centroids;
         let neighbours = neighbours(view);
         let fitted: Vec<(Facet, bool)> = centroids
-            .par_chunks(CHUNK)
+            .par_chunks(TUNING.chunk)
             .flat_map_iter(|centroids| {
                 // neighbours on the curve have their points about as near: a good guess, the same for any threads
                 let (mut found, mut guess2) = (Vec::new(), 0.0f32);
                 centroids.iter().map(move |centroid| {
                     view.indexed.tree.k_nearest_unordered(centroid, neighbours, guess2, &mut found);
                     let farthest2 = found.iter().map(|n| n.distance2).fold(0.0, f32::max);
-                    guess2 = GUESS * farthest2;
+                    guess2 = TUNING.guess * farthest2;
                     let (normal, is_inner) = fit(&view.indexed.points, centroid, &found);
                     (Facet::within(normal, farthest2), is_inner)
                 })
@@ -77,7 +83,7 @@ impl Surfels {
         let is_sided = vec![false; centroids.len()];
         let mut surfels = Surfels::of(centroids, facets, is_sided, is_inner);
         if let Some(sensor) = &view.sensor {
-            surfels.turn_towards(sensor, GRAZING);
+            surfels.turn_towards(sensor, TUNING.grazing);
         }
         surfels
     }
@@ -147,12 +153,9 @@ impl Surfels {
 
 /// How many points of a view a normal is fitted to.
 fn neighbours(view: &View) -> usize {
-    let wider = (view.range_accuracy / (CALM * view.spacing)).max(1.0).powi(2);
-    ((NEIGHBOURS as f64 * wider) as usize).min(MOST_NEIGHBOURS)
+    let wider = (view.range_accuracy / (TUNING.calm * view.spacing)).max(1.0).powi(2);
+    ((TUNING.neighbours as f64 * wider) as usize).min(TUNING.most_neighbours)
 }
-
-/// The cosine below which a surface is seen so much from the side that noise decides which it is.
-const GRAZING: f64 = 0.1;
 
 fn fit(points: &[LocalPoint], center: &LocalPoint, neighbours: &[Neighbour]) -> ([f32; 3], bool) {
     let count = neighbours.len().max(1) as f64;
@@ -168,5 +171,5 @@ fn fit(points: &[LocalPoint], center: &LocalPoint, neighbours: &[Neighbour]) -> 
     }
     let mean = sum / count;
     let (normal, _) = least_spread(&(squares / count - mean * mean.transpose()));
-    (normal.cast::<f32>().into(), mean.norm() < RIM_OFFSET * distance / count)
+    (normal.cast::<f32>().into(), mean.norm() < TUNING.rim_offset * distance / count)
 }

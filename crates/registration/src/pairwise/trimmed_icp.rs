@@ -20,8 +20,12 @@ pub enum Trim {
     },
 }
 
-/// TrICP's preference for a larger share.
-const LAMBDA: i32 = 2;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// TrICP's preference for a larger share.
+        lambda: i32 = 2,
+    }
+}
 
 /// When and how far to search.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -198,7 +202,7 @@ fn best_share(sorted: &[f32], source_len: usize, least: f64) -> usize {
         let count = index + 1;
         if count >= first {
             let share = count as f64 / source_len as f64;
-            let objective = sum / count as f64 / share.powi(1 + LAMBDA);
+            let objective = sum / count as f64 / share.powi(1 + TUNING.lambda);
             if objective < best.0 {
                 best = (objective, count);
             }

@@ -11,16 +11,20 @@ use crate::view::View;
 use crate::view_graph::all_pairs;
 use visage_geometry::neighbours::LocalPoint;
 
-/// Points of a view that are held against another.
-const SAMPLES: usize = 500;
-/// Fewer counterparts say nothing.
-const LEAST: usize = 150;
-/// A counterpart lies within so many units.
-const BESIDE: f64 = 1.5;
-/// A point is compared with what lies within so many units around it.
-const SURROUNDINGS: f64 = 8.0;
-/// Below this share of what varies that is no noise, a view has no texture to speak of.
-const TEXTURED: f64 = 0.3;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// Points of a view that are held against another.
+        samples: usize = 500,
+        /// Fewer counterparts say nothing.
+        least: usize = 150,
+        /// A counterpart lies within so many units.
+        beside: f64 = 1.5,
+        /// A point is compared with what lies within so many units around it.
+        surroundings: f64 = 8.0,
+        /// Below this share of what varies that is no noise, a view has no texture to speak of.
+        textured: f64 = 0.3,
+    }
+}
 
 /// How bright the points of a view are, in its order.
 pub type Brightness = Vec<f32>;
@@ -67,7 +71,7 @@ struct Texture<'a> {
 
 impl<'a> Texture<'a> {
     fn new(view: &'a View, brightness: &'a [f32], unit: f64) -> Option<Self> {
-        let radius2 = (SURROUNDINGS * unit).powi(2) as f32;
+        let radius2 = (TUNING.surroundings * unit).powi(2) as f32;
         let mut texture = Texture { view, brightness, radius2, reliability: 1.0 };
         let (mut squares, mut noise, mut count) = (0.0, 0.0, 0.0);
         let mut near = Vec::new();
@@ -79,7 +83,7 @@ impl<'a> Texture<'a> {
             (squares, noise, count) = (squares + own * own, noise + 0.5 * step * step, count + 1.0);
         }
         texture.reliability = 1.0 - noise / f64::max(squares, f64::MIN_POSITIVE);
-        (count > 0.0 && texture.reliability >= TEXTURED).then_some(texture)
+        (count > 0.0 && texture.reliability >= TUNING.textured).then_some(texture)
     }
 
     /// How much brighter a point is than its surroundings.
@@ -96,13 +100,13 @@ impl<'a> Texture<'a> {
 /// Indices of points spread evenly over a view.
 fn sampled(view: &View) -> impl Iterator<Item = usize> {
     let count = view.points().len();
-    (0..count).step_by(count.div_ceil(SAMPLES).max(1))
+    (0..count).step_by(count.div_ceil(TUNING.samples).max(1))
 }
 
 /// The correlation of two textures where they overlap, in the largest that noise allows; `motion` maps the first view into
 /// the second.
 fn correlation(a: &Texture, b: &Texture, motion: &nalgebra::Isometry3<f32>, unit: f64) -> Option<f64> {
-    let reach2 = (BESIDE * unit).powi(2) as f32;
+    let reach2 = (TUNING.beside * unit).powi(2) as f32;
     let reliefs: Vec<(f64, f64)> = sampled(a.view)
         .filter_map(|index| {
             let place = a.view.points()[index];
@@ -111,7 +115,7 @@ fn correlation(a: &Texture, b: &Texture, motion: &nalgebra::Isometry3<f32>, unit
             Some((a.relief(&place, index), b.relief(&b.view.points()[target], target)))
         })
         .collect();
-    if reliefs.len() < LEAST {
+    if reliefs.len() < TUNING.least {
         return None;
     }
     let count = reliefs.len() as f64;

@@ -10,12 +10,16 @@ use crate::view::View;
 use visage_geometry::neighbours::LocalPoint;
 use visage_geometry::{Motion, Vector3};
 
-/// Edge of a picture's cell at the surface, in spacings: wide enough that a surface leaves no holes.
-const CELL: f64 = 3.0;
-/// Nearer to the scanner than the surface it saw by more than this, in spacings, is in free space.
-const DEPTH: f64 = 5.0;
-/// Sample points of a view, at most.
-const SAMPLES: usize = 300;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// Edge of a picture's cell at the surface, in spacings: wide enough that a surface leaves no holes.
+        cell: f64 = 3.0,
+        /// Nearer to the scanner than the surface it saw by more than this, in spacings, is in free space.
+        depth: f64 = 5.0,
+        /// Sample points of a view, at most.
+        samples: usize = 300,
+    }
+}
 
 /// A view with surface where another looked through.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -49,7 +53,7 @@ pub fn intrusions(
 ) -> Vec<Intrusion> {
     let look = |j: usize| {
         let sensor = Sensor::At(sensors[j].filter(|_| placed[j])?);
-        let image = DepthImage::new(views[j].points(), &sensor, CELL * spacing);
+        let image = DepthImage::new(views[j].points(), &sensor, TUNING.cell * spacing);
         let others = (0..views.len()).filter(|&i| i != j && placed[i]);
         Some(
             others
@@ -64,11 +68,11 @@ pub fn intrusions(
 fn intrusion(image: &DepthImage, (i, j): (usize, usize), view: &View, j_from_i: &Motion, spacing: f64) -> Intrusion {
     let points: &[LocalPoint] = view.points();
     let (mut seen, mut free) = (0usize, 0usize);
-    for point in points.iter().step_by(points.len().div_ceil(SAMPLES).max(1)) {
+    for point in points.iter().step_by(points.len().div_ceil(TUNING.samples).max(1)) {
         let place = j_from_i * nalgebra::Point3::from(*point).cast::<f64>();
         if let Some(height) = image.height_over_unbroken(&place.coords.cast()) {
             seen += 1;
-            free += usize::from(f64::from(height) > DEPTH * spacing);
+            free += usize::from(f64::from(height) > TUNING.depth * spacing);
         }
     }
     Intrusion { view: i, seen_by: j, share: free as f64 / seen.max(1) as f64, points: seen }

@@ -15,10 +15,14 @@ pub const NEAR: f64 = 8.0;
 /// "Touching" in spacings.
 pub const TOUCHING: f64 = 2.0;
 
-/// Sample points of a view at which sharpness is measured, at most: a share to about 3 %.
-const MAX_SAMPLES: usize = 400;
-/// A point that lies farther than this beside the nearest point of another view, in spacings, lies beyond its rim.
-const BESIDE: f64 = 2.0;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// Sample points of a view at which sharpness is measured, at most: a share to about 3 %.
+        max_samples: usize = 400,
+        /// A point that lies farther than this beside the nearest point of another view, in spacings, lies beyond its rim.
+        beside: f64 = 2.0,
+    }
+}
 
 /// Sharpness of each view against all placed views that overlap it, together. `spacing` is what the views resolve.
 ///
@@ -40,7 +44,7 @@ pub fn sharpness(views: &[View], result: &Outcome, spacing: f64) -> Vec<Option<f
                 .collect();
             let (mut near, mut touching) = (0usize, 0usize);
             let points = views[i].points();
-            for sample in points.iter().step_by(points.len().div_ceil(MAX_SAMPLES)) {
+            for sample in points.iter().step_by(points.len().div_ceil(TUNING.max_samples)) {
                 match encounter(&others, sample, spacing) {
                     Encounter::Touches => (near, touching) = (near + 1, touching + 1),
                     Encounter::Misses => near += 1,
@@ -85,7 +89,7 @@ fn encounter(others: &[(&View, nalgebra::Isometry3<f32>)], sample: &LocalPoint, 
     let normal = nalgebra::Vector3::from(normals::plane_through(view.points(), &found).normal);
     let offset = nalgebra::Vector3::from(moved) - nalgebra::Vector3::from(place);
     let height = normal.dot(&offset).abs();
-    if offset.norm_squared() - height * height > ((BESIDE * spacing) as f32).powi(2) {
+    if offset.norm_squared() - height * height > ((TUNING.beside * spacing) as f32).powi(2) {
         Encounter::Alone
     } else if height < touching {
         Encounter::Touches

@@ -8,14 +8,18 @@ use rayon::prelude::*;
 use crate::joint::surfels::FineSurfels;
 use crate::outcome::Outcome;
 
-/// Surfels of a view that are asked, at most.
-const SAMPLES: usize = 400;
-/// Seen more from the side than this cosine, the axis is too rough to tell a surfel's side.
-const GRAZING: f32 = 0.25;
-/// Surfaces with a smaller cosine between their normals are not the same, nor two faces of one wall.
-const ALIKE: f32 = 0.5;
-/// So many counterparts make a share.
-const LEAST: usize = 40;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// Surfels of a view that are asked, at most.
+        samples: usize = 400,
+        /// Seen more from the side than this cosine, the axis is too rough to tell a surfel's side.
+        grazing: f32 = 0.25,
+        /// Surfaces with a smaller cosine between their normals are not the same, nor two faces of one wall.
+        alike: f32 = 0.5,
+        /// So many counterparts make a share.
+        least: usize = 40,
+    }
+}
 
 /// For each view the share of its counterparts that face the rarer of both ways, 0 to 0.5; `None` where its side is
 /// known, or no view whose side is known lies near.
@@ -29,7 +33,7 @@ fn mixed(result: &Outcome, surfels: &FineSurfels, view: usize) -> Option<f64> {
         return None;
     }
     let axis = own.viewing_axis();
-    let step = own.inner.len().div_ceil(SAMPLES).max(1);
+    let step = own.inner.len().div_ceil(TUNING.samples).max(1);
     let reach2 = (surfels.reach * surfels.reach) as f32;
     let mut counts = [0usize; 2];
     let others = surfels.views.iter().enumerate();
@@ -40,7 +44,7 @@ fn mixed(result: &Outcome, surfels: &FineSurfels, view: usize) -> Option<f64> {
         for index in own.inner.iter().step_by(step).map(|index| *index as usize) {
             let normal = nalgebra::Vector3::from(own.normals[index]);
             let facing = normal.dot(&axis);
-            if facing.abs() < GRAZING {
+            if facing.abs() < TUNING.grazing {
                 continue;
             }
             let place = motion * nalgebra::Point3::from(own.indexed.points[index]);
@@ -48,13 +52,13 @@ fn mixed(result: &Outcome, surfels: &FineSurfels, view: usize) -> Option<f64> {
             let target = found.index as usize;
             let cosine =
                 (motion.rotation * normal).dot(&nalgebra::Vector3::from(seen.normals[target])) * facing.signum();
-            if seen.is_sided[target] && cosine.abs() > ALIKE {
+            if seen.is_sided[target] && cosine.abs() > TUNING.alike {
                 counts[usize::from(cosine > 0.0)] += 1;
             }
         }
     }
     let all = counts[0] + counts[1];
-    (all >= LEAST).then(|| counts[0].min(counts[1]) as f64 / all as f64)
+    (all >= TUNING.least).then(|| counts[0].min(counts[1]) as f64 / all as f64)
 }
 
 #[cfg(test)]

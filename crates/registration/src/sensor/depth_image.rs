@@ -4,9 +4,13 @@ use super::Sensor;
 use crate::view::median;
 use visage_geometry::neighbours::LocalPoint;
 
-/// Cells along a side, at most: a stray point far away must not make a picture of gigabytes. What falls outside is not
-/// seen, so it speaks against nothing.
-const MOST_CELLS: f32 = 1024.0;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// Cells along a side, at most: a stray point far away must not make a picture of gigabytes. What falls outside is not
+        /// seen, so it speaks against nothing.
+        most_cells: f32 = 1024.0,
+    }
+}
 
 /// A depth image of a view: for each cell across the line of sight, how near the nearest surface is.
 #[derive(Debug, Clone)]
@@ -79,7 +83,7 @@ impl DepthImage {
         map.origin = [bound(0, f32::min, f32::INFINITY), bound(1, f32::min, f32::INFINITY)];
         let extent = |axis: usize| {
             let last = bound(axis, f32::max, f32::NEG_INFINITY);
-            ((last - map.origin[axis]) / map.cell).clamp(0.0, MOST_CELLS) as usize + 1
+            ((last - map.origin[axis]) / map.cell).clamp(0.0, TUNING.most_cells) as usize + 1
         };
         (map.columns, map.rows) = (extent(0), extent(1));
         let mut own = vec![f32::NEG_INFINITY; map.columns * map.rows];

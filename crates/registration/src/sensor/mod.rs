@@ -38,15 +38,15 @@ impl Sensor {
     /// Whether it looks all the way round, as no lens does: many of its rays go far off from where it looks as a whole.
     pub fn is_round(&self, points: &[LocalPoint]) -> bool {
         let Sensor::At(position) = self else { return false };
-        let step = points.len().div_ceil(ROUND_SAMPLES).max(1);
+        let step = points.len().div_ceil(TUNING.round_samples).max(1);
         let rays: Vec<Vector3> = points
             .iter()
             .step_by(step)
             .filter_map(|p| (nalgebra::Vector3::from(*p).cast::<f64>() - position).try_normalize(f64::MIN_POSITIVE))
             .collect();
         let ahead = rays.iter().sum::<Vector3>().try_normalize(f64::MIN_POSITIVE).unwrap_or_else(Vector3::z);
-        let aside = rays.iter().filter(|ray| ray.dot(&ahead) < WIDEST_LENS).count();
-        aside as f64 > ROUND * rays.len() as f64
+        let aside = rays.iter().filter(|ray| ray.dot(&ahead) < TUNING.widest_lens).count();
+        aside as f64 > TUNING.round * rays.len() as f64
     }
 
     /// In a frame in which all places are shifted by `shift`.
@@ -66,12 +66,28 @@ impl Sensor {
     }
 }
 
-/// Points whose rays are looked at.
-const ROUND_SAMPLES: usize = 1000;
-/// The cosine of half the angle that a lens sees at most, 120 degrees,
-const WIDEST_LENS: f64 = 0.5;
-/// and the share of rays beyond it from which on a scanner looks all the way round.
-const ROUND: f64 = 0.1;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// Points whose rays are looked at.
+        round_samples: usize = 1000,
+        /// The cosine of half the angle that a lens sees at most, 120 degrees,
+        widest_lens: f64 = 0.5,
+        /// and the share of rays beyond it from which on a scanner looks all the way round.
+        round: f64 = 0.1,
+        /// Facets that the search for a direction looks at.
+        samples: usize = 400,
+        /// Directions tried over the half sphere.
+        directions: usize = 150,
+        /// Then directions around the best one, at these angles (degrees) from it.
+        refinements: [f64; 4] = [6.0, 3.0, 1.5, 0.75],
+        /// The densest facets are seen head-on: this quantile; what is denser still counts no more than so much.
+        head_on: f64 = 0.95,
+        densest: f64 = 1.3,
+        /// No surface is seen at a smaller cosine than about this, and how much it counts if it were.
+        grazing: f64 = 0.26,
+        grazing_cost: f64 = 0.3,
+    }
+}
 
 /// A piece of a view's surface, as far as it tells from where it was seen.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -89,19 +105,6 @@ impl Facet {
     }
 }
 
-/// Facets that the search for a direction looks at.
-const SAMPLES: usize = 400;
-/// Directions tried over the half sphere.
-const DIRECTIONS: usize = 150;
-/// Then directions around the best one, at these angles (degrees) from it.
-const REFINEMENTS: [f64; 4] = [6.0, 3.0, 1.5, 0.75];
-/// The densest facets are seen head-on: this quantile; what is denser still counts no more than so much.
-const HEAD_ON: f64 = 0.95;
-const DENSEST: f64 = 1.3;
-/// No surface is seen at a smaller cosine than about this, and how much it counts if it were.
-const GRAZING: f64 = 0.26;
-const GRAZING_COST: f64 = 0.3;
-
 /// The axis along which a view was seen, from its facets. Its sign is arbitrary: a sheet looks the same from behind.
 ///
 /// A scanner's rays are spread evenly, so a surface that they meet at an angle holds fewer points, by the angle's cosine;
@@ -109,7 +112,7 @@ const GRAZING_COST: f64 = 0.3;
 /// (least sum of absolute differences) is found to some 5 degrees where points are as scanned, to 15 where they were
 /// thinned evenly. (That points along it lie in one sheet says less: a thin open sheet is one along most directions.)
 pub fn viewing_axis(facets: &[Facet]) -> Vector3 {
-    let step = facets.len().div_ceil(SAMPLES).max(1);
+    let step = facets.len().div_ceil(TUNING.samples).max(1);
     let facets: Vec<(Vector3, f64)> =
         facets.iter().step_by(step).map(|f| (f.normal.cast::<f64>(), f.density.into())).collect();
     let facets = with_head_on_as_one(facets);
@@ -118,8 +121,8 @@ pub fn viewing_axis(facets: &[Facet]) -> Vector3 {
     let mut cheapest = |directions: &mut dyn Iterator<Item = Vector3>| {
         directions.map(|d| (cost(&d), d)).min_by(|a, b| a.0.total_cmp(&b.0)).map_or_else(Vector3::z, |(_, d)| d)
     };
-    let mut best = cheapest(&mut half_sphere(DIRECTIONS));
-    for degrees in REFINEMENTS {
+    let mut best = cheapest(&mut half_sphere(TUNING.directions));
+    for degrees in TUNING.refinements {
         best = cheapest(&mut std::iter::once(best).chain(cone(best, f64::to_radians(degrees))));
     }
     best
@@ -129,9 +132,9 @@ pub fn viewing_axis(facets: &[Facet]) -> Vector3 {
 fn with_head_on_as_one(mut facets: Vec<(Vector3, f64)>) -> Vec<(Vector3, f64)> {
     let mut densities: Vec<f64> = facets.iter().map(|f| f.1).collect();
     densities.sort_unstable_by(f64::total_cmp);
-    let head_on = densities.get((HEAD_ON * densities.len() as f64) as usize).copied().unwrap_or(1.0);
+    let head_on = densities.get((TUNING.head_on * densities.len() as f64) as usize).copied().unwrap_or(1.0);
     for (_, density) in &mut facets {
-        *density = (*density / head_on).min(DENSEST);
+        *density = (*density / head_on).min(TUNING.densest);
     }
     facets
 }
@@ -149,7 +152,7 @@ fn unexplained(facets: &[(Vector3, f64)], direction: &Vector3, cosines: &mut Vec
     }
     let factor = across / along.max(f64::MIN_POSITIVE);
     let differs = |((_, density), cosine): (&(Vector3, f64), &f64)| {
-        (density - factor * cosine).abs() + GRAZING_COST * (1.0 - cosine / GRAZING).max(0.0)
+        (density - factor * cosine).abs() + TUNING.grazing_cost * (1.0 - cosine / TUNING.grazing).max(0.0)
     };
     facets.iter().zip(&*cosines).map(differs).sum::<f64>() / facets.len().max(1) as f64
 }

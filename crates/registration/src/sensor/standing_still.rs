@@ -14,54 +14,58 @@ use crate::view::{View, median};
 use visage_geometry::neighbours::{IndexedPoints, LocalPoint, Neighbour};
 use visage_geometry::{Motion, Point3, UnionFind, Vector3};
 
-/// Edge of the surfels by which pictures are compared, in what the set resolves.
-const EDGE: f64 = 2.5;
-/// Surface is the same within this distance along the normal, in edges,
-const ON: f32 = 0.5;
-/// and this cosine of the normals: sides are seldom known for sure, and of no use here.
-const LIKE: f32 = 0.8;
-/// A surfel meets surface within this distance, in edges.
-const NEAR: f32 = 1.6;
-/// Scanners stand at one place if they are no farther apart than this share of their distance from what they saw,
-const ONE_PLACE: f64 = 0.02;
-/// the origin of a scan can be such a place within so many radii of the scan,
-const FAR: f64 = 10.0;
-/// and if that is only read off the density of their points.
-const GUESSED_PLACE: f64 = 0.15;
-/// Scans from one place show the same if this share of both is the same surface: a scanner that is turned on its tripod sees
-/// other parts. Code-made turntables have 0.75 and more.
-const SAME_PICTURE: f64 = 0.5;
-/// Where it is not known from where they were taken, they have to show more of the same, and break off at the same places but
-/// for what moved: of the rims that meet surface at all this share meets a rim. Both together hold for code-made turntables
-/// (0.75 to 0.95 and 0.55 to 0.85); scans from different places have less than 0.65 of the one.
-const SAME_ALL_OVER: f64 = 0.7;
-const SAME_RIMS: f64 = 0.53;
-/// Pairs of views that share less of what they show than this, as it was measured already, need not be compared.
-const LEAST_OVERLAP: f64 = 0.25;
-/// What is said of a surfel is what is said within this distance of it, in edges: wider than edges of things and noise are.
-const AROUND: f32 = 2.5;
-/// Rays of another picture that are asked about a point: surface seen from the side has depths of its own at each.
-const RAYS: usize = 4;
-/// They are asked if the nearest is no farther than this, in typical angles between neighbouring rays.
-const BESIDE: f32 = 3.0;
-/// Depths are the same within this, in what the set resolves: both have noise.
-const SAME_DEPTH: f64 = 2.0;
-/// Other pictures that a point is held against, at most.
-const PICTURES: usize = 8;
-/// Points of a picture, at most.
-const PICTURE_POINTS: usize = 40_000;
-/// What is said of so many points together is said of each:
-const TOGETHER: usize = 20;
-/// they moved if it is looked through them in more than this share of what says anything. What stands still is never looked
-/// through, but for noise at edges; what turned is often where it was before by chance.
-const LOOKED_THROUGH: f32 = 0.2;
-/// What moved hangs together over gaps of this many spacings,
-const LINK: f64 = 5.0;
-/// is spread over less than this share of what all points are spread over,
-const COMPACT: f64 = 0.7;
-/// and parts of fewer points than this, or than this share of the largest part, are noise at edges.
-const LEAST_POINTS: usize = 15;
-const LEAST_SHARE: f64 = 0.05;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// Edge of the surfels by which pictures are compared, in what the set resolves.
+        edge: f64 = 2.5,
+        /// Surface is the same within this distance along the normal, in edges,
+        on: f32 = 0.5,
+        /// and this cosine of the normals: sides are seldom known for sure, and of no use here.
+        like: f32 = 0.8,
+        /// A surfel meets surface within this distance, in edges.
+        near: f32 = 1.6,
+        /// Scanners stand at one place if they are no farther apart than this share of their distance from what they saw,
+        one_place: f64 = 0.02,
+        /// the origin of a scan can be such a place within so many radii of the scan,
+        far: f64 = 10.0,
+        /// and if that is only read off the density of their points.
+        guessed_place: f64 = 0.15,
+        /// Scans from one place show the same if this share of both is the same surface: a scanner that is turned on its tripod sees
+        /// other parts. Code-made turntables have 0.75 and more.
+        same_picture: f64 = 0.5,
+        /// Where it is not known from where they were taken, they have to show more of the same, and break off at the same places but
+        /// for what moved: of the rims that meet surface at all this share meets a rim. Both together hold for code-made turntables
+        /// (0.75 to 0.95 and 0.55 to 0.85); scans from different places have less than 0.65 of the one.
+        same_all_over: f64 = 0.7,
+        same_rims: f64 = 0.53,
+        /// Pairs of views that share less of what they show than this, as it was measured already, need not be compared.
+        least_overlap: f64 = 0.25,
+        /// What is said of a surfel is what is said within this distance of it, in edges: wider than edges of things and noise are.
+        around: f32 = 2.5,
+        /// Rays of another picture that are asked about a point: surface seen from the side has depths of its own at each.
+        rays: usize = 4,
+        /// They are asked if the nearest is no farther than this, in typical angles between neighbouring rays.
+        beside: f32 = 3.0,
+        /// Depths are the same within this, in what the set resolves: both have noise.
+        same_depth: f64 = 2.0,
+        /// Other pictures that a point is held against, at most.
+        pictures: usize = 8,
+        /// Points of a picture, at most.
+        picture_points: usize = 40_000,
+        /// What is said of so many points together is said of each:
+        together: usize = 20,
+        /// they moved if it is looked through them in more than this share of what says anything. What stands still is never looked
+        /// through, but for noise at edges; what turned is often where it was before by chance.
+        looked_through: f32 = 0.2,
+        /// What moved hangs together over gaps of this many spacings,
+        link: f64 = 5.0,
+        /// is spread over less than this share of what all points are spread over,
+        compact: f64 = 0.7,
+        /// and parts of fewer points than this, or than this share of the largest part, are noise at edges.
+        least_points: usize = 15,
+        least_share: f64 = 0.05,
+    }
+}
 
 /// Views that were taken from one place.
 pub struct Still {
@@ -84,23 +88,23 @@ pub fn from_one_place(views: &[View], sensors: &[Option<Sensor>], result: &Outco
     let poses: Vec<Option<Motion>> = (0..views.len()).map(pose).collect();
     let placed: Vec<usize> = (0..views.len()).filter(|view| result.placed[*view]).collect();
     let (first, rest) = placed.split_first()?;
-    if rest.is_empty() || rest.iter().any(|view| result.overlaps.mutual(*first, *view) < LEAST_OVERLAP) {
+    if rest.is_empty() || rest.iter().any(|view| result.overlaps.mutual(*first, *view) < TUNING.least_overlap) {
         return None;
     }
     let known = |view: usize| sensors[view].and_then(|sensor| sensor.position());
     // from far off rays are parallel, and the origin of a map is no scanner
-    let origin = |view: usize| Some(-views[view].center).filter(|eye| eye.norm() <= FAR * views[view].radius);
-    let known_eye = common_place(&placed, &poses, &known, ONE_PLACE);
+    let origin = |view: usize| Some(-views[view].center).filter(|eye| eye.norm() <= TUNING.far * views[view].radius);
+    let known_eye = common_place(&placed, &poses, &known, TUNING.one_place);
     let mut eye = known_eye.or_else(|| {
         let can_be = |view: &usize| is_single(views[*view].points(), &-views[*view].center);
-        common_place(&placed, &poses, &origin, ONE_PLACE).filter(|_| placed.iter().all(can_be))
+        common_place(&placed, &poses, &origin, TUNING.one_place).filter(|_| placed.iter().all(can_be))
     });
-    let edge = EDGE * resolution;
+    let edge = TUNING.edge * resolution;
     let surfels: Vec<Surfels> = views.par_iter().with_max_len(1).map(|view| Surfels::new(view, edge)).collect();
     let common = Common::of(&surfels, &poses, &placed, edge);
     let is_same = match eye {
-        Some(_) => common.same >= SAME_PICTURE,
-        None => common.same >= SAME_ALL_OVER && common.rims >= SAME_RIMS,
+        Some(_) => common.same >= TUNING.same_picture,
+        None => common.same >= TUNING.same_all_over && common.rims >= TUNING.same_rims,
     };
     if eye.is_none() && is_same {
         let found: Vec<Option<Vector3>> =
@@ -138,7 +142,7 @@ fn common_place(
 fn place_of_most(placed: &[usize], poses: &[Option<Motion>], eye: &dyn Fn(usize) -> Option<Vector3>) -> Option<Point3> {
     let places: Vec<(Point3, f64)> = places(placed, poses, eye).into_iter().flatten().collect();
     let near = |(place, distance): &(Point3, f64)| -> Vec<Vector3> {
-        let near = places.iter().filter(|(other, _)| (other - place).norm() <= GUESSED_PLACE * distance);
+        let near = places.iter().filter(|(other, _)| (other - place).norm() <= TUNING.guessed_place * distance);
         near.map(|(other, _)| other.coords).collect()
     };
     let most = places.iter().map(near).max_by_key(Vec::len)?;
@@ -190,7 +194,7 @@ fn meet(own: &Surfels, other: &Surfels, motion: &Motion, edge: f32) -> Vec<Met> 
     let motion = motion.cast::<f32>();
     let meet = |(place, normal): (&LocalPoint, &[f32; 3])| {
         let moved = (motion * nalgebra::Point3::from(*place)).coords;
-        let Some(found) = other.indexed.tree.nearest(&moved.into(), (NEAR * edge).powi(2)) else {
+        let Some(found) = other.indexed.tree.nearest(&moved.into(), (TUNING.near * edge).powi(2)) else {
             return Met::default();
         };
         let target = found.index as usize;
@@ -199,7 +203,7 @@ fn meet(own: &Surfels, other: &Surfels, motion: &Motion, edge: f32) -> Vec<Met> 
         let cosine = normal.dot(&other_normal);
         let offset = moved - nalgebra::Vector3::from(other.indexed.points[target]);
         let mean = (normal * cosine.signum() + other_normal).normalize();
-        Met { target: Some(target), is_same: cosine.abs() > LIKE && mean.dot(&offset).abs() < ON * edge }
+        Met { target: Some(target), is_same: cosine.abs() > TUNING.like && mean.dot(&offset).abs() < TUNING.on * edge }
     };
     own.indexed.points.iter().zip(&own.normals).map(meet).collect()
 }
@@ -215,7 +219,7 @@ struct Picture {
 impl Picture {
     fn new(view: &View, pose: &Motion, eye: &Point3) -> Self {
         let points = view.points();
-        let step = points.len().div_ceil(PICTURE_POINTS).max(1);
+        let step = points.len().div_ceil(TUNING.picture_points).max(1);
         let (directions, ranges): (Vec<LocalPoint>, Vec<f32>) =
             points.iter().step_by(step).filter_map(|point| ray(point, pose, eye)).unzip();
         let directions = IndexedPoints::new(directions);
@@ -237,8 +241,8 @@ impl Picture {
     /// Whether the scanner saw the same surface in this direction, or something behind what is `range` away, each 0 or 1; both
     /// are 0 where that is hidden, or nothing was seen.
     fn say(&self, direction: &LocalPoint, range: f32, same: f32, found: &mut Vec<Neighbour>) -> [f32; 2] {
-        self.directions.tree.k_nearest(direction, RAYS, f32::INFINITY, found);
-        let reach2 = (BESIDE * self.apart).powi(2);
+        self.directions.tree.k_nearest(direction, TUNING.rays, f32::INFINITY, found);
+        let reach2 = (TUNING.beside * self.apart).powi(2);
         if !found.iter().any(|n| n.distance2 <= reach2) {
             return [0.0; 2];
         }
@@ -273,7 +277,8 @@ impl Still {
             let Some(pose) = self.poses[view] else { return vec![true; points.len()] };
             let others: Vec<usize> =
                 (0..self.poses.len()).filter(|other| *other != view && self.poses[*other].is_some()).collect();
-            let others: Vec<usize> = others.iter().step_by(others.len().div_ceil(PICTURES).max(1)).copied().collect();
+            let others: Vec<usize> =
+                others.iter().step_by(others.len().div_ceil(TUNING.pictures).max(1)).copied().collect();
             let is_crossed = self.crossed(view, &others);
             let shift = nalgebra::Translation3::from(shifts[view]);
             let near = |point: &LocalPoint| {
@@ -285,7 +290,7 @@ impl Still {
             for (moved, point) in moved.iter_mut().zip(points) {
                 *moved |= near(point).is_some_and(|surfel| is_crossed[surfel.index as usize]);
             }
-            large_parts(points, &moved, LINK * views[view].spacing)
+            large_parts(points, &moved, TUNING.link * views[view].spacing)
         };
         (0..views.len()).into_par_iter().with_max_len(1).map(moved).collect()
     }
@@ -304,13 +309,13 @@ impl Still {
             }
             (squares / f64::max(count, 1.0) - (sum / f64::max(count, 1.0)).norm_squared()).max(0.0).sqrt()
         };
-        spread(true) < COMPACT * spread(false)
+        spread(true) < TUNING.compact * spread(false)
     }
 
     /// For each surfel of a view whether, around it, more of what it meets in the others is another surface than the same.
     fn crossed(&self, view: usize, others: &[usize]) -> Vec<bool> {
         let own = &self.surfels[view];
-        let edge = (EDGE * self.resolution) as f32;
+        let edge = (TUNING.edge * self.resolution) as f32;
         let mut balance = vec![0.0f32; own.normals.len()];
         for other in others.iter().copied() {
             let Some((own_pose, pose)) = self.poses[view].zip(self.poses[other]) else { continue };
@@ -323,7 +328,9 @@ impl Still {
         }
         let around = |place: &LocalPoint| {
             let mut sum = 0.0;
-            own.indexed.tree.for_each_within(place, (AROUND * edge).powi(2), |n| sum += balance[n.index as usize]);
+            own.indexed
+                .tree
+                .for_each_within(place, (TUNING.around * edge).powi(2), |n| sum += balance[n.index as usize]);
             sum < 0.0
         };
         own.indexed.points.iter().map(around).collect()
@@ -333,7 +340,7 @@ impl Still {
     fn looked_through(&self, view: &View, pose: &Motion, pictures: &[&Picture]) -> Vec<bool> {
         let points = view.points();
         let Some(eye) = self.eye else { return vec![false; points.len()] };
-        let same = (SAME_DEPTH * self.resolution) as f32;
+        let same = (TUNING.same_depth * self.resolution) as f32;
         let mut found = Vec::new();
         let sum = |said: &mut dyn Iterator<Item = [f32; 2]>| said.fold([0.0; 2], |[a, b], [c, d]| [a + c, b + d]);
         let mut said: Vec<[f32; 2]> = Vec::with_capacity(points.len());
@@ -346,9 +353,9 @@ impl Still {
             });
         }
         let is_through = |point: &LocalPoint| {
-            view.indexed.tree.k_nearest_unordered(point, TOGETHER, 0.0, &mut found);
+            view.indexed.tree.k_nearest_unordered(point, TUNING.together, 0.0, &mut found);
             let [same, through] = sum(&mut found.iter().map(|n| said[n.index as usize]));
-            through > LOOKED_THROUGH * (same + through)
+            through > TUNING.looked_through * (same + through)
         };
         points.iter().map(is_through).collect()
     }
@@ -361,7 +368,7 @@ fn large_parts(points: &[LocalPoint], is_chosen: &[bool], link: f64) -> Vec<bool
     let largest = parts.iter().map(Vec::len).max().unwrap_or(0);
     let mut large = vec![false; points.len()];
     for part in parts {
-        if part.len() >= LEAST_POINTS.max((LEAST_SHARE * largest as f64) as usize) {
+        if part.len() >= TUNING.least_points.max((TUNING.least_share * largest as f64) as usize) {
             part.into_iter().for_each(|k| large[k] = true);
         }
     }

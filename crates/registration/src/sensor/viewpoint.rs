@@ -7,28 +7,53 @@
 use visage_geometry::Vector3;
 use visage_geometry::neighbours::{IndexedPoints, LocalPoint, Neighbour};
 
-/// Places at which the spread of the rays is measured.
-const LEAST_PLACES: usize = 50;
-/// The quartiles of the solid angle that a point stands for differ by no more than this factor: 1.1 for a laser, 1.3 for
-/// a depth camera; places that are no viewpoint mostly have 2 and more.
-const EVEN: f64 = 1.5;
-/// Points of a scan that was thinned are spread evenly over the surface: the areas that they stand for vary less than the
-/// solid angles from any viewpoint, by this factor at least in a scan that was not.
-const THINNED: f64 = 1.1;
-/// Points that are looked at for surfaces behind each other,
-const DIRECTIONS: usize = 4000;
-/// and those of them that ask their neighbours in direction.
-const ASKED: usize = 400;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// Places at which the spread of the rays is measured.
+        least_places: usize = 50,
+        /// The quartiles of the solid angle that a point stands for differ by no more than this factor: 1.1 for a laser, 1.3 for
+        /// a depth camera; places that are no viewpoint mostly have 2 and more.
+        even: f64 = 1.5,
+        /// Points of a scan that was thinned are spread evenly over the surface: the areas that they stand for vary less than the
+        /// solid angles from any viewpoint, by this factor at least in a scan that was not.
+        thinned: f64 = 1.1,
+        /// Points that are looked at for surfaces behind each other,
+        directions: usize = 4000,
+        /// and those of them that ask their neighbours in direction.
+        asked: usize = 400,
+        /// A neighbour lies on another surface if the line to it is steeper than this against the rays (about 3 degrees from
+        /// them), and farther off than this share of the distance.
+        steep: f32 = 20.0,
+        apart: f32 = 0.02,
+        /// A place between surfaces has so many neighbours on others;
+        others: usize = 3,
+        /// no more than this share of all may be such a place: the borders of what stands before a background are.
+        between: f64 = 0.06,
+        /// Axes that a panorama's grid may have,
+        axes: usize = 300,
+        /// and how close to its poles rays are looked at, as a sine.
+        near_pole: f64 = 0.15,
+        /// So even rays have to be when they are allowed an axis.
+        even_about_axis: f64 = 1.25,
+        /// Places with their neighbours, at which viewpoints are tried.
+        places: usize = 240,
+        /// Distances of viewpoints from the middle of the scan, in its radius.
+        distances: [f64; 7] = [0.0, 0.35, 0.7, 1.2, 2.0, 3.5, 6.0],
+        /// Directions in which they lie.
+        around: usize = 60,
+        /// Steps about the best, in the distance from it to the scan's middle (or the radius, if that is more).
+        steps: [f64; 6] = [0.3, 0.15, 0.08, 0.04, 0.02, 0.01],
+        /// From the place mirrored in the middle of the scan, and from afar in any direction, rays are less even by this factor, or
+        /// the scan does not show where it was taken from: of a far scanner it does not, and half a ball looks from its middle as
+        /// evenly sampled as from afar.
+        sided: f64 = 1.5,
+        /// Afar, in the radius of the scan.
+        far: f64 = 20.0,
+    }
+}
+
 /// Neighbours in direction that are asked.
 const NEIGHBOURS: usize = 8;
-/// A neighbour lies on another surface if the line to it is steeper than this against the rays (about 3 degrees from
-/// them), and farther off than this share of the distance.
-const STEEP: f32 = 20.0;
-const APART: f32 = 0.02;
-/// A place between surfaces has so many neighbours on others;
-const OTHERS: usize = 3;
-/// no more than this share of all may be such a place: the borders of what stands before a background are.
-const BETWEEN: f64 = 0.06;
 
 /// How evenly rays from `eye` are spread: the solid angle a point stands for at some places, by its nearest points.
 ///
@@ -64,9 +89,9 @@ fn area(points: &[LocalPoint], near: &[Neighbour]) -> f64 {
 }
 
 /// How unevenly rays are spread: the factor between the quartiles of solid angles; `None` of fewer than
-/// [`LEAST_PLACES`].
+/// `TUNING.least_places`.
 fn unevenness(mut solid_angles: Vec<f64>) -> Option<f64> {
-    if solid_angles.len() < LEAST_PLACES {
+    if solid_angles.len() < TUNING.least_places {
         return None;
     }
     let last = solid_angles.len();
@@ -128,58 +153,39 @@ fn spreads(shares: &[PointShare]) -> Option<[(f64, f64); 2]> {
     Some([by(0)?, by(1)?])
 }
 
-/// Axes that a panorama's grid may have,
-const AXES: usize = 300;
-/// and how close to its poles rays are looked at, as a sine.
-const NEAR_POLE: f64 = 0.15;
-/// So even rays have to be when they are allowed an axis.
-const EVEN_ABOUT_AXIS: f64 = 1.25;
-
 /// How uneven the rays of a panorama are, whose rows and columns are latitudes and longitudes: towards its poles they
 /// come closer by the sine of the angle from the axis, which is not known.
 fn unevenness_about_axis(shares: &[PointShare]) -> Option<f64> {
     let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
     let about = |k: usize| {
-        let z = (k as f64 + 0.5) / AXES as f64;
+        let z = (k as f64 + 0.5) / TUNING.axes as f64;
         let (sine, cosine) = (golden * k as f64).sin_cos();
         let axis = Vector3::new((1.0 - z * z).sqrt() * cosine, (1.0 - z * z).sqrt() * sine, z);
-        unevenness(shares.iter().map(|share| share.rays[0] / share.ray.cross(&axis).norm().max(NEAR_POLE)).collect())
+        unevenness(
+            shares.iter().map(|share| share.rays[0] / share.ray.cross(&axis).norm().max(TUNING.near_pole)).collect(),
+        )
     };
-    (0..AXES).filter_map(about).min_by(f64::total_cmp)
+    (0..TUNING.axes).filter_map(about).min_by(f64::total_cmp)
 }
 
 /// Whether rays are spread as evenly as a scanner's, by one of the measures. Of thinned points it can't be said.
 pub fn is_even(shares: &[PointShare]) -> bool {
-    let is_sampled = |(rays, surface): (f64, f64)| surface >= THINNED * rays;
+    let is_sampled = |(rays, surface): (f64, f64)| surface >= TUNING.thinned * rays;
     let Some(spreads) = spreads(shares) else { return false };
-    let is_even = |spread: (f64, f64)| spread.0 <= EVEN && is_sampled(spread);
-    let is_panorama = || is_sampled(spreads[0]) && unevenness_about_axis(shares).is_some_and(|u| u <= EVEN_ABOUT_AXIS);
+    let is_even = |spread: (f64, f64)| spread.0 <= TUNING.even && is_sampled(spread);
+    let is_panorama =
+        || is_sampled(spreads[0]) && unevenness_about_axis(shares).is_some_and(|u| u <= TUNING.even_about_axis);
     spreads.into_iter().any(is_even) || is_panorama()
 }
 
-/// Places with their neighbours, at which viewpoints are tried.
-const PLACES: usize = 240;
 /// Their neighbours.
 const NEAREST: usize = visage_geometry::normals::NEIGHBOURS;
-/// Distances of viewpoints from the middle of the scan, in its radius.
-const DISTANCES: [f64; 7] = [0.0, 0.35, 0.7, 1.2, 2.0, 3.5, 6.0];
-/// Directions in which they lie.
-const AROUND: usize = 60;
-/// Steps about the best, in the distance from it to the scan's middle (or the radius, if that is more).
-const STEPS: [f64; 6] = [0.3, 0.15, 0.08, 0.04, 0.02, 0.01];
-
-/// From the place mirrored in the middle of the scan, and from afar in any direction, rays are less even by this factor, or
-/// the scan does not show where it was taken from: of a far scanner it does not, and half a ball looks from its middle as
-/// evenly sampled as from afar.
-const SIDED: f64 = 1.5;
-/// Afar, in the radius of the scan.
-const FAR: f64 = 20.0;
 
 /// The viewpoint from which the rays to a scan are spread most evenly, if that is plain: not where the scanner was far,
 /// since a sheet looks the same from behind, nor where points were thinned. `radius` is the scan's.
 pub fn find(indexed: &IndexedPoints, radius: f64) -> Option<Vector3> {
     let points = &indexed.points;
-    let step = points.len().div_ceil(PLACES).max(1);
+    let step = points.len().div_ceil(TUNING.places).max(1);
     let mut found = Vec::new();
     // what a point stands for of the surface is the same from everywhere
     let places: Vec<(LocalPoint, Vec<Neighbour>, [f64; 2])> = points
@@ -204,13 +210,14 @@ pub fn find(indexed: &IndexedPoints, radius: f64) -> Option<Vector3> {
     };
     let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
     let direction = |k: usize| {
-        let z = 1.0 - (2.0 * k as f64 + 1.0) / AROUND as f64;
+        let z = 1.0 - (2.0 * k as f64 + 1.0) / TUNING.around as f64;
         let (sine, cosine) = (golden * k as f64).sin_cos();
         Vector3::new((1.0 - z * z).sqrt() * cosine, (1.0 - z * z).sqrt() * sine, z)
     };
-    let tried = DISTANCES.iter().flat_map(|distance| (0..AROUND).map(move |k| direction(k) * *distance * radius));
+    let tried =
+        TUNING.distances.iter().flat_map(|distance| (0..TUNING.around).map(move |k| direction(k) * *distance * radius));
     let mut best = tried.map(|eye| (cost(&eye), eye)).min_by(|a, b| a.0.total_cmp(&b.0))?;
-    for step in STEPS {
+    for step in TUNING.steps {
         let mut moved = true;
         while moved {
             moved = false;
@@ -224,21 +231,21 @@ pub fn find(indexed: &IndexedPoints, radius: f64) -> Option<Vector3> {
             }
         }
     }
-    let far = (0..AROUND).map(|k| cost(&(direction(k) * FAR * radius))).fold(f64::INFINITY, f64::min);
-    let is_plain = cost(&-best.1).min(far) > SIDED * best.0;
+    let far = (0..TUNING.around).map(|k| cost(&(direction(k) * TUNING.far * radius))).fold(f64::INFINITY, f64::min);
+    let is_plain = cost(&-best.1).min(far) > TUNING.sided * best.0;
     // the rays of a camera need not be as even as those from an origin; thinned points tell nothing of rays
-    let is_sampled = |(rays, surface): (f64, f64)| rays <= best.0 && surface >= THINNED * rays;
+    let is_sampled = |(rays, surface): (f64, f64)| rays <= best.0 && surface >= TUNING.thinned * rays;
     (is_plain && spreads(&seen(&best.1))?.into_iter().any(is_sampled)).then_some(best.1)
 }
 
 /// Whether one surface only is seen from `eye` in each direction.
 pub fn is_single(points: &[LocalPoint], eye: &Vector3) -> bool {
     let eye = eye.cast::<f32>();
-    let step = points.len().div_ceil(DIRECTIONS).max(1);
+    let step = points.len().div_ceil(TUNING.directions).max(1);
     let rays: Vec<nalgebra::Vector3<f32>> =
         points.iter().step_by(step).map(|p| nalgebra::Vector3::from(*p) - eye).filter(|ray| ray.norm() > 0.0).collect();
     let directions = IndexedPoints::new(rays.iter().map(|ray| ray.normalize().into()).collect());
-    let every = rays.len().div_ceil(ASKED).max(1);
+    let every = rays.len().div_ceil(TUNING.asked).max(1);
     let (mut asked, mut between, mut found) = (0usize, 0usize, Vec::new());
     for (index, ray) in rays.iter().enumerate().step_by(every) {
         directions.tree.k_nearest_unordered(&directions.points[index], NEIGHBOURS + 1, 0.0, &mut found);
@@ -246,12 +253,12 @@ pub fn is_single(points: &[LocalPoint], eye: &Vector3) -> bool {
         let distance = ray.norm();
         let is_other = |n: &&Neighbour| {
             let apart = (rays[n.index as usize].norm() - distance).abs() / distance;
-            apart > STEEP * reach && apart > APART
+            apart > TUNING.steep * reach && apart > TUNING.apart
         };
         asked += 1;
-        between += usize::from(found.iter().filter(is_other).count() >= OTHERS);
+        between += usize::from(found.iter().filter(is_other).count() >= TUNING.others);
     }
-    asked > 0 && between as f64 <= BETWEEN * asked as f64
+    asked > 0 && between as f64 <= TUNING.between * asked as f64
 }
 
 #[cfg(test)]
