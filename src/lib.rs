@@ -9,7 +9,7 @@
 //! - [`reconstruction`]: one cloud from the posed views
 //! - [`saliency`]: curvature, multi-scale saliency, salient regions
 //! - [`faces`]: facial triangles, standards, signatures
-//! - [`classes`]: standards made by users, for anything with caps and pits
+//! - [`standards`]: standards made by users, for anything with caps and pits
 //! - [`retrieval`]: the in-memory gallery index and its queries
 //! - [`synthetic`]: objects and scans made by code, for the demo and the tests
 //! - [`pipeline`]: scans to model to signature, stage by stage
@@ -38,6 +38,6 @@ pub use visage_http as http;
 pub use visage_pipeline as pipeline;
 pub use visage_registration as registration;
 pub use visage_service::{app, config, jobs, machine, storage};
-pub use visage_shape::{classes, faces, saliency};
+pub use visage_shape::{faces, saliency, standards};
 pub use visage_surface as reconstruction;
 pub use visage_synthetic as synthetic;

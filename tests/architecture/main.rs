@@ -17,12 +17,12 @@ const LAYERS: &[(&str, &[&str])] = &[
     ("reconstruction", &["geometry", "registration"]),
     ("saliency", &["geometry"]),
     ("faces", &["geometry", "saliency"]),
-    ("classes", &["geometry", "saliency", "faces"]),
+    ("standards", &["geometry", "saliency", "faces"]),
     ("retrieval", &["geometry", "faces"]),
     ("synthetic", &["geometry"]),
     ("formats", &["geometry"]),
     // what is kept and what may be chosen: methods and hints, which holes are filled, signatures, classes
-    ("domain", &["geometry", "registration", "reconstruction", "formats", "faces", "classes"]),
+    ("domain", &["geometry", "registration", "reconstruction", "formats", "faces", "standards"]),
     ("pipeline", &["geometry", "registration", "reconstruction", "saliency", "formats", "faces", "domain"]),
     // around them
     // what the machine has
@@ -30,13 +30,22 @@ const LAYERS: &[(&str, &[&str])] = &[
     ("config", &["formats", "machine"]),
     ("panics", &[]),
     // records go in and come out; of the algorithms only which versions are current
-    ("storage", &["geometry", "faces", "classes", "domain"]),
+    ("storage", &["geometry", "faces", "standards", "domain"]),
     // use cases, the gallery index kept current, and what runs now
-    ("app", &["geometry", "faces", "classes", "retrieval", "pipeline", "domain", "config", "storage"]),
+    ("app", &["geometry", "faces", "standards", "retrieval", "pipeline", "domain", "config", "storage"]),
     (
         "jobs",
         &[
-            "geometry", "formats", "faces", "classes", "pipeline", "domain", "config", "machine", "panics", "storage",
+            "geometry",
+            "formats",
+            "faces",
+            "standards",
+            "pipeline",
+            "domain",
+            "config",
+            "machine",
+            "panics",
+            "storage",
             "app",
         ],
     ),
@@ -46,7 +55,7 @@ const LAYERS: &[(&str, &[&str])] = &[
             "geometry",
             "formats",
             "faces",
-            "classes",
+            "standards",
             "retrieval",
             "pipeline",
             "domain",
@@ -89,7 +98,7 @@ const PURE: &[&str] = &[
     "reconstruction",
     "saliency",
     "faces",
-    "classes",
+    "standards",
     "retrieval",
     "synthetic",
     "formats",

@@ -1,7 +1,7 @@
 //! What is to be looked at again, and verdicts.
 
 use super::{ModelId, StandardId};
-use visage_shape::classes::Found;
+use visage_shape::standards::Found;
 
 /// A model that has something to be made anew.
 #[derive(Debug, Clone, PartialEq, Eq)]

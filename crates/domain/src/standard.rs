@@ -2,7 +2,7 @@
 
 use super::{AssetRecord, ModelId, StandardId};
 use visage_geometry::Unit;
-use visage_shape::classes::{Annotation, Class};
+use visage_shape::standards::{Annotation, Standard};
 
 /// A standard that is to be stored.
 #[derive(Debug, Clone)]
@@ -18,7 +18,7 @@ pub struct NewStandard {
     /// The landmarks as they were given.
     pub annotation: Annotation,
     /// What was made of them.
-    pub class: Class,
+    pub definition: Standard,
     /// Models of the class, and others.
     pub examples: Examples,
 }
@@ -37,7 +37,7 @@ pub struct StandardRecord {
     /// The landmarks as they were given.
     pub annotation: Annotation,
     /// What was made of them.
-    pub class: Class,
+    pub definition: Standard,
 }
 
 /// Models that were marked for a standard.

@@ -2,7 +2,7 @@
 
 use visage_geometry::Point3;
 use visage_shape::faces::modes::LANDMARKS;
-use visage_shape::faces::{self, MatchMethod, Signature, Standard, Verdict, judgement};
+use visage_shape::faces::{self, FaceStandard, MatchMethod, Signature, Verdict, judgement};
 
 /// Why a model is no match.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -89,7 +89,12 @@ pub struct Evidence {
 
 impl Evidence {
     /// Judges a signature; the standard's own threshold applies if none is given.
-    pub fn new(signature: &Signature, standard: &Standard, method: MatchMethod, threshold: Option<f64>) -> Evidence {
+    pub fn new(
+        signature: &Signature,
+        standard: &FaceStandard,
+        method: MatchMethod,
+        threshold: Option<f64>,
+    ) -> Evidence {
         let verdict = faces::judge(signature, standard, method);
         let threshold = threshold.unwrap_or(judgement::MATCH_SCORE);
         let dense = match method {

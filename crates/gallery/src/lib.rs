@@ -59,7 +59,7 @@ pub use top_k::{Rank, TopK};
 pub use visage_shape::faces::MatchMethod;
 
 use visage_geometry::Point3;
-use visage_shape::faces::{self, Signature, Standard, Verdict, judgement, standard};
+use visage_shape::faces::{self, FaceStandard, Signature, Verdict, judgement, standard};
 
 /// A model's identifier (the bytes of its UUID as a number: ordered by time).
 pub type ModelId = u128;
@@ -111,7 +111,7 @@ pub fn standards() -> Vec<serde_json::Value> {
     vec![standard_json(&standard::face())]
 }
 
-fn standard_json(standard: &Standard) -> serde_json::Value {
+fn standard_json(standard: &FaceStandard) -> serde_json::Value {
     let corners = |t: &faces::Triangle| t.corners.map(<[f64; 3]>::from);
     serde_json::json!({
         "name": standard.name,

@@ -13,7 +13,7 @@ use super::live_segment::LiveSegment;
 use super::outline::Outlines;
 use super::region_likeness::{ProbeRegions, RegionLikeness};
 use super::{Match, MatchMethod, ModelId, TopK};
-use visage_shape::faces::standard::Standard;
+use visage_shape::faces::standard::FaceStandard;
 use visage_shape::faces::{self, ShapeProfile, Signature, standard};
 
 /// Scores from this on count as a match.
@@ -166,7 +166,7 @@ impl Probe {
         address: Address,
         threshold: f64,
     ) -> Match {
-        let size = Standard::face_size();
+        let size = FaceStandard::face_size();
         let pair = self.regions_of(segments, address).best;
         Match {
             model_id,

@@ -7,7 +7,7 @@ use super::live_segment::LiveSegment;
 use super::triangles::IndexedTriangle;
 use super::{Match, ModelId, Rank, TopK};
 use visage_geometry::{Point3, Vector3};
-use visage_shape::faces::standard::Standard;
+use visage_shape::faces::standard::FaceStandard;
 use visage_shape::faces::{Shape, Triangle, judgement, sum_of_distances};
 
 /// A bare triangle in every way it may be met in the index.
@@ -42,12 +42,12 @@ impl TriangleQuery {
 
     /// The score of a triangle that is as far off as the paper's threshold allows.
     pub fn match_score() -> f64 {
-        score(judgement::THRES_FT_MM / Standard::face_size())
+        score(judgement::THRES_FT_MM / FaceStandard::face_size())
     }
 
     /// The answer for a model whose nearest triangle was found.
     pub fn answer(&self, model_id: ModelId, found: &IndexedTriangle, threshold: f64) -> Match {
-        let size = Standard::face_size();
+        let size = FaceStandard::face_size();
         let chord = self.chord(&found.shape);
         let query = scaled(&self.triangle, size);
         let [a, b, c] = found.corners;

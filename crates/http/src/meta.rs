@@ -166,7 +166,7 @@ async fn info(State(state): State<AppState>) -> Result<Json<Info>, Problem> {
             visage: env!("CARGO_PKG_VERSION"),
             api: "v1",
             signature: visage_shape::faces::Signature::VERSION,
-            class: visage_shape::classes::Class::VERSION,
+            class: visage_shape::standards::Standard::VERSION,
         },
         limits: LimitsView {
             upload_bytes: limits.upload_bytes,

@@ -12,8 +12,8 @@ use visage_formats::{FormatError, poses, surface_names};
 use visage_pipeline::PipelineError;
 use visage_service::app::live_gallery::NotReady;
 use visage_service::jobs::admission::AdmissionError;
-use visage_shape::classes::ClassError;
 use visage_shape::faces::DescribeError;
+use visage_shape::standards::StandardError;
 
 macro_rules! codes {
     ($($variant:ident = $name:literal, $status:ident, $title:literal;)*) => {
@@ -308,27 +308,27 @@ impl From<DescribeError> for Problem {
     }
 }
 
-impl From<ClassError> for Problem {
-    fn from(error: ClassError) -> Self {
+impl From<StandardError> for Problem {
+    fn from(error: StandardError) -> Self {
         let detail = error.to_string();
         let (code, hint) = match error {
-            ClassError::Canceled(_) => return Problem::shutting_down(),
-            ClassError::Degenerate(_) => (Code::Undescribable, "send a mesh or cloud with more of the surface"),
-            ClassError::TooFewLandmarks(_) => {
+            StandardError::Canceled(_) => return Problem::shutting_down(),
+            StandardError::Degenerate(_) => (Code::Undescribable, "send a mesh or cloud with more of the surface"),
+            StandardError::TooFewLandmarks(_) => {
                 (Code::TooFewLandmarks, "name at least three caps or pits of the surface")
             }
-            ClassError::UnknownCorner(_) => (Code::InvalidField, "name three different ones of the landmarks"),
-            ClassError::OffSurface { .. } => {
+            StandardError::UnknownCorner(_) => (Code::InvalidField, "name three different ones of the landmarks"),
+            StandardError::OffSurface { .. } => {
                 (Code::OffSurface, "give positions in the coordinates and the unit of the file")
             }
-            ClassError::NoCharacter { .. } => (
+            StandardError::NoCharacter { .. } => (
                 Code::NoCharacter,
                 "choose places that stand out or are hollow in every direction: tips, corners, dents",
             ),
-            ClassError::TooClose { .. } | ClassError::InLine => {
+            StandardError::TooClose { .. } | StandardError::InLine => {
                 (Code::DegenerateTriangle, "choose landmarks farther apart and not in a line, or send a smaller part")
             }
-            ClassError::TooSmallRegion { .. } => {
+            StandardError::TooSmallRegion { .. } => {
                 (Code::TooSmallRegion, "send more of the surface around the landmarks, or choose them farther apart")
             }
         };

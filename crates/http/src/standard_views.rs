@@ -11,8 +11,8 @@ use super::schemas::{self, Corners, Landmarks};
 use visage_domain::{Examples, JobId, ModelId, StandardId, StandardRecord};
 use visage_geometry::Point3;
 use visage_service::app::standards::Standing;
-use visage_shape::classes::{Annotation, CornerChoice, CornerKind, Landmark, SelectiveTriangle};
 use visage_shape::faces::judgement::MATCH_SCORE;
+use visage_shape::standards::{Annotation, CornerChoice, CornerKind, Landmark, SelectiveTriangle};
 
 /// What the surface does at a corner.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize, ToSchema)]
@@ -318,7 +318,7 @@ pub fn address(id: StandardId) -> String {
 impl StandardView {
     /// A stored standard.
     pub fn of(standard: &StandardRecord, standing: &Standing, evaluation: Option<JobId>) -> Self {
-        let (class, learned) = (&standard.class, &standing.learned);
+        let (definition, learned) = (&standard.definition, &standing.learned);
         let marked = standing.examples.positive.len() + standing.examples.negative.len();
         StandardView {
             id: standard.id.to_string(),
@@ -326,10 +326,10 @@ impl StandardView {
             built_in: false,
             unit: standard.unit.into(),
             landmarks: standard.annotation.landmarks.iter().map(|l| (l.name.clone(), l.place.into())).collect(),
-            triangles: class.triangles.iter().map(|triangle| triangle_view(triangle, class.scale)).collect(),
-            region_points: class.points.len(),
-            scale: class.scale,
-            version: class.version,
+            triangles: definition.triangles.iter().map(|triangle| triangle_view(triangle, definition.scale)).collect(),
+            region_points: definition.points.len(),
+            scale: definition.scale,
+            version: definition.version,
             threshold: ThresholdView {
                 limit_mm: learned.limit_mm,
                 score: MATCH_SCORE,

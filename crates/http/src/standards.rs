@@ -24,8 +24,8 @@ use visage_domain::asset::Asset;
 use visage_domain::{AssetRecord, Examples, NewStandard, StandardId, StandardRecord};
 use visage_service::app::standards::{self, Standing};
 use visage_service::storage::DatabaseError;
-use visage_shape::classes::limit;
 use visage_shape::faces::standard::by_name;
+use visage_shape::standards::limit;
 
 const TAG: &str = "standards";
 const RULES: FormRules = FormRules {
@@ -93,7 +93,7 @@ fn record(standard: &NewStandard) -> StandardRecord {
         asset: standard.asset.clone(),
         unit: standard.unit,
         annotation: standard.annotation.clone(),
-        class: standard.class.clone(),
+        definition: standard.definition.clone(),
     }
 }
 
@@ -124,7 +124,7 @@ async fn annotated(state: &AppState, mut form: Form) -> Result<(NewStandard, Upl
     let (file, surface) = upload::read_surface(state, file).await?;
     let format = names::surface_format(&file.name)?;
     let given = annotation.clone();
-    let class = describe::computed(state, turn, move |engine, progress| {
+    let definition = describe::computed(state, turn, move |engine, progress| {
         engine.annotate(&surface, unit, &given, progress).map_err(Problem::from)
     })
     .await
@@ -134,7 +134,7 @@ async fn annotated(state: &AppState, mut form: Form) -> Result<(NewStandard, Upl
         bytes: file.staged.bytes,
         checksum: file.staged.checksum.clone(),
     };
-    Ok((NewStandard { id: StandardId::new(), name, asset, unit, annotation, class, examples }, file))
+    Ok((NewStandard { id: StandardId::new(), name, asset, unit, annotation, definition, examples }, file))
 }
 
 fn json_part<T: serde::de::DeserializeOwned>(form: &Form, part: &str) -> Result<Option<T>, Problem> {

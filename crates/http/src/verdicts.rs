@@ -13,9 +13,9 @@ use visage_domain::{ModelRecord, StandardRecord, StoredVerdict};
 use visage_gallery::{Comparison, Evidence, Reason, SAME_PERSON_MM};
 use visage_geometry::Point3;
 use visage_service::app::standards;
-use visage_shape::classes::Found;
-use visage_shape::classes::limit::{self, Learned};
-use visage_shape::faces::{MatchMethod, Signature, Standard, judge, judgement, standard, verification};
+use visage_shape::faces::{FaceStandard, MatchMethod, Signature, judge, judgement, standard, verification};
+use visage_shape::standards::Found;
+use visage_shape::standards::limit::{self, Learned};
 
 /// Named places: `{"nose_tip": [x, y, z], ...}`. Right and left are the subject's own.
 pub type Places = BTreeMap<String, Vec<f64>>;
@@ -76,7 +76,7 @@ pub struct VerdictView {
 
 impl VerdictView {
     /// The verdict on a signature.
-    pub fn of(standard: &Standard, evidence: &Evidence) -> Self {
+    pub fn of(standard: &FaceStandard, evidence: &Evidence) -> Self {
         let verdict = &evidence.verdict;
         let has_triangle = |figure: f64| verdict.triangle.map(|_| figure).filter(|figure| figure.is_finite());
         VerdictView {
@@ -127,11 +127,11 @@ impl VerdictView {
         let found = looked_at.ok().flatten();
         let is_there = score >= judgement::MATCH_SCORE.min(threshold);
         let in_model = |corner: &Point3, found: &Found| found.pose.point(corner).coords.as_slice().to_vec();
-        let triangle = standard.class.triangles.first().zip(found).map(|(triangle, found)| {
+        let triangle = standard.definition.triangles.first().zip(found).map(|(triangle, found)| {
             triangle.annotated().corners.iter().map(|corner| in_model(corner, found)).collect()
         });
         let landmarks = found.filter(|_| is_there).map(|found| {
-            let posed = standard.class.posed_landmarks(&found.pose).into_iter();
+            let posed = standard.definition.posed_landmarks(&found.pose).into_iter();
             posed.map(|(name, place)| (name, place.coords.as_slice().to_vec())).collect()
         });
         VerdictView {
@@ -260,7 +260,7 @@ pub struct ExplanationView {
 
 impl ExplanationView {
     /// The figures of a signature; `threshold` is the question's.
-    pub fn of(signature: &Signature, standard: &Standard, threshold: f64, comparison: Option<Comparison>) -> Self {
+    pub fn of(signature: &Signature, standard: &FaceStandard, threshold: f64, comparison: Option<Comparison>) -> Self {
         let verdict = |method| judge(signature, standard, method);
         let (verified, descriptors) = (verdict(MatchMethod::Verified), verdict(MatchMethod::Descriptors));
         ExplanationView {

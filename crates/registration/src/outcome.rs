@@ -27,30 +27,59 @@ impl Default for MethodOptions {
 pub struct PairOutcome {
     /// The target view.
     pub i: usize,
-    /// The view that ICP moved.
+    /// The view that is mapped.
     pub j: usize,
-    /// ICP's result, in local frames.
-    pub icp: IcpResult,
-    /// The threshold it ran with, a squared length; `None` if no threshold was to end it.
-    pub threshold: Option<f64>,
+    /// Maps the local frame of view j into that of view i.
+    pub i_from_j: Motion,
+    /// Points of view j that have a counterpart in view i.
+    pub correspondences: usize,
+    /// Their mean squared distance, a squared length; infinite without any.
+    pub mean_distance2: f64,
+    /// How ICP of this pair by itself went; `None` if it was refined together with all others.
+    pub icp: Option<PairIcp>,
     /// How far the pair disagrees with the averaged poses, a length.
     pub disagreement: f64,
     /// Robust weight in averaging, in (0, 1].
     pub trust: f64,
 }
 
+/// How ICP of a pair went.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PairIcp {
+    /// Fits made.
+    pub iterations: usize,
+    /// How it ended.
+    pub end: IcpEnd,
+    /// The threshold it ran with, a squared length; `None` if no threshold was to end it.
+    pub threshold: Option<f64>,
+}
+
 impl PairOutcome {
     /// A pair of which only the relative motion is known (local frame of j to local frame of i).
     pub(crate) fn unmeasured(i: usize, j: usize, i_from_j: Motion) -> Self {
-        let icp = IcpResult {
-            motion: i_from_j,
+        PairOutcome {
+            i,
+            j,
+            i_from_j,
             correspondences: 0,
-            share: 0.0,
             mean_distance2: f64::INFINITY,
-            iterations: 0,
-            end: IcpEnd::NoCorrespondences,
-        };
-        PairOutcome { i, j, icp, threshold: None, disagreement: 0.0, trust: 1.0 }
+            icp: None,
+            disagreement: 0.0,
+            trust: 1.0,
+        }
+    }
+
+    /// A pair that ICP registered by itself.
+    pub(crate) fn by_icp(i: usize, j: usize, found: &IcpResult, threshold: Option<f64>) -> Self {
+        PairOutcome {
+            icp: Some(PairIcp { iterations: found.iterations, end: found.end, threshold }),
+            ..PairOutcome::unmeasured(i, j, found.motion).measured(found)
+        }
+    }
+
+    /// The pair with the correspondences that were found for it.
+    pub(crate) fn measured(self, found: &IcpResult) -> Self {
+        PairOutcome { correspondences: found.correspondences, mean_distance2: found.mean_distance2, ..self }
     }
 }
 

@@ -101,6 +101,17 @@ impl UncertaintyReport {
     }
 }
 
+/// How a pair's registration ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PairEnd {
+    /// With that of all others.
+    Joint,
+    /// As its own ICP did.
+    #[serde(untagged)]
+    Icp(IcpEnd),
+}
+
 /// One registered pair.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct PairReport {
@@ -119,7 +130,7 @@ pub struct PairReport {
     /// ICP fits in the last round.
     pub iterations: usize,
     /// How ICP ended.
-    pub end: IcpEnd,
+    pub end: PairEnd,
     /// The threshold that was to end its ICP, a squared length; null if none was.
     pub e_thr: Option<f64>,
     /// How far the pair disagrees with the averaged poses.
@@ -196,10 +207,9 @@ impl<Row> RegistrationReport<Row> {
 
 fn view_report(index: usize, names: &[String], views: &[View], result: &Outcome, spacing: f64) -> ViewReport {
     let (mut sum, mut count) = (0.0, 0.0);
-    for pair in result.pairs.iter().filter(|pair| (pair.i == index || pair.j == index) && pair.icp.correspondences > 0)
-    {
-        sum += pair.icp.mean_distance2 * pair.icp.correspondences as f64;
-        count += pair.icp.correspondences as f64;
+    for pair in result.pairs.iter().filter(|pair| (pair.i == index || pair.j == index) && pair.correspondences > 0) {
+        sum += pair.mean_distance2 * pair.correspondences as f64;
+        count += pair.correspondences as f64;
     }
     let residual = (count > 0.0).then(|| (sum / count).sqrt());
     ViewReport {
@@ -225,11 +235,11 @@ fn pair_reports(result: &Outcome) -> Vec<PairReport> {
         j: pair.j,
         overlap_i_j: result.overlaps.directed(pair.i, pair.j),
         overlap_j_i: result.overlaps.directed(pair.j, pair.i),
-        correspondences: pair.icp.correspondences,
-        trimmed_rms: pair.icp.mean_distance2.sqrt(),
-        iterations: pair.icp.iterations,
-        end: pair.icp.end,
-        e_thr: pair.threshold,
+        correspondences: pair.correspondences,
+        trimmed_rms: pair.mean_distance2.sqrt(),
+        iterations: pair.icp.map_or(0, |icp| icp.iterations),
+        end: pair.icp.map_or(PairEnd::Joint, |icp| PairEnd::Icp(icp.end)),
+        e_thr: pair.icp.and_then(|icp| icp.threshold),
         disagreement: pair.disagreement,
         trust: pair.trust,
     };

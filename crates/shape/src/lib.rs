@@ -14,8 +14,8 @@
 //!
 //! - [`saliency`]: curvature, multi-scale saliency, salient regions
 //! - [`faces`]: facial triangles, the built-in face, signatures
-//! - [`classes`]: standards made by users, for anything with caps and pits
+//! - [`standards`]: standards made by users, for anything with caps and pits
 
-pub mod classes;
 pub mod faces;
 pub mod saliency;
+pub mod standards;

@@ -6,12 +6,12 @@ use std::sync::{Mutex, OnceLock};
 use std::time::{Duration, Instant};
 
 use visage::app::engine::{Engine, PipelineEngine};
-use visage::classes::{Class, Found};
 use visage::faces::{DescribeError, Signature};
 use visage::geometry::{Cloud, Mesh, Motion, Point3, Surface, Unit, se3};
 use visage::pipeline::report::ModelReport;
 use visage::pipeline::{ModelCloud, NamedScan, Options, PipelineError, Reconstruction, RegisteredModel, Start};
 use visage::progress::{Progress, Stage};
+use visage::standards::{Found, Standard};
 
 /// What the next registration does.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -114,7 +114,7 @@ impl Engine for FakeEngine {
 
     fn find(
         &self,
-        classes: &[&Class],
+        standards: &[&Standard],
         surface: &Surface,
         unit: Unit,
         progress: &Progress,
@@ -128,7 +128,7 @@ impl Engine for FakeEngine {
                 std::thread::sleep(Duration::from_millis(5));
             }
         }
-        PipelineEngine.find(classes, surface, unit, progress)
+        PipelineEngine.find(standards, surface, unit, progress)
     }
 }
 

@@ -73,7 +73,8 @@ pub fn run(dataset: &Dataset, key: &TrialKey) -> anyhow::Result<TrialRecord> {
             let seconds = clock::seconds() - begin;
             let poses: Vec<Motion> =
                 views.iter().zip(&found.local_poses).map(|(view, pose)| view.scan_pose(pose)).collect();
-            let below = found.pairs.iter().filter(|pair| pair.icp.end == IcpEnd::Threshold).count();
+            let below =
+                found.pairs.iter().filter(|pair| pair.icp.is_some_and(|icp| icp.end == IcpEnd::Threshold)).count();
             Ok(MethodResult {
                 method,
                 obj_mm2: dataset.objective_mm2(&poses),

@@ -14,10 +14,10 @@ use visage_gallery::MatchMethod;
 use visage_geometry::{Surface, Unit};
 use visage_service::app::queries::{About, Question};
 use visage_service::app::standards;
-use visage_shape::classes::limit::Learned;
-use visage_shape::classes::{Class, Found};
 use visage_shape::faces::Signature;
-use visage_shape::faces::standard::{self, Standard};
+use visage_shape::faces::standard::{self, FaceStandard};
+use visage_shape::standards::limit::Learned;
+use visage_shape::standards::{Found, Standard};
 
 /// The form by which an uploaded probe is asked about.
 pub const RULES: FormRules = FormRules {
@@ -51,7 +51,7 @@ pub struct Verdict {
     /// The probe.
     pub signature: Signature,
     /// The class.
-    pub standard: Standard,
+    pub standard: FaceStandard,
     /// How it is judged.
     pub method: MatchMethod,
     /// The score from which on it is a match.
@@ -85,10 +85,10 @@ impl GalleryQuestion {
 /// The same for every page of a question: `limit` and `explain` may change from page to page.
 fn fingerprint(about: &About, terms: &Terms) -> Fingerprint {
     let asked = match about {
-        About::Standard { standard, method } => format!("standard {} {method:?}", standard.name).into_bytes(),
+        About::BuiltIn { standard, method } => format!("standard {} {method:?}", standard.name).into_bytes(),
         About::Probe { signature, stored } => [format!("probe {stored:?}").into_bytes(), signature.to_bytes()].concat(),
         About::Triangle(triangle) => format!("triangle {triangle:?}").into_bytes(),
-        About::Class { name } => format!("class {name}").into_bytes(),
+        About::Standard { name } => format!("class {name}").into_bytes(),
     };
     let terms = format!("{:?} {:?} {:?}", terms.threshold, terms.only_matches, terms.filter);
     cursor::fingerprint(&[&asked, terms.as_bytes()])
@@ -112,10 +112,10 @@ pub async fn of_json(state: &AppState, body: QueryBody) -> Result<GalleryQuestio
     }
     let about = match (standard, model_id, triangle) {
         (Some(name), None, None) => match standard::by_name(&name) {
-            Some(standard) => About::Standard { standard, method: method.unwrap_or_default().into() },
+            Some(standard) => About::BuiltIn { standard, method: method.unwrap_or_default().into() },
             None => {
                 verified_alone(&name, method)?;
-                About::Class { name }
+                About::Standard { name }
             }
         },
         (None, Some(id), None) => {
@@ -195,7 +195,7 @@ pub fn verified_alone(name: &str, method: Option<MethodView>) -> Result<(), Prob
 async fn class_named(state: &AppState, name: &str) -> Result<StandardRecord, Problem> {
     let found = standards::named(&state.context, name).await?;
     let standard = found.ok_or_else(|| unknown_standard(name))?;
-    if standard.class.version != Class::VERSION {
+    if standard.definition.version != Standard::VERSION {
         let detail = format!("the standard {name} is of another version and is being made anew");
         return Err(
             Problem::new(Code::NotReady, detail, "try again when the waiting evaluation has ended").retry_after(5)
@@ -216,7 +216,7 @@ async fn looked_for(
 ) -> Result<ClassVerdict, Problem> {
     let learned = standards::learned(&state.context, standard.id).await?;
     let looking = describe::computed(state, turn, move |engine, progress| {
-        let found = engine.find(&[&standard.class], &surface, unit, progress)?.into_iter().next().flatten();
+        let found = engine.find(&[&standard.definition], &surface, unit, progress)?.into_iter().next().flatten();
         Ok(ClassVerdict { standard, learned, found, threshold })
     });
     looking.await.map_err(|problem| problem.scan(file))

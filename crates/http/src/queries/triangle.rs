@@ -4,7 +4,7 @@ use super::super::problem::{Code, Problem};
 use super::views::{ToldTriangle, TriangleView};
 use visage_geometry::{Point3, Unit, Vector3};
 use visage_service::app::queries::TriangleProbe;
-use visage_shape::faces::{Standard, Triangle};
+use visage_shape::faces::{FaceStandard, Triangle};
 
 /// Corners nearer to one line than this share of the triangle's size are refused: which way they run is noise.
 const LEAST_HEIGHT: f64 = 1e-6;
@@ -38,7 +38,7 @@ pub fn triangle_probe(view: TriangleView) -> Result<TriangleProbe, Problem> {
     if outward.is_some_and(|outward| !(outward.norm().is_normal() && outward.dot(&normal) != 0.0)) {
         return Err(refused("has an outward direction that lies in its plane"));
     }
-    let error_factor = Unit::from(told.unit).in_mm().map_or(1.0, |mm| size * mm / Standard::face_size());
+    let error_factor = Unit::from(told.unit).in_mm().map_or(1.0, |mm| size * mm / FaceStandard::face_size());
     Ok(TriangleProbe { corners, outward, error_factor })
 }
 
@@ -86,7 +86,7 @@ mod tests {
         assert_eq!(mm.corners, cm.corners);
         assert!((cm.error_factor / mm.error_factor - 10.0).abs() < 1e-12);
         let size = Triangle::new(of_sides([3.0, 4.0, 5.0]).expect("they close")).size();
-        assert!((mm.error_factor - size / Standard::face_size()).abs() < 1e-12);
+        assert!((mm.error_factor - size / FaceStandard::face_size()).abs() < 1e-12);
     }
 
     #[test]

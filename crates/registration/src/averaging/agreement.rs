@@ -3,7 +3,7 @@
 use super::recipe::Agreement;
 use crate::averaging::low_rank;
 use crate::averaging::motion_averaging::{self, AveragingOptions, RelativeMotion, disagreements};
-use crate::outcome::{Outcome, first_of_each_piece};
+use crate::outcome::{Outcome, PairOutcome, first_of_each_piece};
 use crate::pairwise::trimmed_icp::IcpEnd;
 use crate::view::View;
 use crate::view::largest_radius;
@@ -14,7 +14,7 @@ use visage_geometry::{Motion, UnionFind, Vector3};
 /// then all poses stay.
 pub(super) fn agree(agreement: Agreement, views: &[View], spacing: f64, state: &mut Outcome) -> usize {
     let usable: Vec<usize> =
-        (0..state.pairs.len()).filter(|&pair| state.pairs[pair].icp.end != IcpEnd::NoCorrespondences).collect();
+        (0..state.pairs.len()).filter(|&pair| !lacks_correspondences(&state.pairs[pair])).collect();
     let relative: Vec<RelativeMotion> = usable.iter().map(|&pair| relative_motion(state, pair)).collect();
     let mut groups = UnionFind::new(views.len());
     for pair in &relative {
@@ -51,10 +51,14 @@ pub(super) fn agree(agreement: Agreement, views: &[View], spacing: f64, state: &
     steps
 }
 
+fn lacks_correspondences(pair: &PairOutcome) -> bool {
+    pair.icp.is_some_and(|icp| icp.end == IcpEnd::NoCorrespondences)
+}
+
 fn relative_motion(state: &Outcome, pair: usize) -> RelativeMotion {
     let pair = &state.pairs[pair];
     let weight = state.overlaps.mutual(pair.i, pair.j).max(0.01);
-    RelativeMotion { i: pair.i, j: pair.j, i_from_j: pair.icp.motion, weight }
+    RelativeMotion { i: pair.i, j: pair.j, i_from_j: pair.i_from_j, weight }
 }
 
 fn weighted_middle(views: &[View], local_poses: &[Motion]) -> Vector3 {

@@ -96,7 +96,7 @@ impl LevelRun<'_> {
                 tolerance: length,
                 pairs: graph.pairs.len(),
                 min_overlap: graph.min_overlap,
-                icp_iterations: state.pairs.iter().map(|pair| pair.icp.iterations).sum(),
+                icp_iterations: state.pairs.iter().map(|pair| pair.icp.map_or(0, |icp| icp.iterations)).sum(),
                 averaging_rounds,
                 rotation_change: change,
             });
@@ -130,7 +130,7 @@ impl LevelRun<'_> {
                 let options = self.icp_options((i, j), state.overlaps.directed(j, i), tolerance);
                 let start = state.local_poses[i].inv_mul(&state.local_poses[j]);
                 let icp = trimmed_icp(self.targets[i], self.queries[j], &start, &options, progress)?;
-                Ok(PairOutcome { i, j, icp, threshold: Some(options.threshold), disagreement: 0.0, trust: 1.0 })
+                Ok(PairOutcome::by_icp(i, j, &icp, Some(options.threshold)))
             })
             .collect()
     }

@@ -225,3 +225,56 @@ pub(super) fn measure(
     let refined = at(refined);
     Some(if refined.score() > raw.score() { refined } else { raw })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::global::fixture::{EDGE, Fixture};
+
+    fn agglomerated(fixture: &Fixture, hypotheses: &[PairHypothesis]) -> Agglomeration {
+        agglomerate(&fixture.coarse_set(), hypotheses, Vec::new(), &Progress::silent()).expect("not canceled")
+    }
+
+    #[test]
+    fn right_hypotheses_make_one_component_and_none_leave_each_alone() {
+        let fixture = Fixture::from_around(&[0.0, 40.0, 80.0]);
+        let Agglomeration { components, ambiguous } =
+            agglomerated(&fixture, &[fixture.right(0, 1), fixture.right(1, 2)]);
+        assert_eq!(components.len(), 1);
+        assert_eq!((components[0].views.as_slice(), ambiguous), ([0, 1, 2].as_slice(), vec![false; 3]));
+        let found = components[0].local_poses[0].inv_mul(&components[0].local_poses[2]);
+        assert!(fixture.off(0, 2, &found) < 0.2 * EDGE, "{found}");
+        assert_eq!(components[0].hypotheses.len(), 3, "the pair that nobody proposed was measured too");
+        assert_eq!(agglomerated(&fixture, &[]).components.len(), 3);
+    }
+
+    #[test]
+    fn a_motion_that_the_surfaces_contradict_joins_nothing() {
+        let fixture = Fixture::from_around(&[0.0, 40.0]);
+        let wrong = fixture.hypothesis(0, 1, fixture.i_from_j_off(0, 1, [0.0; 3], [0.0, 0.0, 0.9]));
+        assert_eq!(agglomerated(&fixture, &[wrong]).components.len(), 2);
+    }
+
+    #[test]
+    fn a_pair_that_fits_in_two_ways_is_ambiguous() {
+        let fixture = Fixture::from_around(&[0.0, 40.0]);
+        let right = fixture.right(0, 1);
+        // as strong as the right one, wherever it lies
+        let elsewhere = fixture.i_from_j_off(0, 1, [0.0; 3], [0.0, 0.0, 0.9]);
+        let rival = PairHypothesis { i_from_j: elsewhere, ..right };
+        let Agglomeration { components, ambiguous } = agglomerated(&fixture, &[right, rival]);
+        // looked at again in the join, the surfaces don't bear the rival out
+        assert_eq!((components.len(), ambiguous), (1, vec![false; 2]));
+    }
+
+    #[test]
+    fn hypotheses_are_implied_whichever_way_round_they_are() {
+        let fixture = Fixture::from_around(&[0.0, 40.0]);
+        let (left, right) = (Component::of(0), Component::of(1));
+        let hypothesis = fixture.right(0, 1);
+        let there = implied(&left, &right, &hypothesis).expect("it is between them");
+        let back = implied(&right, &left, &hypothesis).expect("it is between them");
+        assert!((there * back).translation.vector.norm() < 1e-9);
+        assert_eq!(implied(&left, &Component::of(5), &hypothesis), None);
+    }
+}

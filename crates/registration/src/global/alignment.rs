@@ -80,3 +80,24 @@ fn residual(
     let normal = (normal_i + normal_j).normalize();
     Some((normal, normal.dot(&(moved - i.position(target)))))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::global::fixture::{EDGE, Fixture};
+
+    #[test]
+    fn a_start_some_edges_off_ends_on_the_surface() {
+        let fixture = Fixture::from_around(&[0.0, 40.0, 80.0]);
+        let [i, j, k] = [0, 1, 2].map(|view| &fixture.coarse_views[view]);
+        let start = fixture.i_from_j_off(0, 1, [1.5, -2.0, 1.0], [0.03, 0.0, -0.06]);
+        let found = align(i, j, &start, EDGE);
+        let (before, after) = (fixture.off(0, 1, &start), fixture.off(0, 1, &found));
+        assert!(before > 0.8 * EDGE && after < 0.1 * EDGE, "{before} {after}");
+        // among two views, in the frame of the first
+        let others = [(i, Motion::identity()), (k, fixture.i_from_j(0, 2))];
+        let start = fixture.i_from_j_off(0, 1, [0.5, 0.5, -0.5], [0.0, 0.02, 0.0]);
+        let among = align_onto(&others, j, &start, EDGE);
+        assert!(fixture.off(0, 1, &among) < 0.1 * EDGE, "{among}");
+    }
+}

@@ -68,3 +68,38 @@ pub fn noise_level(hypotheses: &[PairHypothesis], edge: f64) -> f64 {
     levels.sort_by(f64::total_cmp);
     levels.get(levels.len() / 2).copied().unwrap_or(0.0).max(TUNING.least_noise)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::global::fixture::{EDGE, Fixture};
+    use visage_geometry::Motion;
+
+    #[test]
+    fn noise_is_that_of_the_nearest_hypotheses() {
+        let fixture = Fixture::from_around(&[0.0, 40.0]);
+        let right = fixture.right(0, 1);
+        let beside = fixture.hypothesis(0, 1, fixture.i_from_j_off(0, 1, [0.25 * EDGE, 0.0, 0.0], [0.0; 3]));
+        let of_right = noise_level(&[right], EDGE);
+        assert!(noise_level(&[beside], EDGE) > 2.0 * of_right);
+        assert_eq!(noise_level(&[beside, right], EDGE), of_right);
+        let wrong = fixture.hypothesis(0, 1, Motion::translation(0.0, 0.0, 500.0));
+        assert_eq!(noise_level(&[wrong], EDGE), TUNING.least_noise, "what says nothing says nothing of noise");
+    }
+
+    #[test]
+    fn surfaces_farther_apart_than_the_noise_count_less() {
+        let fixture = Fixture::from_around(&[0.0, 40.0]);
+        let beside = fixture.hypothesis(0, 1, fixture.i_from_j_off(0, 1, [0.2 * EDGE, 0.0, 0.0], [0.0; 3]));
+        let calm = CoarseSet { noise: 0.01, ..fixture.coarse_set() };
+        let noisy = CoarseSet { noise: 0.3, ..fixture.coarse_set() };
+        assert_eq!(noisy.excess(&beside.evidence.both()), 1.0);
+        assert!(calm.score(&beside) < noisy.score(&beside) && noisy.score(&beside) == beside.score());
+    }
+
+    #[test]
+    fn a_set_resolves_no_more_than_its_spacing_and_its_noise() {
+        assert_eq!(resolution(1.0, 0.01, 3.0), 1.0);
+        assert!((resolution(1.0, 0.5, 3.0) - 3.0).abs() < 1e-12);
+    }
+}

@@ -85,3 +85,41 @@ impl Component {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::global::fixture::{EDGE, Fixture};
+
+    /// Views 0 and 2 as they lie.
+    fn component(fixture: &Fixture) -> Component {
+        let local_poses = vec![Motion::identity(), fixture.i_from_j(0, 2)];
+        Component { views: vec![0, 2], local_poses, hypotheses: vec![fixture.right(0, 2)], search: 3 }
+    }
+
+    #[test]
+    fn united_components_keep_their_views_in_order_and_their_poses() {
+        let fixture = Fixture::from_around(&[0.0, 40.0, 80.0]);
+        let (left, right) = (component(&fixture), Component::of(1));
+        let union = left.united(&right, &fixture.i_from_j(0, 1));
+        assert_eq!(union.views, [0, 1, 2]);
+        assert_eq!(union.pose_of(1), Some(fixture.i_from_j(0, 1)));
+        assert_eq!(union.pose_of(2), left.pose_of(2));
+        assert_eq!((union.pose_of(7), union.search), (None, 3));
+        let among = union.among(&[0, 1]);
+        assert_eq!((among.views.as_slice(), among.hypotheses.len()), ([0, 1].as_slice(), 0));
+        let renamed = left.renamed(&[10, 11, 12], 5);
+        assert_eq!((renamed.views.as_slice(), renamed.search), ([10, 12].as_slice(), 5));
+        assert_eq!((renamed.hypotheses[0].i, renamed.hypotheses[0].j), (10, 12));
+    }
+
+    #[test]
+    fn averaging_moves_poses_to_where_the_hypotheses_have_them_and_keeps_the_first() {
+        let fixture = Fixture::from_around(&[0.0, 40.0, 80.0]);
+        let mut component = component(&fixture);
+        component.local_poses[1] = fixture.i_from_j_off(0, 2, [0.4, -0.3, 0.2], [0.0, 0.01, 0.0]);
+        component.average(&fixture.coarse_views, EDGE);
+        assert_eq!(component.local_poses[0], Motion::identity());
+        assert!(fixture.off(0, 2, &component.local_poses[1]) < 0.01);
+    }
+}

@@ -61,3 +61,21 @@ fn heights(view: &View, samples: &[Point3], motion: &Motion, spacing: f64) -> Ve
     };
     feet(view, samples, motion, NEAR * spacing).into_iter().filter_map(height).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::global::fixture::Fixture;
+
+    #[test]
+    fn equal_surfaces_touch_like_ones_do_not_and_far_ones_say_nothing() {
+        let fixture = Fixture::from_around(&[0.0, 40.0]);
+        let (i, j) = (&fixture.views[0], &fixture.views[1]);
+        let at = |motion: &Motion| contact(i, j, motion, i.spacing);
+        let right = at(&fixture.i_from_j_off(0, 1, [0.2, -0.2, 0.1], [0.0; 3])).expect("they lie on each other");
+        assert!(right.touching > 0.95 && fixture.off(0, 1, &right.i_from_j) < 0.5 * i.spacing, "{right:?}");
+        let wrong = at(&fixture.i_from_j_off(0, 1, [0.0; 3], [0.0, 0.0, 0.9])).expect("they lie near each other");
+        assert!(wrong.touching < 0.8, "{wrong:?}");
+        assert_eq!(at(&Motion::translation(0.0, 0.0, 900.0)), None);
+    }
+}

@@ -85,3 +85,30 @@ fn is_coherent(hypothesis: &PairHypothesis) -> bool {
     let (agree, against) = inside(hypothesis);
     agree >= TUNING.least_agree && agree >= TUNING.coherent * (agree + against)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::global::fixture::Fixture;
+    use crate::global::verification::PairVotes;
+
+    /// Hypotheses of the true motions of views around, in which each picture misses that many of the other's surfels.
+    fn hypotheses(fixture: &Fixture, missed: f64, contradict: f64) -> Vec<PairHypothesis> {
+        let votes = SurfelVotes { queried: 300.0, agree: 120.0, missed, contradict, ..SurfelVotes::default() };
+        let evidence = PairVotes { j_in_i: votes, i_in_j: votes };
+        [(0, 1), (1, 2)].map(|(i, j)| PairHypothesis { evidence, ..fixture.right(i, j) }).into()
+    }
+
+    #[test]
+    fn pictures_are_cropped_that_miss_much_of_what_else_agrees() {
+        let cropped = |missed: f64, contradict: f64| {
+            let mut fixture = Fixture::from_around(&[0.0, 40.0, 80.0]);
+            let hypotheses = hypotheses(&fixture, missed, contradict);
+            let any = crop(&mut fixture.coarse_views, &hypotheses, Frames::Some);
+            (any, fixture.coarse_views.iter().filter(|view| view.depth_image.is_cropped()).count())
+        };
+        assert_eq!(cropped(0.0, 0.0), (false, 0));
+        assert_eq!(cropped(60.0, 0.0), (true, 3));
+        assert_eq!(cropped(60.0, 90.0), (false, 0), "what crosses inside says nothing of the rest");
+    }
+}

@@ -145,3 +145,54 @@ fn normalise(histogram: &mut Descriptor) {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::global::fixture::{EDGE, Fixture};
+
+    /// The squared distance of two descriptions.
+    fn distance2(a: &Descriptor, b: &Descriptor) -> f32 {
+        a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum()
+    }
+
+    #[test]
+    fn all_distances_at_once_are_those_one_by_one() {
+        let fixture = Fixture::from_around(&[0.0]);
+        let all = &fixture.coarse_views[0].descriptors;
+        let queried = [all.get(0), all.get(all.count() / 2)];
+        let mut rows = [Vec::new(), Vec::new()];
+        all.distances2(&queried, &mut rows);
+        for (row, descriptor) in rows.iter().zip(&queried) {
+            assert_eq!(row.len(), all.count());
+            let alone = (0..all.count()).map(|index| distance2(descriptor, &all.get(index)));
+            assert!(row.iter().zip(alone).all(|(a, b)| (a - b).abs() < 1e-4));
+        }
+        assert_eq!(all.spread(7).count(), all.count().div_ceil(all.count().div_ceil(7)));
+    }
+
+    #[test]
+    fn the_same_place_looks_alike_from_another_view_and_turned() {
+        let fixture = Fixture::from_around(&[0.0, 40.0]);
+        let (i, j) = (&fixture.coarse_views[0], &fixture.coarse_views[1]);
+        let motion = fixture.i_from_j(0, 1).cast::<f32>();
+        // of the descriptions of view j's surfels the distance from that of the nearest surfel of view i, and from any
+        let (mut same, mut any) = (Vec::new(), Vec::new());
+        for (place, &surfel) in j.inner.iter().enumerate().step_by(5) {
+            let moved = motion * nalgebra::Point3::from(j.position(surfel as usize));
+            let Some(near) = i.indexed.tree.nearest(&moved.coords.into(), (0.3 * EDGE * 0.3 * EDGE) as f32) else {
+                continue;
+            };
+            let Some(at) = i.inner.iter().position(|inner| *inner == near.index) else { continue };
+            same.push(distance2(&j.descriptors.get(place), &i.descriptors.get(at)));
+            any.push(distance2(&j.descriptors.get(place), &i.descriptors.get((at * 7 + 13) % i.inner.len())));
+        }
+        let median = |mut numbers: Vec<f32>| {
+            numbers.sort_by(f32::total_cmp);
+            numbers[numbers.len() / 2]
+        };
+        assert!(same.len() > 20, "{}", same.len());
+        let (same, any) = (median(same), median(any));
+        assert!(same < 0.5 * any, "{same} {any}");
+    }
+}

@@ -224,3 +224,28 @@ fn more_hypotheses(
         .collect::<Result<_, Canceled>>()?;
     Ok(found.into_iter().flatten().collect())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::global::agglomerative::agglomerate;
+    use crate::global::fixture::Fixture;
+
+    #[test]
+    fn a_component_is_clear_until_a_strong_hypothesis_says_something_else() {
+        let fixture = Fixture::from_around(&[0.0, 40.0, 80.0]);
+        let coarse_set = fixture.coarse_set();
+        let right = vec![fixture.right(0, 1), fixture.right(1, 2)];
+        let agglomeration = agglomerate(&coarse_set, &right, Vec::new(), &Progress::silent()).expect("not canceled");
+        let cores = Cores::of(&coarse_set, &right, &agglomeration);
+        assert!(cores.hold_all() && cores.hold(0, 2) && cores.open() == 0);
+        let elsewhere = fixture.i_from_j_off(0, 1, [0.0; 3], [0.0, 0.0, 0.9]);
+        // what claims to overlap more than the true place does
+        let mut strong = PairHypothesis { i_from_j: elsewhere, ..right[0] };
+        strong.evidence.j_in_i.agree *= 1.3;
+        strong.evidence.i_in_j.agree *= 1.3;
+        let said = [right, vec![strong]].concat();
+        let cores = Cores::of(&coarse_set, &said, &agglomeration);
+        assert!(!cores.hold_all() && cores.open() == 3, "two of three are contradicted: nothing is clear");
+    }
+}

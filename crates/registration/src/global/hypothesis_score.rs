@@ -141,3 +141,35 @@ impl<'a> HypothesisScorer<'a> {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::global::fixture::{EDGE, Fixture};
+
+    #[test]
+    fn a_brief_look_tells_right_from_wrong_and_leads_nearer() {
+        let fixture = Fixture::from_around(&[0.0, 40.0]);
+        let [i, j] = [0, 1].map(|view| HypothesisScorer::new(&fixture.coarse_views[view], EDGE));
+        let edge = EDGE as f32;
+        let strength = |motion: &Motion| {
+            let motion = motion.cast::<f32>();
+            let motion = nalgebra::IsometryMatrix3::from_parts(motion.translation, motion.rotation.into());
+            j.look(0..WITNESSES, &i, &motion, edge, 0.4 * edge).strength()
+        };
+        let right = fixture.i_from_j(0, 1);
+        let wrong = fixture.i_from_j_off(0, 1, [0.0; 3], [0.0, 0.0, 0.9]);
+        assert!(strength(&right) > 0.2 && strength(&wrong) < 0.5 * strength(&right));
+        let start = fixture.i_from_j_off(0, 1, [2.0, 1.0, -1.5], [0.0; 3]);
+        let refined = j.refined(&i, &start, edge);
+        assert!(fixture.off(0, 1, &refined) < 0.5 * fixture.off(0, 1, &start), "{refined}");
+    }
+
+    #[test]
+    fn strength_counts_overlap_only_as_far_as_it_is_consistent() {
+        let score = |agree: f32, conflict: f32| HypothesisScore { queried: 100.0, agree, conflict };
+        assert!(score(60.0, 0.0).strength() > score(60.0, 20.0).strength());
+        assert_eq!(score(30.0, 60.0).strength(), 0.0);
+        assert_eq!(HypothesisScore::default().strength(), 0.0);
+    }
+}

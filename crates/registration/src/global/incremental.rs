@@ -298,62 +298,21 @@ fn clearest(waiting: &[Waiting]) -> Option<(usize, Motion)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::global::coarse_view::CoarseView;
-    use crate::sensor::Sensor;
-    use crate::view::View;
-    use visage_geometry::{Cloud, Point3, Vector3};
-
-    const EDGE: f64 = 3.0;
-
-    /// Views of a bumpy ball from these directions around it, in degrees.
-    fn views(directions: [f64; 3]) -> Vec<(View, Vector3)> {
-        let toward = |degrees: f64| Vector3::new(degrees.to_radians().cos(), degrees.to_radians().sin(), 0.0);
-        let seen = |direction: &Vector3| {
-            let points = (0..9000).filter_map(|k| {
-                let z = (f64::from(k) + 0.5) / 4500.0 - 1.0;
-                let angle = 2.399963 * f64::from(k);
-                let out = Vector3::new((1.0 - z * z).sqrt() * angle.cos(), (1.0 - z * z).sqrt() * angle.sin(), z);
-                let height =
-                    2.5 * (5.0 * out.x + 2.0).sin() * (6.0 * out.y).cos() + 2.5 * (7.0 * out.z + 4.0 * out.x).sin();
-                (out.dot(direction) > 0.15).then(|| Point3::from(out * (35.0 + height)))
-            });
-            View::new(&Cloud::from_points(points.collect())).expect("half a ball can be used")
-        };
-        directions.map(toward).iter().map(|direction| (seen(direction), *direction)).collect()
-    }
+    use crate::global::fixture::{EDGE, Fixture};
 
     #[test]
     fn a_wrong_pair_is_outweighed_by_what_all_pairs_say() {
-        let (views, directions): (Vec<View>, Vec<Vector3>) = views([0.0, 60.0, 120.0]).into_iter().unzip();
-        let sensors = directions.iter().map(|direction| Some(Sensor::Toward(*direction)));
-        let coarse_views: Vec<CoarseView> =
-            views.iter().zip(sensors).map(|(view, sensor)| CoarseView::new(view, EDGE, sensor)).collect();
-        let coarse_set =
-            CoarseSet { views: &views, coarse_views: &coarse_views, resolution: 1.0, edge: EDGE, noise: 0.05 };
-        let hypothesis = |i: usize, j: usize, shift: Vector3| {
-            let i_from_j = Motion::from(nalgebra::Translation3::from(shift));
-            PairHypothesis {
-                i,
-                j,
-                i_from_j,
-                evidence: verify(&coarse_views[i], &coarse_views[j], &i_from_j, EDGE, 400),
-            }
-        };
-        let between = |i: usize, j: usize| views[j].center - views[i].center;
+        let fixture = Fixture::from_around(&[0.0, 60.0, 120.0]);
+        let coarse_set = fixture.coarse_set();
         // the first and the last laid on each other, and two pairs as they are
-        let hypotheses =
-            [hypothesis(0, 2, Vector3::zeros()), hypothesis(0, 1, between(0, 1)), hypothesis(1, 2, between(1, 2))];
+        let hypotheses = [fixture.hypothesis(0, 2, Motion::identity()), fixture.right(0, 1), fixture.right(1, 2)];
         let grown = grow(&coarse_set, &hypotheses, &Known::default(), &Progress::silent()).expect("not cancelled");
         assert_eq!(grown.components.len(), 1);
         assert_eq!((grown.components[0].views.clone(), grown.ambiguous), (vec![0, 1, 2], vec![false; 3]));
         let component = &grown.components[0];
-        let found = component.local_poses[0].inv_mul(&component.local_poses[2]).translation.vector;
-        assert!((found - between(0, 2)).norm() < 0.5 * EDGE, "{found} {}", between(0, 2));
-        assert!(
-            grow(&coarse_set, &[], &Known::default(), &Progress::silent())
-                .expect("not cancelled")
-                .components
-                .is_empty()
-        );
+        let found = component.local_poses[0].inv_mul(&component.local_poses[2]);
+        assert!(fixture.off(0, 2, &found) < 0.5 * EDGE, "{found}");
+        let none = grow(&coarse_set, &[], &Known::default(), &Progress::silent()).expect("not cancelled");
+        assert!(none.components.is_empty());
     }
 }

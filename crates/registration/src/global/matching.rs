@@ -76,3 +76,28 @@ fn best_of(distances2: &[f32], to: &CoarseView, elsewhere2: f32) -> Option<(usiz
 fn least(values: impl Iterator<Item = (usize, f32)>) -> Option<(usize, f32)> {
     values.min_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::global::consensus::{Support, proposals};
+    use crate::global::fixture::{EDGE, Fixture};
+
+    #[test]
+    fn matches_of_two_views_hold_the_true_motion_and_are_found_from_either_side() {
+        let fixture = Fixture::from_around(&[0.0, 40.0]);
+        let (i, j) = (&fixture.coarse_views[0], &fixture.coarse_views[1]);
+        let found = matches(i, j, EDGE);
+        assert!(found.len() > 50 && found.len() <= MATCHES);
+        assert!(found.is_sorted_by(|a, b| a.ratio <= b.ratio), "the most telling first");
+        let mut back: Vec<(u32, u32)> = matches(j, i, EDGE).iter().map(|m| (m.of_j, m.of_i)).collect();
+        let mut pairs: Vec<(u32, u32)> = found.iter().map(|m| (m.of_i, m.of_j)).collect();
+        back.sort_unstable();
+        pairs.sort_unstable();
+        let common = pairs.iter().filter(|pair| back.binary_search(pair).is_ok()).count();
+        assert!(common * 10 > 9 * pairs.len(), "{common} of {}", pairs.len());
+        let proposed = proposals(i, j, &found, Support::Any, EDGE, 8);
+        let nearest = proposed.iter().map(|p| fixture.off(0, 1, &p.i_from_j)).fold(f64::INFINITY, f64::min);
+        assert!(nearest < 2.0 * EDGE, "{nearest}");
+    }
+}

@@ -38,3 +38,17 @@ impl MergeEvidence {
         self.best >= TUNING.strong || (self.score >= TUNING.strong_together && self.best >= TUNING.not_weak)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_strong_pair_or_several_that_are_not_weak_are_enough() {
+        let evidence = |score, best| MergeEvidence { score, best, rival: 0.0, touching: 1.0 };
+        assert!(evidence(0.2, 0.2).suffice());
+        assert!(!evidence(0.12, 0.12).suffice(), "one that is not strong");
+        assert!(evidence(0.4, 0.12).suffice());
+        assert!(!evidence(0.4, 0.05).suffice(), "many weak ones");
+    }
+}

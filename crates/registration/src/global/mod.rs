@@ -17,6 +17,8 @@ pub mod contact;
 pub mod cropped;
 pub mod descriptor;
 pub mod exhaustive;
+#[cfg(test)]
+mod fixture;
 pub mod grid;
 pub mod hinted;
 pub mod hypothesis_score;

@@ -83,3 +83,29 @@ pub fn feet(view: &View, samples: &[Point3], motion: &Motion, reach: f64) -> Vec
     };
     moved.into_iter().zip(nearest).zip(&planes).map(foot).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::global::fixture::Fixture;
+
+    #[test]
+    fn a_body_of_two_views_settles_on_those_that_stand() {
+        let fixture = Fixture::from_around(&[0.0, 40.0, 80.0, 120.0]);
+        let pose = |view: usize| fixture.i_from_j(0, view);
+        let placed = [(0, pose(0)), (3, pose(3))];
+        let members = [(1, pose(1)), (2, pose(2))];
+        let spacing = fixture.views[0].spacing;
+        let off = Motion::new(Vector3::new(1.0, 0.5, -1.0), Vector3::new(0.0, 0.0, 0.03));
+        let settled = settled(&fixture.views, &placed, &members, &off, spacing);
+        assert!(settled.translation.vector.norm() < 0.1 * spacing && settled.rotation.angle() < 0.003, "{settled}");
+    }
+
+    #[test]
+    fn points_are_spread_over_the_view() {
+        let fixture = Fixture::from_around(&[0.0]);
+        let count = spread(&fixture.views[0], 100).count();
+        assert!((90..=100).contains(&count), "{count}");
+        assert_eq!(spread(&fixture.views[0], 0).count(), 1);
+    }
+}

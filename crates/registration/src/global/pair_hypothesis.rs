@@ -38,3 +38,22 @@ impl PairHypothesis {
             && self.evidence.both().consistency() >= TUNING.least_consistency
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::global::votes::SurfelVotes;
+
+    #[test]
+    fn what_overlaps_and_is_consistent_is_worth_trying() {
+        let hypothesis = |agree: f64, contradict: f64| {
+            let votes = SurfelVotes { queried: 100.0, agree, contradict, ..SurfelVotes::default() };
+            let evidence = PairVotes { j_in_i: votes, i_in_j: votes };
+            PairHypothesis { i: 0, j: 1, i_from_j: Motion::identity(), evidence }
+        };
+        assert!(hypothesis(30.0, 5.0).is_promising());
+        assert!(!hypothesis(5.0, 0.0).is_promising(), "hardly any overlap");
+        assert!(!hypothesis(30.0, 30.0).is_promising(), "as much against it");
+        assert!((hypothesis(30.0, 5.0).score() - 0.25).abs() < 1e-12);
+    }
+}

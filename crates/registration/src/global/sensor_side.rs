@@ -84,3 +84,36 @@ fn fit(hypotheses: &[PairHypothesis], view: usize, n: usize) -> f64 {
     };
     (0..n).filter(|other| *other != view).map(best).sum()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::global::fixture::{EDGE, Fixture};
+    use crate::hinted::Hinted;
+    use crate::sensor::Sensor;
+    use visage_geometry::{Motion, Vector3};
+
+    #[test]
+    fn a_view_that_was_taken_for_one_from_behind_is_turned_round() {
+        let mut fixture = Fixture::from_around(&[0.0, 40.0, 80.0]);
+        let behind = Sensor::Toward(Vector3::new(-1.0, 0.0, 0.0));
+        let unclear = CoarseView::new(&fixture.views[0], EDGE, Some(behind));
+        fixture.coarse_views[0] = CoarseView { side_clarity: 0.1, ..unclear };
+        let given: [Option<Motion>; 3] = [0, 1, 2].map(|view| Some(fixture.i_from_j(0, view)));
+        let hinted = Hinted::default();
+        let prior = Prior { given: &given, hinted: &hinted };
+        let pairs = [(0, 1), (0, 2), (1, 2)];
+        let mut hypotheses: Vec<PairHypothesis> =
+            pairs.iter().flat_map(|&(i, j)| pair_hypotheses(&fixture.coarse_views, i, j, &prior, EDGE)).collect();
+        let (views, coarse_views) = (&fixture.views, &mut fixture.coarse_views);
+        let silent = Progress::silent();
+        let mut turn = |hypotheses: &mut Vec<PairHypothesis>| {
+            try_other_sensor_sides(views, &prior, &pairs, coarse_views, hypotheses, EDGE, &silent)
+                .expect("not canceled")
+        };
+        assert!(turn(&mut hypotheses));
+        assert!(!turn(&mut hypotheses), "and stays so");
+        let toward = |direction: Vector3| fixture.coarse_views[0].sensor.direction_from(&[0.0; 3]).dot(&direction);
+        assert!(toward(Vector3::x()) > 0.9);
+    }
+}

@@ -92,3 +92,33 @@ fn votes(view: &CoarseView, other: &CoarseView, motion: &Motion, edge: f32, samp
     }
     votes
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::global::fixture::{EDGE, Fixture};
+    use visage_geometry::Vector3;
+
+    #[test]
+    fn surfaces_bear_out_the_true_motion_and_contradict_others() {
+        let fixture = Fixture::from_around(&[0.0, 50.0]);
+        let [i, j] = [0, 1].map(|view| &fixture.coarse_views[view]);
+        let votes = |motion: &Motion| verify(i, j, motion, EDGE, 400).both();
+        let right = votes(&fixture.i_from_j(0, 1));
+        assert!(right.overlap() > 0.4 && right.consistency() > 0.95, "{right:?}");
+        assert_eq!((right.looked_through, right.missed), (0.0, 0.0));
+        // turned by half, the bumps of one cross those of the other; apart, they lie where nothing was seen
+        let turned = votes(&(fixture.i_from_j(0, 1) * Motion::rotation(Vector3::z() * 0.8)));
+        assert!(turned.contradict > 3.0 * right.contradict.max(10.0), "{turned:?}");
+        let sunk = votes(&fixture.i_from_j_off(0, 1, [4.0 * EDGE, 0.0, 0.0], [0.0; 3]));
+        assert!(sunk.looked_through + sunk.missed > 10.0, "{sunk:?}");
+        assert!(turned.score() < right.score() && sunk.score() < 0.0);
+    }
+
+    #[test]
+    fn overlap_is_that_of_the_view_which_shares_less() {
+        let votes = |agree: f64| SurfelVotes { queried: 100.0, agree, ..SurfelVotes::default() };
+        let pair = PairVotes { j_in_i: votes(80.0), i_in_j: votes(20.0) };
+        assert_eq!((pair.overlap(), pair.both().agree), (0.2, 100.0));
+    }
+}

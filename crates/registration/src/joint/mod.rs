@@ -22,7 +22,7 @@ use self::surfels::{FineSurfels, Surfels};
 use crate::least_squares::normal_equations::RIGID;
 use crate::outcome::{MethodOptions, Outcome, PairOutcome, Round, first_of_each_piece, largest_turn};
 use crate::overlap::overlaps;
-use crate::pairwise::trimmed_icp::{IcpEnd, IcpOptions, IcpResult, Trim, trimmed_icp};
+use crate::pairwise::trimmed_icp::{IcpOptions, IcpResult, Trim, trimmed_icp};
 use crate::view::{View, common_spacing};
 use crate::view_graph::ViewGraph;
 use visage_geometry::Motion;
@@ -263,7 +263,7 @@ impl Run<'_> {
         for (pair, (icp_i_j, icp_j_i)) in state.pairs.iter_mut().zip(measured) {
             state.overlaps.set(pair.j, pair.i, icp_i_j.share);
             state.overlaps.set(pair.i, pair.j, icp_j_i.share);
-            pair.icp = IcpResult { end: IcpEnd::Joint, ..icp_i_j };
+            *pair = pair.clone().measured(&icp_i_j);
         }
         Ok(())
     }

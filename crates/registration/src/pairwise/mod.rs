@@ -91,7 +91,7 @@ impl Pairwise {
             averaging_rounds: 0,
             rotation_change: largest_turn(initial, &state.local_poses),
         });
-        state.pairs = vec![PairOutcome { i: 0, j: 1, icp, threshold: None, disagreement: 0.0, trust: 1.0 }];
+        state.pairs = vec![PairOutcome::by_icp(0, 1, &icp, None)];
         let targets: Vec<&IndexedPoints> = views.iter().map(|view| &view.indexed).collect();
         let samples: Vec<Vec<LocalPoint>> = views.par_iter().map(|v| v.sampled(self.query_edge * spacing)).collect();
         let samples: Vec<&[LocalPoint]> = samples.iter().map(Vec::as_slice).collect();

@@ -52,8 +52,6 @@ pub enum IcpEnd {
     Stagnation,
     /// The limit of iterations was reached.
     IterationLimit,
-    /// Not by itself: the pair was refined together with all others.
-    Joint,
     /// Fewer than three points have a counterpart.
     NoCorrespondences,
 }

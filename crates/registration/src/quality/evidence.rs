@@ -158,11 +158,11 @@ fn judge_pairs(Evidence { names, result, surfaces, .. }: &Evidence, verdict: &mu
     for pair in &result.pairs {
         let (a, b) = (&names[pair.i], &names[pair.j]);
         // too few points that touch have no distance
-        if pair.icp.correspondences == 0 {
+        if pair.correspondences == 0 {
             verdict.doubt(format!("{a} and {b} were laid on each other, and hardly a point touches"));
             continue;
         }
-        let residual = pair.icp.mean_distance2.sqrt() / spacing;
+        let residual = pair.mean_distance2.sqrt() / spacing;
         if residual > limits::RESIDUAL && !apart(pair) {
             verdict.doubt(format!("{a} and {b} lie {residual:.1} spacings apart"));
         }

@@ -3,8 +3,8 @@
 use visage_geometry::progress::Progress;
 use visage_geometry::{Surface, Unit};
 use visage_pipeline::{NamedScan, Options, PipelineError, RegisteredModel, Start};
-use visage_shape::classes::{Annotation, Class, ClassError, Found};
 use visage_shape::faces::{self, DescribeError, Signature};
+use visage_shape::standards::{Annotation, Found, Standard, StandardError};
 
 /// What the service asks of the algorithms. Calls block, run inside a rayon pool, and may panic: the caller copes.
 pub trait Engine: Send + Sync + 'static {
@@ -21,26 +21,26 @@ pub trait Engine: Send + Sync + 'static {
     /// Computes a signature; see [`faces::describe`].
     fn describe(&self, surface: &Surface, unit: Unit, progress: &Progress) -> Result<Signature, DescribeError>;
 
-    /// Makes a class of an annotated surface; see [`Class::annotated`].
+    /// Makes a standard of an annotated surface; see [`Standard::annotated`].
     fn annotate(
         &self,
         surface: &Surface,
         unit: Unit,
         annotation: &Annotation,
         progress: &Progress,
-    ) -> Result<Class, ClassError> {
-        Class::annotated(surface, unit, annotation, progress)
+    ) -> Result<Standard, StandardError> {
+        Standard::annotated(surface, unit, annotation, progress)
     }
 
-    /// Looks for classes on a surface; see [`Class::find_each`].
+    /// Looks for standards on a surface; see [`Standard::find_each`].
     fn find(
         &self,
-        classes: &[&Class],
+        standards: &[&Standard],
         surface: &Surface,
         unit: Unit,
         progress: &Progress,
     ) -> Result<Vec<Option<Found>>, DescribeError> {
-        Class::find_each(classes, surface, unit, progress)
+        Standard::find_each(standards, surface, unit, progress)
     }
 }
 

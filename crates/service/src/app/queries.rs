@@ -11,9 +11,9 @@ use visage_gallery::{
     Comparison, Evidence, Filter, Gallery, Match, PROBE_MATCH_SCORE, Rank, Reason, TopK, compare, triangle_match_score,
 };
 use visage_geometry::{Point3, Vector3};
-use visage_shape::classes::limit::Learned;
 use visage_shape::faces::judgement::MATCH_SCORE;
-use visage_shape::faces::{MatchMethod, Signature, Standard, standard};
+use visage_shape::faces::{FaceStandard, MatchMethod, Signature, standard};
+use visage_shape::standards::limit::Learned;
 
 /// A question: about what, and which part of the ranking is wanted.
 #[derive(Debug, Clone)]
@@ -36,14 +36,14 @@ pub struct Question {
 #[derive(Debug, Clone)]
 pub enum About {
     /// Which models are of this built-in class?
-    Standard {
+    BuiltIn {
         /// The class.
-        standard: Standard,
+        standard: FaceStandard,
         /// How they are judged.
         method: MatchMethod,
     },
     /// Which models are of this class that a user has made?
-    Class {
+    Standard {
         /// The name or id of its standard.
         name: String,
     },
@@ -119,7 +119,7 @@ pub enum QueryError {
 pub async fn ask(context: &ServiceContext, question: &Question) -> Result<Answer, QueryError> {
     context.database.settled().await;
     match &question.about {
-        About::Class { name } => ask_verdicts(context, question, name).await,
+        About::Standard { name } => ask_verdicts(context, question, name).await,
         _ => ask_gallery(context, question).await,
     }
 }
@@ -204,7 +204,7 @@ impl Question {
 
     fn matches(&self, gallery: &Gallery, top_k: &TopK<'_>) -> Vec<Match> {
         match &self.about {
-            About::Standard { standard, method } => {
+            About::BuiltIn { standard, method } => {
                 gallery.by_standard(standard.name, *method, top_k).unwrap_or_default()
             }
             About::Probe { signature, stored } => gallery.by_probe(signature, stored.map(ModelId::number), top_k),
@@ -216,14 +216,14 @@ impl Question {
                 }
                 matches
             }
-            About::Class { .. } => Vec::new(),
+            About::Standard { .. } => Vec::new(),
         }
     }
 
     /// The threshold that decides.
     pub fn decisive_threshold(&self) -> f64 {
         let own = || match self.about {
-            About::Standard { .. } | About::Class { .. } => MATCH_SCORE,
+            About::BuiltIn { .. } | About::Standard { .. } => MATCH_SCORE,
             About::Probe { .. } => PROBE_MATCH_SCORE,
             About::Triangle(_) => triangle_match_score(),
         };
@@ -235,7 +235,7 @@ impl Question {
 #[derive(Debug, Clone)]
 pub struct Grounds {
     /// The standard that the model is held against: the one asked about, else the face.
-    pub standard: Standard,
+    pub standard: FaceStandard,
     /// The model's signature.
     pub signature: Option<Signature>,
     /// How it was judged against the standard.
@@ -250,10 +250,10 @@ impl Grounds {
     /// Looks at a match once more; reads its signature, so beside the async threads. The comparison is made on request.
     pub fn of(question: &Question, found: &Match, model: &MatchedModel, compared: bool) -> Grounds {
         let (standard, method, threshold) = match &question.about {
-            About::Standard { standard, method } => (*standard, *method, question.threshold),
+            About::BuiltIn { standard, method } => (*standard, *method, question.threshold),
             _ => (standard::face(), MatchMethod::Verified, None),
         };
-        let is_about_standard = matches!(question.about, About::Standard { .. });
+        let is_about_standard = matches!(question.about, About::BuiltIn { .. });
         let signature = model.signature.as_deref().and_then(|content| Signature::from_bytes(content).ok());
         let evidence = signature.as_ref().map(|signature| Evidence::new(signature, &standard, method, threshold));
         let reason = match &evidence {
@@ -278,7 +278,7 @@ mod tests {
     use visage_shape::faces::signature::example::example;
 
     fn about_face(limit: usize, after: Option<Rank>) -> Question {
-        let about = About::Standard { standard: standard::face(), method: MatchMethod::Verified };
+        let about = About::BuiltIn { standard: standard::face(), method: MatchMethod::Verified };
         Question { about, limit, threshold: None, only_matches: false, filter: Filter::default(), after }
     }
 
@@ -309,7 +309,7 @@ mod tests {
     #[tokio::test]
     async fn a_standard_that_is_not_there_is_named() {
         let (context, _place) = context().await;
-        let question = Question { about: About::Class { name: "teapot".to_owned() }, ..about_face(1, None) };
+        let question = Question { about: About::Standard { name: "teapot".to_owned() }, ..about_face(1, None) };
         let error = ask(&context, &question).await.expect_err("there is none");
         assert_eq!(error.to_string(), "there is no standard \"teapot\"");
     }

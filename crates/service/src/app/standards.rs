@@ -8,7 +8,7 @@ use crate::storage::{DatabaseError, ObjectStore, StagedFile};
 use visage_domain::{
     Examples, JobId, ModelId, NewStandard, Replay, StandardId, StandardRecord, StoredFile, StoredVerdict,
 };
-use visage_shape::classes::limit::{self, Learned};
+use visage_shape::standards::limit::{self, Learned};
 
 /// The most standards that are kept: every model is judged against each.
 pub const MOST_STANDARDS: usize = 32;

@@ -17,8 +17,8 @@ use visage_domain::asset::Asset;
 use visage_domain::{ModelId, ModelRecord, Outdated, StandardId, StandardRecord, StoredSignature, StoredVerdict};
 use visage_geometry::Surface;
 use visage_geometry::progress::{Progress, Stage};
-use visage_shape::classes::{Class, ClassError, limit};
 use visage_shape::faces::{DescribeError, Signature};
+use visage_shape::standards::{Standard, StandardError, limit};
 
 /// Models that are asked for at a time.
 const BATCH: usize = 32;
@@ -79,22 +79,22 @@ impl Evaluation {
         }
     }
 
-    /// The classes of all standards; those of another version are made anew.
-    fn standards(&self) -> Result<BTreeMap<StandardId, Class>, WorkError> {
-        let mut classes = BTreeMap::new();
+    /// All standards; those of another version are made anew.
+    fn standards(&self) -> Result<BTreeMap<StandardId, Standard>, WorkError> {
+        let mut standards = BTreeMap::new();
         for standard in self.stored(|| self.database.standards())? {
             let id = standard.id;
-            if standard.class.version == Class::VERSION {
-                classes.insert(id, standard.class);
-            } else if let Some(class) = self.remade(&standard)? {
-                self.stored(|| self.database.renew_standard(id, &class))?;
-                classes.insert(id, class);
+            if standard.definition.version == Standard::VERSION {
+                standards.insert(id, standard.definition);
+            } else if let Some(made) = self.remade(&standard)? {
+                self.stored(|| self.database.renew_standard(id, &made))?;
+                standards.insert(id, made);
             }
         }
-        Ok(classes)
+        Ok(standards)
     }
 
-    fn remade(&self, standard: &StandardRecord) -> Result<Option<Class>, WorkError> {
+    fn remade(&self, standard: &StandardRecord) -> Result<Option<Standard>, WorkError> {
         let bytes = match self.objects.read_standard(standard.id, &standard.asset) {
             Err(error @ ObjectError::Damaged { .. }) => {
                 tracing::error!(standard = standard.name, "a standard can't be made anew: {error}");
@@ -110,8 +110,8 @@ impl Evaluation {
             }
         };
         match self.engine.annotate(&surface, standard.unit, &standard.annotation, &self.progress.muted()) {
-            Ok(class) => Ok(Some(class)),
-            Err(ClassError::Canceled(canceled)) => Err(canceled.into()),
+            Ok(made) => Ok(Some(made)),
+            Err(StandardError::Canceled(canceled)) => Err(canceled.into()),
             Err(error) => {
                 tracing::warn!(standard = standard.name, "a standard can't be made anew: {error}");
                 Ok(None)
@@ -120,7 +120,7 @@ impl Evaluation {
     }
 
     /// Makes what a model lacks; false if something could not be made, so that it isn't tried again by this job.
-    fn renew(&self, outdated: &Outdated, standards: &BTreeMap<StandardId, Class>) -> Result<bool, WorkError> {
+    fn renew(&self, outdated: &Outdated, standards: &BTreeMap<StandardId, Standard>) -> Result<bool, WorkError> {
         let id = outdated.model_id;
         let model = match self.runtime.block_on(self.database.model(id)) {
             Ok(model) => model,
@@ -130,7 +130,7 @@ impl Evaluation {
         };
         let surface = self.surface(&model)?;
         let is_signed = !outdated.signature || self.sign(&model, surface.as_ref().ok())?;
-        let known: Vec<(StandardId, &Class)> =
+        let known: Vec<(StandardId, &Standard)> =
             outdated.standards.iter().filter_map(|id| Some((*id, standards.get(id)?))).collect();
         let verdicts = self.judge(&model, &surface, &known)?;
         self.stored(|| self.database.keep_verdicts(&verdicts))?;
@@ -185,21 +185,21 @@ impl Evaluation {
         &self,
         model: &ModelRecord,
         surface: &Result<Surface, String>,
-        standards: &[(StandardId, &Class)],
+        standards: &[(StandardId, &Standard)],
     ) -> Result<Vec<StoredVerdict>, WorkError> {
         if standards.is_empty() {
             return Ok(Vec::new());
         }
-        let classes: Vec<&Class> = standards.iter().map(|(_, class)| *class).collect();
+        let sought: Vec<&Standard> = standards.iter().map(|(_, standard)| *standard).collect();
         let found = match surface {
             Err(reason) => Err(reason.clone()),
-            Ok(surface) => match self.engine.find(&classes, surface, model.unit, &self.progress.muted()) {
+            Ok(surface) => match self.engine.find(&sought, surface, model.unit, &self.progress.muted()) {
                 Ok(found) => Ok(found),
                 Err(DescribeError::Canceled(canceled)) => return Err(canceled.into()),
                 Err(error) => Err(error.to_string()),
             },
         };
-        let verdict = |(place, (standard_id, _)): (usize, &(StandardId, &Class))| {
+        let verdict = |(place, (standard_id, _)): (usize, &(StandardId, &Standard))| {
             let place = found.as_ref().map(|found| found.get(place).copied().flatten());
             StoredVerdict {
                 standard_id: *standard_id,

@@ -18,7 +18,7 @@ use visage_domain::{
     NewStandard, Outdated, Owner, Page, PageRequest, PoseFile, PutScan, Replay, ReplayKey, ScanRecord, ScanSetId,
     ScanSetRecord, StandardId, StandardRecord, StoredContent, StoredFile, StoredSignature, StoredVerdict,
 };
-use visage_shape::classes::Class;
+use visage_shape::standards::Standard;
 
 /// A database: everything that the service keeps besides files.
 pub trait Database:
@@ -202,8 +202,8 @@ pub trait Standards {
     /// The standard with this name or id.
     async fn standard(&self, name_or_id: &str) -> Result<StandardRecord, DatabaseError>;
 
-    /// Puts a class that was made anew in the place of one of another version.
-    async fn renew_standard(&self, id: StandardId, class: &Class) -> Result<(), DatabaseError>;
+    /// Puts a standard that was made anew in the place of one of another version.
+    async fn renew_standard(&self, id: StandardId, standard: &Standard) -> Result<(), DatabaseError>;
 
     /// The examples of a standard.
     async fn examples(&self, id: StandardId) -> Result<Examples, DatabaseError>;

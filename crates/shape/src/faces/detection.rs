@@ -4,19 +4,17 @@
 use rayon::prelude::*;
 
 use super::candidates::Candidate;
-use super::caps_and_pits::{Features, features, features_where, places};
 use super::dense::DenseSignature;
 use super::landmarks::Landmarks;
-use super::modes::Weights;
+use super::levels::{Level, sampled_levels};
 use super::refinement::{GOOD_ENOUGH_MM, Refinement};
 use super::sampled_surface::SampledSurface;
 use super::similarity::Similarity;
-use super::standard::{INNER_EYE_DISTANCE_MM, Standard};
-use super::target::Target;
+use super::standard::{FaceStandard, INNER_EYE_DISTANCE_MM};
 use super::template;
 use super::triangle_candidates::{TriangleCandidate, candidates};
-use super::verification::{Fit, KEPT_SHARE, Placement, RIGID_PROPORTIONS, Search, fit_pose, score};
-use crate::saliency::{CellGrid, Samples, Side};
+use super::verification::{Fit, KEPT_SHARE, RIGID_PROPORTIONS, Search};
+use crate::saliency::{Samples, Side};
 use visage_geometry::progress::{Canceled, Progress};
 use visage_geometry::{Motion, Unit};
 
@@ -28,21 +26,13 @@ const LEVELS_OF_DIAGONAL: [f64; 6] = [0.045, 0.06, 0.08, 0.106, 0.141, 0.188];
 const LEVELS_OF_TRUE_SIZE: [f64; 3] = [0.85, 1.0, 1.18];
 /// Where the unit is known, a face must have this size relative to the standard (74 faces: 0.85 to 1.16).
 const TRUE_SIZES: std::ops::RangeInclusive<f64> = 0.75..=1.3;
-/// Samples a level: their spacing as a share of the expected inner-eye distance.
-const SPACING: f64 = 0.1;
 /// A level that would need more samples than this is skipped, unless the surface resolves such a face: it would be a detail
 /// of the object. A closer look at a solid full of walls makes do with coarser ones.
-pub(super) const MOST_SAMPLES: usize = 80_000;
+pub(crate) const MOST_SAMPLES: usize = 80_000;
 /// A surface resolves a face if it has so many points from eye to eye: some five hundred on the whole face.
 const POINTS_FROM_EYE_TO_EYE: f64 = 5.0;
 /// Samples of a level that is resolved, at most: a standing person's with arms and legs apart.
 const MOST_RESOLVED_SAMPLES: usize = 5 * MOST_SAMPLES;
-
-/// Nor is one whose cells a surface has more of from end to end than can be told apart.
-pub(crate) const MOST_CELLS_ACROSS: f64 = 1e6;
-
-/// The edge of a level's grid cells, in expected inner-eye distances.
-const CELL: f64 = 0.18;
 /// Of levels smaller than this share of a face no triangle is as large as its own.
 const LEAST_LEVEL_OF_FACE: f64 = 0.65;
 
@@ -110,29 +100,28 @@ impl FoundFace {
 pub fn detect(
     surface: &SampledSurface,
     unit: Unit,
-    standard: &Standard,
+    standard: &FaceStandard,
     progress: &Progress,
 ) -> Result<Detection, Canceled> {
     let (mut candidates, mut fitted) = (Vec::new(), Vec::new());
     let mut looks = Refinement::new(surface, unit, standard);
-    for (expected, samples) in sampled_levels(surface, unit, progress)?.iter().rev() {
+    for (expected, samples) in levels_of(surface, unit, progress)?.iter().rev() {
         progress.check()?;
         let face = looks.face();
         if face.is_some_and(|face| *expected < LEAST_LEVEL_OF_FACE * INNER_EYE_DISTANCE_MM * face.fit.pose.scale) {
             break;
         }
-        let level =
-            Level { samples, expected: *expected, grid: CellGrid::new(&samples.points, CELL * expected), standard };
+        let level = Level::new(samples, *expected);
         if let Some(face) = face {
-            candidates.extend(level.triangles_of(face));
+            candidates.extend(triangles_of(&level, face, standard));
             continue;
         }
-        let found = level.triangles(surface.side);
+        let found = triangles(&level, surface.side, standard);
         progress.check()?;
-        let mut first_looks = level.first_looks(&found, progress)?;
-        first_looks.retain(|f| is_true_size(f.fit.pose.scale, unit));
-        looks.take_if_likely(&first_looks, progress)?;
-        fitted.extend(first_looks);
+        let mut first = first_looks(&level, &found, standard, progress)?;
+        first.retain(|f| is_true_size(f.fit.pose.scale, unit));
+        looks.take_if_likely(&first, progress)?;
+        fitted.extend(first);
         candidates.extend(found.into_iter().map(|(candidate, _)| candidate));
     }
     progress.check()?;
@@ -143,30 +132,15 @@ pub fn detect(
 }
 
 /// Expected inner-eye distances in the file's unit, finest first, and the surface sampled for each.
-fn sampled_levels(surface: &SampledSurface, unit: Unit, progress: &Progress) -> Result<Vec<(f64, Samples)>, Canceled> {
+fn levels_of(surface: &SampledSurface, unit: Unit, progress: &Progress) -> Result<Vec<(f64, Samples)>, Canceled> {
     let diagonal = surface.bounds.diagonal();
     let expected: Vec<f64> = match unit.in_mm() {
         Some(mm) => LEVELS_OF_TRUE_SIZE.iter().map(|share| share * INNER_EYE_DISTANCE_MM / mm).collect(),
         None => LEVELS_OF_DIAGONAL.iter().map(|share| share * diagonal).collect(),
     };
-    let area = surface.area();
-    let resolved = POINTS_FROM_EYE_TO_EYE * (area / surface.points().count().max(1) as f64).sqrt();
-    let mut levels: Vec<(f64, Samples)> = Vec::new();
-    for expected in expected {
-        progress.check()?;
-        let most = if expected >= resolved { MOST_RESOLVED_SAMPLES } else { MOST_SAMPLES };
-        let spacing = SPACING * expected;
-        // a plane passes through at least area / spacing^2 cells: don't even start where that is too many
-        let is_fine = area / (spacing * spacing) > most as f64 || diagonal / spacing > MOST_CELLS_ACROSS;
-        if diagonal <= 0.0 || is_fine {
-            continue;
-        }
-        let samples = levels.first().map_or_else(|| surface.sampled(spacing), |(_, finest)| finest.coarser(spacing));
-        if samples.points.len() <= most {
-            levels.push((expected, samples));
-        }
-    }
-    Ok(levels)
+    let resolved = POINTS_FROM_EYE_TO_EYE * (surface.area() / surface.points().count().max(1) as f64).sqrt();
+    let most = |expected| if expected >= resolved { MOST_RESOLVED_SAMPLES } else { MOST_SAMPLES };
+    sampled_levels(surface, &expected, most, progress)
 }
 
 /// Whether a face may be so many model units a millimetre of the standard; any will do where the unit is unknown.
@@ -174,53 +148,37 @@ pub(super) fn is_true_size(scale: f64, unit: Unit) -> bool {
     unit.in_mm().is_none_or(|mm| TRUE_SIZES.contains(&(scale * mm)))
 }
 
-/// The surface at one level.
-struct Level<'a> {
-    samples: &'a Samples,
-    /// The expected inner-eye distance.
-    expected: f64,
-    grid: CellGrid,
-    standard: &'a Standard,
+/// A level's triangles, cheapest first on either side, with the factor that turns normals outward.
+fn triangles(level: &Level, side: Side, standard: &FaceStandard) -> Vec<(TriangleCandidate, f64)> {
+    let features = level.features();
+    let of_side = |&sign: &f64| {
+        let found = candidates(&level.places(&features, sign), level.expected, standard);
+        found.into_iter().map(move |candidate| (candidate, sign))
+    };
+    side.signs().iter().flat_map(of_side).collect()
 }
 
-impl Level<'_> {
-    /// Its triangles, cheapest first on either side, with the factor that turns normals outward.
-    fn triangles(&self, side: Side) -> Vec<(TriangleCandidate, f64)> {
-        let features = features(self.samples, &self.grid, self.expected);
-        let of_side =
-            |&sign: &f64| self.candidates(&features, sign).into_iter().map(move |candidate| (candidate, sign));
-        side.signs().iter().flat_map(of_side).collect()
-    }
+/// A level's triangles that stand on a face.
+fn triangles_of(level: &Level, face: &Candidate, standard: &FaceStandard) -> Vec<TriangleCandidate> {
+    let features = level.features_where(|point| face.reaches(point));
+    candidates(&level.places(&features, face.sign), level.expected, standard)
+}
 
-    /// The triangles that stand on a face.
-    fn triangles_of(&self, face: &Candidate) -> Vec<TriangleCandidate> {
-        let features = features_where(self.samples, &self.grid, self.expected, |point| face.reaches(point));
-        self.candidates(&features, face.sign)
-    }
-
-    fn candidates(&self, features: &Features, sign: f64) -> Vec<TriangleCandidate> {
-        let places = places(self.samples, &self.grid, features, self.expected, sign);
-        candidates(&places, self.expected, self.standard)
-    }
-
-    /// The first look at every triangle that is cheap enough.
-    fn first_looks(&self, found: &[(TriangleCandidate, f64)], progress: &Progress) -> Result<Vec<Candidate>, Canceled> {
-        let promising: Vec<_> = found.iter().filter(|(c, _)| c.cost(self.standard).total() < MOST_COST).collect();
-        let look = |(candidate, sign): &&(TriangleCandidate, f64)| {
-            progress.check()?;
-            Ok(self.first_look(candidate, *sign))
-        };
-        promising.par_iter().map(look).collect()
-    }
-
-    fn first_look(&self, candidate: &TriangleCandidate, sign: f64) -> Candidate {
-        let target = Target { samples: self.samples, grid: &self.grid, sign };
-        let (ours, theirs) = (&self.standard.detected, candidate.triangle());
-        let pose = Similarity::of_triangles(ours, &self.standard.outward, &theirs, &candidate.outward());
-        let start = Placement { pose, weights: Weights::zeros() };
-        let placement = fit_pose(&target, template::face(), &start, &FIRST_LOOK);
-        Candidate { fit: score(&target, template::face(), FIRST_LOOK.points, &placement), sign }
-    }
+/// The first look at every triangle that is cheap enough.
+fn first_looks(
+    level: &Level,
+    found: &[(TriangleCandidate, f64)],
+    standard: &FaceStandard,
+    progress: &Progress,
+) -> Result<Vec<Candidate>, Canceled> {
+    let promising: Vec<_> = found.iter().filter(|(c, _)| c.cost(standard).total() < MOST_COST).collect();
+    let look = |(candidate, sign): &&(TriangleCandidate, f64)| {
+        progress.check()?;
+        let (ours, theirs) = (&standard.detected, candidate.triangle());
+        let pose = Similarity::of_triangles(ours, &standard.outward, &theirs, &candidate.outward());
+        Ok(level.look(template::face(), pose, *sign, &FIRST_LOOK))
+    };
+    promising.par_iter().map(look).collect()
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use super::alignment::sum_of_distances;
 use super::signature::Signature;
-use super::standard::Standard;
+use super::standard::FaceStandard;
 use super::triangle::Triangle;
 use super::triangle_candidates::Cost;
 use super::verification::Fit;
@@ -93,7 +93,7 @@ fn literal_score(sum_of_distances_mm: f64) -> f64 {
 
 impl Verdict {
     /// No triangle at all.
-    fn none(standard: &Standard) -> Verdict {
+    fn none(standard: &FaceStandard) -> Verdict {
         // a point for a triangle leaves the whole standard
         let error = standard.annotated.size();
         Verdict {
@@ -108,7 +108,7 @@ impl Verdict {
 }
 
 /// Judges a signature against a standard.
-pub fn judge(signature: &Signature, standard: &Standard, method: MatchMethod) -> Verdict {
+pub fn judge(signature: &Signature, standard: &FaceStandard, method: MatchMethod) -> Verdict {
     match method {
         MatchMethod::Descriptors => by_descriptors(signature, standard),
         MatchMethod::Verified => by_fit(signature, standard),
@@ -117,7 +117,7 @@ pub fn judge(signature: &Signature, standard: &Standard, method: MatchMethod) ->
 }
 
 /// The cheapest facial triangle.
-fn by_descriptors(signature: &Signature, standard: &Standard) -> Verdict {
+fn by_descriptors(signature: &Signature, standard: &FaceStandard) -> Verdict {
     let costs = signature.candidates().map(|c| (c.cost(standard), c));
     let Some((cost, best)) = costs.min_by(|a, b| a.0.total().total_cmp(&b.0.total())) else {
         return Verdict::none(standard);
@@ -136,7 +136,7 @@ fn by_descriptors(signature: &Signature, standard: &Standard) -> Verdict {
 }
 
 /// The best fit of the standard's surface. The triangle is the annotated one as the fit lays it into the model.
-fn by_fit(signature: &Signature, standard: &Standard) -> Verdict {
+fn by_fit(signature: &Signature, standard: &FaceStandard) -> Verdict {
     let Some(fit) = signature.fit() else {
         return Verdict::none(standard);
     };
@@ -153,7 +153,7 @@ fn by_fit(signature: &Signature, standard: &Standard) -> Verdict {
 ///
 /// The paper's alignment brings the planes together without asking which side is outside, so a triangle may
 /// be seen from either side: six labelings, each with the side that its own winding gives.
-fn by_triangle(signature: &Signature, standard: &Standard) -> Verdict {
+fn by_triangle(signature: &Signature, standard: &FaceStandard) -> Verdict {
     let regions: Vec<Point3> = signature.regions().map(|r| r.center).collect();
     let shape_standard = standard.annotated_shape();
     let mut best: Option<(f64, Triangle, Vector3)> = None;

@@ -11,6 +11,7 @@ pub mod dense;
 pub mod detection;
 pub mod judgement;
 pub mod landmarks;
+pub(crate) mod levels;
 pub mod lower_face;
 pub mod modes;
 mod modes_table;
@@ -37,7 +38,7 @@ pub use judgement::{MatchMethod, Verdict, judge};
 pub use landmarks::Landmarks;
 use sampled_surface::{Form, SampledSurface};
 pub use signature::{Signature, SignatureError, SignatureSummary, Size};
-pub use standard::Standard;
+pub use standard::FaceStandard;
 pub use triangle::{Shape, Triangle};
 pub use triangle_candidates::{Cost, TriangleCandidate};
 

@@ -5,13 +5,14 @@ use super::candidates::{Candidate, distinct};
 use super::dense::DenseSignature;
 use super::detection::{FoundFace, MOST_SAMPLES, is_true_size};
 use super::landmarks;
+use super::levels::look;
 use super::modes::Weights;
 use super::sampled_surface::SampledSurface;
 use super::similarity::Similarity;
-use super::standard::Standard;
+use super::standard::FaceStandard;
 use super::target::Target;
 use super::template::{self, TEMPLATE_POINTS};
-use super::verification::{Fit, PROPORTION_WEIGHT, Search, fit_pose, score};
+use super::verification::{Fit, PROPORTION_WEIGHT, Search};
 use crate::saliency::{CellGrid, Samples};
 use visage_geometry::progress::{Canceled, Progress};
 use visage_geometry::{Point3, Unit, Vector3};
@@ -77,7 +78,7 @@ impl Candidate {
 pub(super) struct Refinement<'a> {
     surface: &'a SampledSurface<'a>,
     unit: Unit,
-    standard: &'a Standard,
+    standard: &'a FaceStandard,
     /// The first fits that were looked at again.
     taken: Vec<Candidate>,
     /// The best of the second fits, and the samples around it.
@@ -86,7 +87,7 @@ pub(super) struct Refinement<'a> {
 
 impl<'a> Refinement<'a> {
     /// None yet.
-    pub(super) fn new(surface: &'a SampledSurface, unit: Unit, standard: &'a Standard) -> Refinement<'a> {
+    pub(super) fn new(surface: &'a SampledSurface, unit: Unit, standard: &'a FaceStandard) -> Refinement<'a> {
         Refinement { surface, unit, standard, taken: Vec::new(), best: None }
     }
 
@@ -145,8 +146,7 @@ impl<'a> Refinement<'a> {
 
 fn second_look((samples, grid): &(Samples, CellGrid), candidate: &Candidate) -> Candidate {
     let target = Target { samples, grid, sign: candidate.sign };
-    let placement = fit_pose(&target, template::face(), &candidate.fit.placement(), &SECOND_LOOK);
-    Candidate { fit: score(&target, template::face(), SECOND_LOOK.points, &placement), sign: candidate.sign }
+    look(&target, template::face(), &candidate.fit.placement(), &SECOND_LOOK)
 }
 
 /// What the surface shows at the place that was settled on.

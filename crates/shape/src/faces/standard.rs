@@ -8,7 +8,7 @@ pub const INNER_EYE_DISTANCE_MM: f64 = 36.8;
 
 /// A class of models by its three characteristic places. Frame: x to the subject's left, y up, z out; mm.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Standard {
+pub struct FaceStandard {
     /// The name that queries ask for.
     pub name: &'static str,
     /// The annotated facial triangle FT_S: right and left inner eye corner, nose tip.
@@ -24,7 +24,7 @@ pub struct Standard {
     pub outward: Vector3,
 }
 
-impl Standard {
+impl FaceStandard {
     /// The shape of the annotated triangle.
     pub fn annotated_shape(&self) -> Shape {
         self.annotated.shape(&self.outward)
@@ -46,9 +46,9 @@ impl Standard {
 /// The annotated triangle is the mean of published head models. A cap's curvature peaks some 7 mm below the
 /// anatomical nose tip and a pit's some 2 mm outside the eye corner, hence the second triangle with its normals:
 /// the medians of what the operator finds on the heads it was measured on.
-pub fn face() -> Standard {
+pub fn face() -> FaceStandard {
     let eye_normal = Vector3::new(-0.12, -0.03, 0.99);
-    Standard {
+    FaceStandard {
         name: "face",
         annotated: Triangle::new([
             Point3::new(-18.4, 32.5, 92.0),
@@ -71,7 +71,7 @@ pub fn face() -> Standard {
 }
 
 /// The standard with this name, if it is built in.
-pub fn by_name(name: &str) -> Option<Standard> {
+pub fn by_name(name: &str) -> Option<FaceStandard> {
     (name == "face").then(face)
 }
 

@@ -1,7 +1,7 @@
 //! Facial triangles out of caps and pits, and what each costs against the standard.
 
 use super::caps_and_pits::{Place, Places};
-use super::standard::{INNER_EYE_DISTANCE_MM, Standard};
+use super::standard::{FaceStandard, INNER_EYE_DISTANCE_MM};
 use super::triangle::Triangle;
 use visage_geometry::{Motion, Point3, Vector3};
 
@@ -83,7 +83,7 @@ impl TriangleCandidate {
     }
 
     /// The cost against `standard`.
-    pub fn cost(&self, standard: &Standard) -> Cost {
+    pub fn cost(&self, standard: &FaceStandard) -> Cost {
         let triangle = self.triangle();
         let outward = self.outward();
         let shape = triangle.shape(&outward);
@@ -105,7 +105,7 @@ impl TriangleCandidate {
 }
 
 /// The triangles of one level that look most like the standard, cheapest first.
-pub fn candidates(places: &Places, expected: f64, standard: &Standard) -> Vec<TriangleCandidate> {
+pub fn candidates(places: &Places, expected: f64, standard: &FaceStandard) -> Vec<TriangleCandidate> {
     let mut found: Vec<(f64, TriangleCandidate)> = Vec::new();
     for nose in &places.caps {
         let mut of_nose: Vec<(f64, TriangleCandidate)> = Vec::new();
@@ -126,7 +126,13 @@ pub fn candidates(places: &Places, expected: f64, standard: &Standard) -> Vec<Tr
 
 /// The triangle with right and left told apart: `(nose - right) x (left - right)` lies on the outer side.
 /// `None` if its size or shape is out of the question.
-fn labelled(eye: &Place, other: &Place, nose: &Place, expected: f64, standard: &Standard) -> Option<TriangleCandidate> {
+fn labelled(
+    eye: &Place,
+    other: &Place,
+    nose: &Place,
+    expected: f64,
+    standard: &FaceStandard,
+) -> Option<TriangleCandidate> {
     let outward = eye.normal + other.normal + nose.normal;
     let side = (nose.point - eye.point).cross(&(other.point - eye.point)).dot(&outward);
     let (right, left) = if side > 0.0 { (eye, other) } else { (other, eye) };

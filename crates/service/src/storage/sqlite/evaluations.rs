@@ -12,8 +12,8 @@ use crate::storage::database::Evaluations;
 use async_trait::async_trait;
 use visage_domain::options::Options;
 use visage_domain::{Backlog, JobId, JobRecord, ModelId, Outdated, Replay, StandardId, StoredVerdict};
-use visage_shape::classes::Class;
 use visage_shape::faces::Signature;
+use visage_shape::standards::Standard;
 
 /// Evaluations that have succeeded are kept for a while.
 const EVALUATIONS_KEPT: i64 = 50;
@@ -60,7 +60,7 @@ impl Evaluations for SqliteDatabase {
              WHERE stale OR missing <> '[]' ORDER BY id LIMIT ?4",
         )
         .bind(Signature::VERSION)
-        .bind(Class::VERSION)
+        .bind(Standard::VERSION)
         .bind(after.map(|id| id.to_string()))
         .bind(to_i64(limit as u64))
         .fetch_all(&self.readers)
@@ -82,7 +82,7 @@ impl Evaluations for SqliteDatabase {
                 "INSERT OR REPLACE INTO verdict (standard_id, model_id, version, residual_mm, found, reason)
                  SELECT standard.id, model.id, ?, ?, ?, ? FROM standard, model WHERE standard.id = ? AND model.id = ?",
             )
-            .bind(Class::VERSION)
+            .bind(Standard::VERSION)
             .bind(verdict.residual_mm)
             .bind(found.map_err(|error| damaged("a verdict", error))?)
             .bind(&verdict.reason)
@@ -101,7 +101,7 @@ impl Evaluations for SqliteDatabase {
              WHERE standard_id = ? AND version = ? AND reason IS NULL ORDER BY residual_mm, model_id LIMIT ?",
         )
         .bind(id.to_string())
-        .bind(Class::VERSION)
+        .bind(Standard::VERSION)
         .bind(to_i64(limit as u64))
         .fetch_all(&self.readers)
         .await?;
@@ -113,7 +113,7 @@ impl Evaluations for SqliteDatabase {
             "SELECT (SELECT count(*) FROM verdict WHERE standard_id = ? AND version = ?), (SELECT count(*) FROM model)",
         )
         .bind(id.to_string())
-        .bind(Class::VERSION)
+        .bind(Standard::VERSION)
         .fetch_one(&self.readers)
         .await?;
         Ok((to_u64(judged), to_u64(models - judged)))
@@ -125,7 +125,7 @@ impl Evaluations for SqliteDatabase {
              WHERE model_id = ? AND version = ? ORDER BY standard_id",
         )
         .bind(id.to_string())
-        .bind(Class::VERSION)
+        .bind(Standard::VERSION)
         .fetch_all(&self.readers)
         .await?;
         rows.into_iter().map(VerdictRow::verdict).collect()
@@ -137,7 +137,7 @@ impl Evaluations for SqliteDatabase {
              WHERE standard_id = ? AND version = ? AND reason IS NULL ORDER BY model_id",
         )
         .bind(id.to_string())
-        .bind(Class::VERSION)
+        .bind(Standard::VERSION)
         .fetch_all(&self.readers)
         .await?;
         let of_kind = |kind: bool| rows.iter().filter(|(positive, _)| *positive == kind).map(|(_, r)| *r).collect();
@@ -181,7 +181,7 @@ async fn backlog(db: &mut SqliteConnection) -> Result<Backlog, DatabaseError> {
                 (SELECT count(*) FROM verdict WHERE version = ?2)",
     )
     .bind(Signature::VERSION)
-    .bind(Class::VERSION)
+    .bind(Standard::VERSION)
     .fetch_one(db)
     .await?;
     Ok(Backlog {

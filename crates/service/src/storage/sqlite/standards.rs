@@ -8,7 +8,7 @@ use crate::storage::DatabaseError;
 use crate::storage::database::{Standards, Upkeep};
 use async_trait::async_trait;
 use visage_domain::{AssetRecord, Examples, JobId, NewStandard, Replay, StandardId, StandardRecord, StoredFile};
-use visage_shape::classes::Class;
+use visage_shape::standards::Standard;
 
 row! {
     struct StandardRow {
@@ -31,7 +31,7 @@ impl StandardRow {
             asset: AssetRecord { name: self.asset, bytes: to_u64(self.bytes), checksum: self.checksum },
             unit: self.unit.parse().map_err(|reason: String| damaged("a unit", reason))?,
             annotation: serde_json::from_str(&self.annotation).map_err(|error| damaged("an annotation", error))?,
-            class: serde_json::from_str(&self.class).map_err(|error| damaged("a class", error))?,
+            definition: serde_json::from_str(&self.class).map_err(|error| damaged("a standard", error))?,
         })
     }
 }
@@ -80,10 +80,10 @@ impl Standards for SqliteDatabase {
         row.ok_or_else(|| not_found(name_or_id))?.record()
     }
 
-    async fn renew_standard(&self, id: StandardId, class: &Class) -> Result<(), DatabaseError> {
-        let content = serde_json::to_string(class).map_err(|error| damaged("a class", error))?;
+    async fn renew_standard(&self, id: StandardId, standard: &Standard) -> Result<(), DatabaseError> {
+        let content = serde_json::to_string(standard).map_err(|error| damaged("a standard", error))?;
         sqlx::query("UPDATE standard SET version = ?, class = ? WHERE id = ?")
-            .bind(class.version)
+            .bind(standard.version)
             .bind(content)
             .bind(id.to_string())
             .execute(&self.writer)
@@ -146,7 +146,7 @@ fn not_found(name_or_id: &str) -> DatabaseError {
 
 async fn insert(db: &mut SqliteConnection, standard: &NewStandard) -> Result<(), DatabaseError> {
     let annotation = serde_json::to_string(&standard.annotation).map_err(|error| damaged("an annotation", error))?;
-    let class = serde_json::to_string(&standard.class).map_err(|error| damaged("a class", error))?;
+    let content = serde_json::to_string(&standard.definition).map_err(|error| damaged("a standard", error))?;
     sqlx::query(
         "INSERT INTO standard (id, name, asset, bytes, checksum, unit, annotation, version, class)
          VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
@@ -158,8 +158,8 @@ async fn insert(db: &mut SqliteConnection, standard: &NewStandard) -> Result<(),
     .bind(&standard.asset.checksum)
     .bind(standard.unit.name())
     .bind(annotation)
-    .bind(standard.class.version)
-    .bind(class)
+    .bind(standard.definition.version)
+    .bind(content)
     .execute(db)
     .await?;
     Ok(())

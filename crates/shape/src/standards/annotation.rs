@@ -3,14 +3,15 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::Class;
+use super::Standard;
 use super::corners::{Corner, CornerKind, SelectiveTriangle};
-use crate::faces::caps_and_pits::{Place, features, places};
+use crate::faces::caps_and_pits::Place;
+use crate::faces::detection::MOST_SAMPLES;
+use crate::faces::levels::{Level, spacing_of};
 use crate::faces::sampled_surface::SampledSurface;
 use crate::faces::standard::INNER_EYE_DISTANCE_MM;
 use crate::faces::triangle::Triangle;
-use crate::faces::{self, DescribeError, Standard};
-use crate::saliency::{CellGrid, Samples};
+use crate::faces::{self, DescribeError, FaceStandard};
 use visage_geometry::progress::{Canceled, Progress, Stage};
 use visage_geometry::{Point3, Surface, Unit, Vector3};
 
@@ -43,7 +44,7 @@ pub struct Annotation {
 
 /// Why a surface with landmarks makes no class.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum ClassError {
+pub enum StandardError {
     /// The caller asked for a stop.
     #[error(transparent)]
     Canceled(#[from] Canceled),
@@ -98,11 +99,11 @@ fn kind_name(kind: CornerKind) -> &'static str {
     }
 }
 
-impl From<DescribeError> for ClassError {
+impl From<DescribeError> for StandardError {
     fn from(error: DescribeError) -> Self {
         match error {
-            DescribeError::Canceled(canceled) => ClassError::Canceled(canceled),
-            DescribeError::Degenerate(reason) => ClassError::Degenerate(reason),
+            DescribeError::Canceled(canceled) => StandardError::Canceled(canceled),
+            DescribeError::Degenerate(reason) => StandardError::Degenerate(reason),
         }
     }
 }
@@ -115,9 +116,6 @@ const ON_SURFACE: f64 = 0.15;
 const FEATURE_SCALES: [f64; 4] = [1.0, 0.7, 0.5, 1.4];
 /// The operator finds a landmark's cap or pit within this, in feature lengths.
 const CORNER_REACH: f64 = 0.4;
-/// Spacing of the samples of a level, in feature lengths, and the most of them: as for faces.
-const SPACING: f64 = 0.1;
-const MOST_SAMPLES: f64 = 80_000.0;
 /// Corners less far from lying in a line are no triangle.
 const LEAST_FATNESS: f64 = 0.25;
 /// The most triangles of a class, and the most landmarks they are chosen from.
@@ -131,13 +129,13 @@ const REGION_SPACING_MM: f64 = 3.0;
 const REGION_POINTS: usize = faces::template::TEMPLATE_POINTS;
 const LEAST_POINTS: usize = 120;
 
-/// See [`Class::annotated`].
+/// See [`Standard::annotated`].
 pub(super) fn annotated(
     surface: &Surface,
     unit: Unit,
     annotation: &Annotation,
     progress: &Progress,
-) -> Result<Class, ClassError> {
+) -> Result<Standard, StandardError> {
     progress.report(Stage::Describing, 0.0);
     check_names(annotation)?;
     let surface = &faces::cleaned(surface, progress)?;
@@ -146,7 +144,7 @@ pub(super) fn annotated(
     let diagonal = faces::checked_bounds(&faces::in_own_frame(surface).0)?.diagonal();
     let size = spread(annotation);
     if size < LEAST_SIZE_OF_DIAGONAL * diagonal {
-        return Err(ClassError::TooClose { percent: 100.0 * size / diagonal });
+        return Err(StandardError::TooClose { percent: 100.0 * size / diagonal });
     }
     let prepared = faces::Prepared::new(surface, diagonal, progress)?;
     let oriented = prepared.oriented(bounds);
@@ -156,23 +154,23 @@ pub(super) fn annotated(
         progress.check()?;
         match seen(&oriented, annotation, size, sign, progress) {
             Ok(sight) => return finished(&oriented, annotation, unit, sight, diagonal),
-            Err(error @ ClassError::Canceled(_)) => return Err(error),
+            Err(error @ StandardError::Canceled(_)) => return Err(error),
             // the side that the surface itself is wound to is the one to tell of
             Err(error) => refused = refused.or(Some(error)),
         }
     }
-    Err(refused.unwrap_or(ClassError::InLine))
+    Err(refused.unwrap_or(StandardError::InLine))
 }
 
-fn check_names(annotation: &Annotation) -> Result<(), ClassError> {
+fn check_names(annotation: &Annotation) -> Result<(), StandardError> {
     if annotation.landmarks.len() < 3 {
-        return Err(ClassError::TooFewLandmarks(annotation.landmarks.len()));
+        return Err(StandardError::TooFewLandmarks(annotation.landmarks.len()));
     }
     let known = |name: &String| annotation.landmarks.iter().any(|landmark| landmark.name == *name);
     for (k, corner) in annotation.triangle.iter().flatten().enumerate() {
         let twice = annotation.triangle.iter().flatten().take(k).any(|other| other.name == corner.name);
         if twice || !known(&corner.name) {
-            return Err(ClassError::UnknownCorner(corner.name.clone()));
+            return Err(StandardError::UnknownCorner(corner.name.clone()));
         }
     }
     Ok(())
@@ -199,7 +197,7 @@ fn spread(annotation: &Annotation) -> f64 {
     (3.0 * places.iter().map(|p| (p - center).norm_squared()).sum::<f64>() / places.len().max(1) as f64).sqrt()
 }
 
-fn check_on_surface(surface: &SampledSurface, annotation: &Annotation, size: f64) -> Result<(), ClassError> {
+fn check_on_surface(surface: &SampledSurface, annotation: &Annotation, size: f64) -> Result<(), StandardError> {
     for landmark in &annotation.landmarks {
         let reach = ON_SURFACE * size;
         let samples = surface.sampled_around(&landmark.place, 2.0 * reach, 0.2 * reach);
@@ -208,7 +206,7 @@ fn check_on_surface(surface: &SampledSurface, annotation: &Annotation, size: f64
         if nearest > reach {
             // beyond the samples that were looked at, the points of the surface tell about how far
             let percent = 100.0 * surface.points().map(|p| distance(&p)).fold(nearest, f64::min) / size;
-            return Err(ClassError::OffSurface { name: landmark.name.clone(), percent });
+            return Err(StandardError::OffSurface { name: landmark.name.clone(), percent });
         }
     }
     Ok(())
@@ -229,17 +227,17 @@ fn seen(
     size: f64,
     sign: f64,
     progress: &Progress,
-) -> Result<Sight, ClassError> {
+) -> Result<Sight, StandardError> {
     let choices = choices(annotation);
     let mut best: Option<Sight> = None;
     for factor in FEATURE_SCALES {
         progress.check()?;
-        let expected = factor * INNER_EYE_DISTANCE_MM * size / Standard::face_size();
-        let spacing = SPACING * expected;
-        if surface.area() > MOST_SAMPLES * spacing * spacing {
+        let expected = factor * INNER_EYE_DISTANCE_MM * size / FaceStandard::face_size();
+        let spacing = spacing_of(expected);
+        if surface.area() > MOST_SAMPLES as f64 * spacing * spacing {
             continue;
         }
-        let corners = corners_at(&surface.sampled(spacing), &choices, expected, sign);
+        let corners = corners_at(&Level::new(&surface.sampled(spacing), expected), &choices, sign);
         // at a scale too coarse for them two landmarks may share one place
         let worth = |corners: &[Corner]| (!triangles(corners).is_empty(), corners.len());
         if best.as_ref().is_none_or(|best| worth(&corners) > worth(&best.corners)) {
@@ -252,19 +250,17 @@ fn seen(
         return Ok(sight);
     }
     let wanted = missing.clone().find_map(|(_, kind)| *kind);
-    Err(ClassError::NoCharacter { names: missing.map(|(landmark, _)| landmark.name.clone()).collect(), wanted })
+    Err(StandardError::NoCharacter { names: missing.map(|(landmark, _)| landmark.name.clone()).collect(), wanted })
 }
 
 /// The landmarks with a cap or pit of a kind they may have nearby: the nearest, of equals a cap.
-fn corners_at(samples: &Samples, choices: &[(&Landmark, Option<CornerKind>)], expected: f64, sign: f64) -> Vec<Corner> {
-    let grid = CellGrid::new(&samples.points, 0.18 * expected);
-    let features = features(samples, &grid, expected);
-    let places = places(samples, &grid, &features, expected, sign);
+fn corners_at(level: &Level, choices: &[(&Landmark, Option<CornerKind>)], sign: f64) -> Vec<Corner> {
+    let places = level.places(&level.features(), sign);
     let corner = |(landmark, wanted): &(&Landmark, Option<CornerKind>)| {
         let kinds = [CornerKind::Cap, CornerKind::Pit].into_iter().filter(|kind| wanted.is_none_or(|w| w == *kind));
         let all = kinds.flat_map(|kind| kind.places(&places).iter().map(move |place| (kind, place)));
         let distance = |place: &Place| (place.point - landmark.place).norm();
-        let near = all.filter(|(_, place)| distance(place) < CORNER_REACH * expected);
+        let near = all.filter(|(_, place)| distance(place) < CORNER_REACH * level.expected);
         let (kind, place) = near.min_by(|a, b| distance(a.1).total_cmp(&distance(b.1)))?;
         Some(Corner {
             name: landmark.name.clone(),
@@ -285,13 +281,13 @@ fn finished(
     unit: Unit,
     sight: Sight,
     diagonal: f64,
-) -> Result<Class, ClassError> {
+) -> Result<Standard, StandardError> {
     let triangles = triangles(&sight.corners);
-    let size = triangles.first().ok_or(ClassError::InLine)?.detected().size();
-    let scale = size / Standard::face_size();
+    let size = triangles.first().ok_or(StandardError::InLine)?.detected().size();
+    let scale = size / FaceStandard::face_size();
     let (points, normals) = region(surface, &triangles, size, sight.sign);
     if points.len() < LEAST_POINTS {
-        return Err(ClassError::TooSmallRegion { points: points.len() });
+        return Err(StandardError::TooSmallRegion { points: points.len() });
     }
     let origin = Point3::from(points.iter().map(|p| p.coords).sum::<Vector3>() / points.len() as f64);
     let inside = |p: &Point3| Point3::from((p - origin) / scale);
@@ -302,8 +298,8 @@ fn finished(
             ..corner
         }),
     };
-    Ok(Class {
-        version: Class::VERSION,
+    Ok(Standard {
+        version: Standard::VERSION,
         unit,
         scale,
         origin,
@@ -347,7 +343,8 @@ fn region(
     let center = triangles.first().map_or(Point3::origin(), |t| Triangle::center(&t.detected()));
     let farthest = corners.iter().map(|c| (c - center).norm()).fold(0.0, f64::max);
     let reach = REGION_REACH * size;
-    let samples = surface.sampled_around(&center, farthest + reach, REGION_SPACING_MM * size / Standard::face_size());
+    let samples =
+        surface.sampled_around(&center, farthest + reach, REGION_SPACING_MM * size / FaceStandard::face_size());
     let is_near = |p: &Point3| corners.iter().any(|c| (p - c).norm() < reach);
     let kept = (0..samples.points.len()).filter(|&k| is_near(&samples.points[k]) && samples.normals[k].norm() > 0.5);
     let (points, normals): (Vec<Point3>, Vec<Vector3>) =

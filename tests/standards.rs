@@ -1,8 +1,8 @@
 //! A class that is no face, made of one code-made teapot: the others of its class are told from other things.
 
-use visage::classes::{Annotation, Class, CornerKind, Landmark, limit};
 use visage::geometry::{Cloud, Mesh, Motion, Point3, Surface, Unit, Vector3};
 use visage::progress::Progress;
+use visage::standards::{Annotation, CornerKind, Landmark, Standard, limit};
 use visage::synthetic::{objects, shapes};
 
 fn teapot(seed: u64) -> Mesh {
@@ -19,7 +19,7 @@ fn turned(mesh: Mesh, turn: f64) -> Surface {
     Surface { cloud: Cloud::from_points(mesh.vertices).moved(&motion), faces: mesh.faces, ..Surface::default() }
 }
 
-fn class() -> Class {
+fn class() -> Standard {
     let mesh = teapot(1);
     let farthest = |far: &dyn Fn(&Point3) -> f64| {
         *mesh.vertices.iter().max_by(|a, b| far(a).total_cmp(&far(b))).expect("a mesh with vertices")
@@ -32,7 +32,7 @@ fn class() -> Class {
     ];
     let surface = Surface { cloud: Cloud::from_points(mesh.vertices), faces: mesh.faces, ..Surface::default() };
     let annotation = Annotation { landmarks, triangle: None };
-    Class::annotated(&surface, Unit::Mm, &annotation, &Progress::silent()).expect("three caps")
+    Standard::annotated(&surface, Unit::Mm, &annotation, &Progress::silent()).expect("three caps")
 }
 
 #[test]

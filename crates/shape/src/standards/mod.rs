@@ -17,7 +17,7 @@ mod search;
 
 use serde::{Deserialize, Serialize};
 
-pub use annotation::{Annotation, ClassError, CornerChoice, Landmark};
+pub use annotation::{Annotation, CornerChoice, Landmark, StandardError};
 pub use corners::{CornerKind, SelectiveTriangle};
 pub use search::Found;
 
@@ -30,7 +30,7 @@ use visage_geometry::{Point3, Surface, Unit, Vector3};
 /// What a class is made of. Positions are in the frame of the standard: the axes of its file, the origin in the middle
 /// of the dense region, scaled so that the first triangle has the size of the face standard's.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Class {
+pub struct Standard {
     /// The version of the operator that made it.
     pub version: u32,
     /// The unit of its file.
@@ -53,7 +53,7 @@ pub struct Class {
     pub normals: Vec<Vector3>,
 }
 
-impl Class {
+impl Standard {
     /// The version of the operator; stored beside what it made.
     pub const VERSION: u32 = 1;
 
@@ -63,7 +63,7 @@ impl Class {
         unit: Unit,
         annotation: &Annotation,
         progress: &Progress,
-    ) -> Result<Class, ClassError> {
+    ) -> Result<Standard, StandardError> {
         annotation::annotated(surface, unit, annotation, progress)
     }
 
@@ -73,9 +73,9 @@ impl Class {
         Ok(Self::find_each(&[self], surface, unit, progress)?.pop().flatten())
     }
 
-    /// [`Class::find`] for several classes on one surface, which is made ready once; in their order.
+    /// [`Standard::find`] for several classes on one surface, which is made ready once; in their order.
     pub fn find_each(
-        classes: &[&Class],
+        standards: &[&Standard],
         surface: &Surface,
         unit: Unit,
         progress: &Progress,
@@ -86,8 +86,10 @@ impl Class {
         let prepared = faces::Prepared::new(&surface, bounds.diagonal(), progress)?;
         let oriented = prepared.oriented(bounds);
         let in_file = |found: Found| Found { pose: found.pose.moved(&motion_file_own), ..found };
-        let found: Result<Vec<_>, Canceled> =
-            classes.iter().map(|class| Ok(search::find(&oriented, unit, class, progress)?.map(in_file))).collect();
+        let found: Result<Vec<_>, Canceled> = standards
+            .iter()
+            .map(|standard| Ok(search::find(&oriented, unit, standard, progress)?.map(in_file)))
+            .collect();
         Ok(found?)
     }
 
@@ -135,8 +137,8 @@ mod tests {
         Annotation { triangle: Some([0, 1, 2].map(choice)), ..annotation() }
     }
 
-    fn made(surface: &Surface, annotation: &Annotation) -> Result<Class, ClassError> {
-        Class::annotated(surface, Unit::Mm, annotation, &Progress::silent())
+    fn made(surface: &Surface, annotation: &Annotation) -> Result<Standard, StandardError> {
+        Standard::annotated(surface, Unit::Mm, annotation, &Progress::silent())
     }
 
     fn moved(surface: &Surface, motion: &Motion, scale: f64) -> Surface {
@@ -156,20 +158,20 @@ mod tests {
 
     #[test]
     fn a_class_finds_itself_turned_and_scaled_and_as_a_bare_cloud() {
-        let class = made(&mask(), &annotation()).expect("a sound annotation");
-        let kinds = class.triangles[0].corners.each_ref().map(|corner| corner.kind);
+        let standard = made(&mask(), &annotation()).expect("a sound annotation");
+        let kinds = standard.triangles[0].corners.each_ref().map(|corner| corner.kind);
         assert_eq!(kinds, [CornerKind::Pit, CornerKind::Pit, CornerKind::Cap]);
         for (name, x, y) in PLACES {
-            let (_, landmark) = class.landmarks.iter().find(|(known, _)| known == name).expect("it was named");
-            assert!((class.in_file(landmark) - place(x, y)).norm() < 1e-9);
+            let (_, landmark) = standard.landmarks.iter().find(|(known, _)| known == name).expect("it was named");
+            assert!((standard.in_file(landmark) - place(x, y)).norm() < 1e-9);
         }
         let motion = Motion::new(Vector3::new(50.0, -20.0, 7.0), Vector3::new(2.0, 1.0, -0.4));
         let bare = Surface { cloud: mask().cloud, ..Surface::default() };
         for surface in [moved(&mask(), &motion, 0.01), moved(&bare, &motion, 0.01)] {
-            let found = class.find(&surface, Unit::Unknown, &Progress::silent()).expect("a sound surface");
+            let found = standard.find(&surface, Unit::Unknown, &Progress::silent()).expect("a sound surface");
             let found = found.expect("it is there");
             assert!(found.residual_mm < 1.0 && found.observed > 0.95, "{found:?}");
-            for ((name, landmark), (_, x, y)) in class.posed_landmarks(&found.pose).iter().zip(PLACES) {
+            for ((name, landmark), (_, x, y)) in standard.posed_landmarks(&found.pose).iter().zip(PLACES) {
                 let beside = (landmark - (motion * place(x, y)) * 0.01).norm();
                 assert!(beside < 0.01 * 3.0, "{name} {beside}");
             }
@@ -178,35 +180,35 @@ mod tests {
 
     #[test]
     fn a_ball_is_not_of_the_class_nor_one_of_another_true_size() {
-        let class = made(&mask(), &annotation()).expect("a sound annotation");
+        let standard = made(&mask(), &annotation()).expect("a sound annotation");
         let mesh = sphere(90.0, 4);
         let ball = Surface { cloud: Cloud::from_points(mesh.vertices), faces: mesh.faces, ..Surface::default() };
-        let found = class.find(&ball, Unit::Unknown, &Progress::silent()).expect("a sound surface");
+        let found = standard.find(&ball, Unit::Unknown, &Progress::silent()).expect("a sound surface");
         assert!(found.is_none_or(|found| found.residual_mm > limit::DEFAULT_LIMIT_MM), "{found:?}");
-        let large = class.find(&mask(), Unit::Cm, &Progress::silent()).expect("a sound surface");
+        let large = standard.find(&mask(), Unit::Cm, &Progress::silent()).expect("a sound surface");
         assert!(large.is_none_or(|found| found.residual_mm > limit::DEFAULT_LIMIT_MM), "{large:?}");
     }
 
     #[test]
     fn kinds_settle_the_side_of_an_open_mesh() {
         use CornerKind::{Cap, Pit};
-        let class = made(&inside_out(mask()), &with_kinds([Pit, Pit, Cap])).expect("the other side fits");
-        assert!(class.normals.iter().all(|normal| normal.z > 0.0), "outward is up");
-        assert!(matches!(made(&mask(), &with_kinds([Cap, Pit, Cap])), Err(ClassError::NoCharacter { .. })));
+        let standard = made(&inside_out(mask()), &with_kinds([Pit, Pit, Cap])).expect("the other side fits");
+        assert!(standard.normals.iter().all(|normal| normal.z > 0.0), "outward is up");
+        assert!(matches!(made(&mask(), &with_kinds([Cap, Pit, Cap])), Err(StandardError::NoCharacter { .. })));
     }
 
     #[test]
     fn what_can_not_be_a_class_says_why() {
         let mut annotation = annotation();
         annotation.landmarks[2].place.z += 40.0;
-        assert!(matches!(made(&mask(), &annotation), Err(ClassError::OffSurface { name, .. }) if name == "nose"));
+        assert!(matches!(made(&mask(), &annotation), Err(StandardError::OffSurface { name, .. }) if name == "nose"));
         annotation.landmarks.truncate(2);
-        assert_eq!(made(&mask(), &annotation), Err(ClassError::TooFewLandmarks(2)));
+        assert_eq!(made(&mask(), &annotation), Err(StandardError::TooFewLandmarks(2)));
         let twice = Annotation { landmarks: super::tests::annotation().landmarks, ..with_kinds([CornerKind::Pit; 3]) };
         let twice =
             Annotation { triangle: twice.triangle.map(|[a, b, _]| [a.clone(), b, a]), landmarks: twice.landmarks };
-        assert_eq!(made(&mask(), &twice), Err(ClassError::UnknownCorner("right".to_owned())));
-        assert!(matches!(made(&Surface::default(), &super::tests::annotation()), Err(ClassError::Degenerate(_))));
+        assert_eq!(made(&mask(), &twice), Err(StandardError::UnknownCorner("right".to_owned())));
+        assert!(matches!(made(&Surface::default(), &super::tests::annotation()), Err(StandardError::Degenerate(_))));
     }
 
     #[test]
@@ -214,16 +216,16 @@ mod tests {
         let make = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
             pool.install(|| {
-                let class = made(&mask(), &annotation()).expect("a sound annotation");
-                let found = class.find(&mask(), Unit::Unknown, &Progress::silent()).expect("a sound surface");
-                serde_json::to_string(&(class, found)).expect("plain data")
+                let standard = made(&mask(), &annotation()).expect("a sound annotation");
+                let found = standard.find(&mask(), Unit::Unknown, &Progress::silent()).expect("a sound surface");
+                serde_json::to_string(&(standard, found)).expect("plain data")
             })
         };
         let text = make(1);
         assert_eq!(text, make(3));
-        let (stored, _): (Class, Option<Found>) = serde_json::from_str(&text).expect("what was written");
-        let class = made(&mask(), &annotation()).expect("a sound annotation");
-        assert_eq!(stored.points.len(), class.points.len());
-        assert!(stored.points.iter().zip(&class.points).all(|(a, b)| (a - b).norm() < 1e-9));
+        let (stored, _): (Standard, Option<Found>) = serde_json::from_str(&text).expect("what was written");
+        let standard = made(&mask(), &annotation()).expect("a sound annotation");
+        assert_eq!(stored.points.len(), standard.points.len());
+        assert!(stored.points.iter().zip(&standard.points).all(|(a, b)| (a - b).norm() < 1e-9));
     }
 }

@@ -3,20 +3,17 @@
 
 use rayon::prelude::*;
 
-use super::Class;
+use super::Standard;
 use super::corners::{SelectiveTriangle, TriangleCandidate};
 use crate::faces::candidates::{Candidate, distinct};
-use crate::faces::caps_and_pits::{features, places};
-use crate::faces::detection::MOST_CELLS_ACROSS;
-use crate::faces::modes::Weights;
+use crate::faces::detection::MOST_SAMPLES;
+use crate::faces::levels::{Level, look, sampled_levels};
 use crate::faces::sampled_surface::SampledSurface;
 use crate::faces::similarity::Similarity;
 use crate::faces::target::Target;
 use crate::faces::template::Template;
-use crate::faces::verification::{
-    KEPT_SHARE, PROPORTION_WEIGHT, Placement, RIGID_PROPORTIONS, Search, fit_pose, score,
-};
-use crate::saliency::{CellGrid, Samples};
+use crate::faces::verification::{KEPT_SHARE, PROPORTION_WEIGHT, RIGID_PROPORTIONS, Search};
+use crate::saliency::{CellGrid, Side};
 use visage_geometry::progress::{Canceled, Progress};
 use visage_geometry::{Point3, Unit};
 
@@ -41,9 +38,6 @@ const LEVELS_OF_SHARE: [f64; 6] = [0.42, 0.56, 0.75, 1.0, 1.33, 1.77];
 const LEVELS_OF_TRUE_SIZE: [f64; 5] = [0.6, 0.8, 1.0, 1.25, 1.6];
 /// Where both units are known, a model of the class has this size relative to the standard.
 const TRUE_SIZES: std::ops::RangeInclusive<f64> = 0.5..=2.0;
-/// Spacing of the samples of a level, in feature lengths, and the most of them: as for faces.
-const SPACING: f64 = 0.1;
-const MOST_SAMPLES: usize = 80_000;
 /// The first look, on the level's samples.
 const FIRST_LOOK: Search = Search {
     points: 90,
@@ -72,13 +66,13 @@ const FINE_MARGIN_MM: f64 = 25.0;
 
 /// A candidate, and what its triangle was like.
 #[derive(Debug, Clone, Copy)]
-struct ClassCandidate {
+struct StandardCandidate {
     candidate: Candidate,
     /// Of the triangle.
     matching_error_mm: f64,
 }
 
-impl AsRef<Candidate> for ClassCandidate {
+impl AsRef<Candidate> for StandardCandidate {
     fn as_ref(&self) -> &Candidate {
         &self.candidate
     }
@@ -86,42 +80,33 @@ impl AsRef<Candidate> for ClassCandidate {
 
 /// A class with its region as the fit wants it.
 struct Sought<'a> {
-    class: &'a Class,
+    standard: &'a Standard,
     template: Template,
     /// From the middle of the region to its farthest point, mm on the standard.
     reach_mm: f64,
 }
 
-/// See [`Class::find`]. `progress` is asked between levels.
+/// See [`Standard::find`]. `progress` is asked between levels.
 pub(super) fn find(
     surface: &SampledSurface,
     unit: Unit,
-    class: &Class,
+    standard: &Standard,
     progress: &Progress,
 ) -> Result<Option<Found>, Canceled> {
-    let reach_mm = class.points.iter().map(|p| p.coords.norm()).fold(0.0, f64::max);
-    let sought = Sought { class, template: class.template(), reach_mm };
-    let diagonal = surface.bounds.diagonal();
-    let true_scale = class.true_scale().zip(unit.in_mm()).map(|(standard, mm)| standard / mm);
-    let levels: Vec<f64> = match true_scale {
-        Some(scale) => LEVELS_OF_TRUE_SIZE.iter().map(|factor| factor * class.expected_mm * scale).collect(),
-        None => LEVELS_OF_SHARE.iter().map(|factor| factor * class.share_of_diagonal * diagonal).collect(),
+    let reach_mm = standard.points.iter().map(|p| p.coords.norm()).fold(0.0, f64::max);
+    let sought = Sought { standard, template: standard.template(), reach_mm };
+    let true_scale = standard.true_scale().zip(unit.in_mm()).map(|(standard, mm)| standard / mm);
+    let lengths: Vec<f64> = match true_scale {
+        Some(scale) => LEVELS_OF_TRUE_SIZE.iter().map(|factor| factor * standard.expected_mm * scale).collect(),
+        None => {
+            let share = standard.share_of_diagonal * surface.bounds.diagonal();
+            LEVELS_OF_SHARE.iter().map(|factor| factor * share).collect()
+        }
     };
-    let area = surface.area();
     let mut found = Vec::new();
-    for expected in levels {
+    for (expected, samples) in sampled_levels(surface, &lengths, |_| MOST_SAMPLES, progress)? {
         progress.check()?;
-        let spacing = SPACING * expected;
-        let is_fine = area / (spacing * spacing) > MOST_SAMPLES as f64 || diagonal / spacing > MOST_CELLS_ACROSS;
-        if diagonal <= 0.0 || is_fine {
-            continue;
-        }
-        let samples = surface.sampled(spacing);
-        if samples.points.len() <= MOST_SAMPLES {
-            for &sign in surface.side.signs() {
-                sought.look_at_level(&samples, expected, sign, &mut found, progress)?;
-            }
-        }
+        sought.look_at_level(&Level::new(&samples, expected), surface.side, &mut found, progress)?;
     }
     progress.check()?;
     if let Some(scale) = true_scale {
@@ -133,45 +118,39 @@ pub(super) fn find(
 impl Sought<'_> {
     fn look_at_level(
         &self,
-        samples: &Samples,
-        expected: f64,
-        sign: f64,
-        found: &mut Vec<ClassCandidate>,
+        level: &Level,
+        side: Side,
+        found: &mut Vec<StandardCandidate>,
         progress: &Progress,
     ) -> Result<(), Canceled> {
-        let grid = CellGrid::new(&samples.points, 0.18 * expected);
-        let features = features(samples, &grid, expected);
-        let places = places(samples, &grid, &features, expected, sign);
-        let target = Target { samples, grid: &grid, sign };
-        let candidates: Vec<(&SelectiveTriangle, TriangleCandidate)> = self
-            .class
-            .triangles
-            .iter()
-            .flat_map(|t| t.candidates(&places, expected, self.class.expected_mm).into_iter().map(move |c| (t, c)))
-            .collect();
-        let looked = candidates.par_iter().map(|(triangle, candidate)| {
-            progress.check()?;
-            Ok(self.first_look(&target, triangle, candidate, sign))
-        });
-        found.extend(looked.collect::<Result<Vec<ClassCandidate>, Canceled>>()?);
+        let features = level.features();
+        for &sign in side.signs() {
+            let places = level.places(&features, sign);
+            let of_triangle =
+                |from: &'_ SelectiveTriangle| from.candidates(&places, level.expected, self.standard.expected_mm);
+            let candidates: Vec<(&SelectiveTriangle, TriangleCandidate)> =
+                self.standard.triangles.iter().flat_map(|t| of_triangle(t).into_iter().map(move |c| (t, c))).collect();
+            let looked = candidates.par_iter().map(|(from, to)| {
+                progress.check()?;
+                Ok(self.first_look(level, from, to, sign))
+            });
+            found.extend(looked.collect::<Result<Vec<StandardCandidate>, Canceled>>()?);
+        }
         Ok(())
     }
 
     fn first_look(
         &self,
-        target: &Target,
+        level: &Level,
         from: &SelectiveTriangle,
         to: &TriangleCandidate,
         sign: f64,
-    ) -> ClassCandidate {
+    ) -> StandardCandidate {
         let (standard, outward) = (from.detected(), from.outward());
         let pose = Similarity::of_triangles(&standard, &outward, &to.triangle, &to.outward);
-        let start = Placement { pose, weights: Weights::zeros() };
-        let placement = fit_pose(target, &self.template, &start, &FIRST_LOOK);
         let shape = to.triangle.shape(&to.outward);
-        let fit = score(target, &self.template, FIRST_LOOK.points, &placement);
-        ClassCandidate {
-            candidate: Candidate { fit, sign },
+        StandardCandidate {
+            candidate: level.look(&self.template, pose, sign, &FIRST_LOOK),
             matching_error_mm: shape.matching_error(&standard.shape(&outward), standard.size()),
         }
     }
@@ -180,12 +159,12 @@ impl Sought<'_> {
     fn best(
         &self,
         surface: &SampledSurface,
-        found: Vec<ClassCandidate>,
+        found: Vec<StandardCandidate>,
         progress: &Progress,
     ) -> Result<Option<Found>, Canceled> {
-        let corners: Vec<Point3> = self.class.triangles.iter().flat_map(|t| t.detected().corners).collect();
+        let corners: Vec<Point3> = self.standard.triangles.iter().flat_map(|t| t.detected().corners).collect();
         let kept = distinct(found, &corners, CANDIDATES, HOPELESS);
-        let mut best: Option<ClassCandidate> = None;
+        let mut best: Option<StandardCandidate> = None;
         for place in &kept {
             progress.check()?;
             let look = self.second_look(surface, place);
@@ -193,16 +172,13 @@ impl Sought<'_> {
                 best = Some(look);
             }
         }
-        let found = |ClassCandidate { candidate: Candidate { fit, .. }, matching_error_mm }: ClassCandidate| Found {
-            pose: fit.pose,
-            residual_mm: fit.residual_mm,
-            observed: fit.observed,
-            matching_error_mm,
+        let found = |StandardCandidate { candidate: Candidate { fit, .. }, matching_error_mm }: StandardCandidate| {
+            Found { pose: fit.pose, residual_mm: fit.residual_mm, observed: fit.observed, matching_error_mm }
         };
         Ok(best.map(found))
     }
 
-    fn second_look(&self, surface: &SampledSurface, place: &ClassCandidate) -> ClassCandidate {
+    fn second_look(&self, surface: &SampledSurface, place: &StandardCandidate) -> StandardCandidate {
         let Candidate { fit, sign } = &place.candidate;
         let pose = &fit.pose;
         let spacing = FINE_SPACING_MM * pose.scale;
@@ -211,8 +187,6 @@ impl Sought<'_> {
         let grid = CellGrid::new(&samples.points, 2.0 * spacing);
         let target = Target { samples: &samples, grid: &grid, sign: *sign };
         let search = Search { points: self.template.len(), ..SECOND_LOOK };
-        let placement = fit_pose(&target, &self.template, &fit.placement(), &search);
-        let fit = score(&target, &self.template, search.points, &placement);
-        ClassCandidate { candidate: Candidate { fit, ..place.candidate }, ..*place }
+        StandardCandidate { candidate: look(&target, &self.template, &fit.placement(), &search), ..*place }
     }
 }

@@ -6,11 +6,11 @@
 use std::path::Path;
 
 use anyhow::Context;
-use visage::classes::limit::{Learned, NOTHING_FOUND_MM, learn};
-use visage::classes::{Annotation, Class, CornerChoice, Landmark};
 use visage::formats::{self, ReadLimits};
 use visage::geometry::{Cloud, Mesh, Motion, Point3, Surface, Unit, Vector3};
 use visage::progress::Progress;
+use visage::standards::limit::{Learned, NOTHING_FOUND_MM, learn};
+use visage::standards::{Annotation, CornerChoice, Landmark, Standard};
 use visage::synthetic::{objects, shapes};
 
 /// Instances of the class, and of each other shape.
@@ -49,8 +49,8 @@ fn code_made(name: &str, places: &[Farthest]) -> anyhow::Result<()> {
     let landmark = |(name, far): &Farthest| Some(Landmark { name: (*name).to_owned(), place: farthest(*far)? });
     let landmarks = places.iter().filter_map(landmark).collect();
     let annotation = Annotation { landmarks, triangle: None };
-    let class = Class::annotated(&turned(model.clone(), 0), Unit::Mm, &annotation, &Progress::silent())?;
-    let judged = |mesh: Mesh, seed: u64| residual(&class, &turned(mesh, seed));
+    let standard = Standard::annotated(&turned(model.clone(), 0), Unit::Mm, &annotation, &Progress::silent())?;
+    let judged = |mesh: Mesh, seed: u64| residual(&standard, &turned(mesh, seed));
     let of_class: Vec<f64> = (0..INSTANCES).map(|seed| judged(shape.mesh(2 + seed), 1 + seed)).collect();
     let mut others: Vec<f64> = catalogue
         .iter()
@@ -72,8 +72,8 @@ fn turned(mesh: Mesh, seed: u64) -> Surface {
 }
 
 /// As a model of unknown unit is judged.
-fn residual(class: &Class, surface: &Surface) -> f64 {
-    let found = class.find(surface, Unit::Unknown, &Progress::silent()).ok().flatten();
+fn residual(standard: &Standard, surface: &Surface) -> f64 {
+    let found = standard.find(surface, Unit::Unknown, &Progress::silent()).ok().flatten();
     found.map_or(NOTHING_FOUND_MM, |found| found.residual_mm)
 }
 
@@ -102,11 +102,11 @@ fn faces(folder: &Path) -> anyhow::Result<()> {
         [("face, corners chosen by the program", None), ("face, eye corners and nose", Some(corners))]
     {
         let annotation = Annotation { landmarks: landmarks.clone(), triangle };
-        let class = Class::annotated(&head, Unit::Mm, &annotation, &Progress::silent())?;
+        let standard = Standard::annotated(&head, Unit::Mm, &annotation, &Progress::silent())?;
         let (mut of_class, mut others) = (Vec::new(), Vec::new());
         for (file, is_face) in &rows {
             let list = if *is_face { &mut of_class } else { &mut others };
-            list.push(residual(&class, &read(folder, file)?));
+            list.push(residual(&standard, &read(folder, file)?));
         }
         print_row(name, &of_class, &others);
     }
