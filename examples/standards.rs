@@ -1,7 +1,7 @@
 //! Prints how well standards made of one model find the others of their class: two code-made classes, and, with the
 //! folder of a labelled set (`manifest.csv`, `standard_head.ply`, `standard_face_landmarks.json`), faces.
 //!
-//! `cargo run --release --example classes [DATA]`
+//! `cargo run --release --example standards [DATA]`
 
 use std::path::Path;
 

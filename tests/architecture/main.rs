@@ -21,7 +21,7 @@ const LAYERS: &[(&str, &[&str])] = &[
     ("retrieval", &["geometry", "faces"]),
     ("synthetic", &["geometry"]),
     ("formats", &["geometry"]),
-    // what is kept and what may be chosen: methods and hints, which holes are filled, signatures, classes
+    // what is kept and what may be chosen: methods and hints, which holes are filled, signatures, standards
     ("domain", &["geometry", "registration", "reconstruction", "formats", "faces", "standards"]),
     ("pipeline", &["geometry", "registration", "reconstruction", "saliency", "formats", "faces", "domain"]),
     // around them

@@ -44,9 +44,11 @@ visage_geometry::tuning! {
     const TUNING: Tuning {
         /// Weight of the nuclear norm.
         lambda: f64 = 1e-3,
-        /// Growth of mu from one outer step to the next: slow where nothing is known, quick from the poses at hand.
+        /// Growth of mu from one outer step to the next: where nothing is known,
         cold_growth: f64 = 1.05,
+        /// and, quicker, from the poses at hand.
         warm_growth: f64 = 1.2,
+        /// Where mu stops growing.
         largest_mu: f64 = 1e20,
         /// mu of the start that knows nothing.
         cold_mu: f64 = 1e-6,
@@ -55,12 +57,16 @@ visage_geometry::tuning! {
         warm_mu: f64 = 0.1,
         /// No residual is taken for smaller than this, in radii: rounding.
         least_residual: f64 = 1e-6,
-        /// Both the split `E = U V` (outer) and the change of E (inner), relative to the norm of X: some 1e-5 of the object's
-        /// radius is enough within a loop.
+        /// Both the split `E = U V` (outer) and the change of E (inner) end below this, relative to the norm of X, where nothing is
+        /// known,
         cold_tolerance: f64 = 1e-8,
+        /// and below this within a loop: some 1e-5 of the object's radius is enough there.
         warm_tolerance: f64 = 1e-6,
+        /// Outer steps at most,
         max_outer: usize = 1500,
+        /// and inner ones in each.
         max_inner: usize = 100,
+        /// Of the start that knows nothing.
         seed: u64 = 4,
         /// An answer may disagree with the relative motions by this much more than the poses did: entries of matrices, which
         /// the decomposition minimises, are not quite the twists that are compared.

@@ -54,6 +54,7 @@ pub struct Undetermined;
 
 visage_geometry::tuning! {
     const TUNING: Tuning {
+        /// Linear solves at most.
         max_rounds: usize = 60,
         /// The squared scale of the robust kernel is divided by this in each round until it reaches its floor.
         scale_step: f64 = 2.0,

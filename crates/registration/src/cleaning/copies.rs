@@ -22,8 +22,9 @@ pub struct Copy {
 
 visage_geometry::tuning! {
     const TUNING: Tuning {
-        /// Numbers of points, and radii and principal moments of copies differ by less than these shares: formats round.
+        /// Numbers of points of copies differ by less than this share,
         counts: f64 = 0.01,
+        /// and radii and principal moments by less than this: formats round.
         lengths: f64 = 1e-3,
         /// Points at which two views are compared.
         samples: usize = 200,

@@ -47,6 +47,7 @@ visage_geometry::tuning! {
         /// Voxels with less than this share of the median number of points, or with a neighbourhood of less than the second
         /// share, are outliers.
         outlier_voxel: f64 = 0.1,
+        /// or with this share of the median number of cells around.
         outlier_around: f64 = 0.2,
         /// Edge of the cells that a voxel's share of surface is counted in, in its own: nearer to its scanner a surface holds more
         /// points, but no more cells.

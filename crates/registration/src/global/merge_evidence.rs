@@ -22,6 +22,7 @@ visage_geometry::tuning! {
         strong: f64 = 0.16,
         /// or all together score this, with one that is not weak.
         strong_together: f64 = 0.32,
+        /// A pair is not weak from this score on.
         not_weak: f64 = 0.1,
     }
 }

@@ -90,6 +90,7 @@ visage_geometry::tuning! {
         judged_edge: f64 = 1.63,
         /// The largest distance of their correspondences, in their edges.
         judged_reach: f64 = 0.63,
+        /// Gauss-Newton steps of a pass, at most.
         max_steps: usize = 50,
         /// Pairs take part down to this share of xi_0: less overlap than ICP of one pair needs is still worth having when all
         /// pairs hold each other.

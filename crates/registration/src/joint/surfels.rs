@@ -48,6 +48,7 @@ visage_geometry::tuning! {
         /// as long as noise is no more than this share of the spacing: with more of it, what they lie on has to be as much wider,
         /// or they hold no plane.
         calm: f64 = 0.25,
+        /// up to so many points.
         most_neighbours: usize = 96,
         /// Surfels fitted one after the other.
         chunk: usize = 256,

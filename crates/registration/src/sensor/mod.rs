@@ -80,11 +80,13 @@ visage_geometry::tuning! {
         directions: usize = 150,
         /// Then directions around the best one, at these angles (degrees) from it.
         refinements: [f64; 4] = [6.0, 3.0, 1.5, 0.75],
-        /// The densest facets are seen head-on: this quantile; what is denser still counts no more than so much.
+        /// The densest facets are seen head-on: this quantile.
         head_on: f64 = 0.95,
+        /// What is denser still counts no more than so many times that.
         densest: f64 = 1.3,
-        /// No surface is seen at a smaller cosine than about this, and how much it counts if it were.
+        /// No surface is seen at a smaller cosine than about this,
         grazing: f64 = 0.26,
+        /// and one that would be costs so much.
         grazing_cost: f64 = 0.3,
     }
 }

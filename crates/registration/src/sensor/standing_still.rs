@@ -37,6 +37,7 @@ visage_geometry::tuning! {
         /// for what moved: of the rims that meet surface at all this share meets a rim. Both together hold for code-made turntables
         /// (0.75 to 0.95 and 0.55 to 0.85); scans from different places have less than 0.65 of the one.
         same_all_over: f64 = 0.7,
+        /// This share of the rims.
         same_rims: f64 = 0.53,
         /// Pairs of views that share less of what they show than this, as it was measured already, need not be compared.
         least_overlap: f64 = 0.25,
@@ -63,6 +64,7 @@ visage_geometry::tuning! {
         compact: f64 = 0.7,
         /// and parts of fewer points than this, or than this share of the largest part, are noise at edges.
         least_points: usize = 15,
+        /// As a share of the largest part.
         least_share: f64 = 0.05,
     }
 }

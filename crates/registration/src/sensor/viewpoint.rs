@@ -24,6 +24,7 @@ visage_geometry::tuning! {
         /// A neighbour lies on another surface if the line to it is steeper than this against the rays (about 3 degrees from
         /// them), and farther off than this share of the distance.
         steep: f32 = 20.0,
+        /// That share of the distance.
         apart: f32 = 0.02,
         /// A place between surfaces has so many neighbours on others;
         others: usize = 3,

@@ -3,8 +3,12 @@
 use super::verification::Fit;
 use visage_geometry::Point3;
 
-/// Fits whose corners lie this near to each other stand at one place, mm on the standard.
-const SAME_PLACE_MM: f64 = 6.0;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// Fits whose corners lie this near to each other stand at one place, mm on the standard.
+        same_place_mm: f64 = 6.0,
+    }
+}
 
 /// A fit that may be looked at again, with the side it was found on.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -23,7 +27,7 @@ impl Candidate {
     /// Whether these corners of the standard lie at about the same places.
     fn stands_with(&self, other: &Candidate, corners: &[Point3]) -> bool {
         let apart = |p: &Point3| (self.fit.pose.point(p) - other.fit.pose.point(p)).norm();
-        let most = SAME_PLACE_MM * self.fit.pose.scale;
+        let most = TUNING.same_place_mm * self.fit.pose.scale;
         self.sign == other.sign && corners.iter().all(|corner| apart(corner) < most)
     }
 }

@@ -7,27 +7,33 @@ use crate::saliency::{CellGrid, Principal, Samples};
 use visage_geometry::neighbours::LocalPoint;
 use visage_geometry::{Point3, Vector3, thinning};
 
-/// Radius of the fit that finds noses, in expected inner-eye distances.
-const NOSE_RADIUS: f64 = 0.36;
-/// Radius of the fit that finds eye corners: they are smaller than noses.
-const EYE_RADIUS: f64 = 0.27;
-/// Least neighbours of either fit.
-const NOSE_NEIGHBOURS: u32 = 18;
-const EYE_NEIGHBOURS: u32 = 11;
-/// Curvature is fitted at one sample of each cube of so many sample spacings, about every third or fourth, and around
-/// what may be a corner at all of them: the fits overlap so much that it hardly changes from one to the next.
-const FITTED_CUBE_IN_SPACINGS: f64 = 1.9;
-/// A place is a candidate if nothing stronger lies within this radius, in expected inner-eye distances.
-const SUPPRESSION_RADIUS: f64 = 0.3;
-/// A place is centred over its neighbours within this share of that radius.
-const CENTERING_SHARE: f64 = 0.6;
-/// A nose is a cap with at least this smaller curvature times the expected inner-eye distance (noses: 2.5 to 5).
-const LEAST_CAP: f64 = 0.6;
-/// An eye corner is a pit at least this deep (eye corners: 1 to 6).
-const LEAST_PIT: f64 = 0.5;
-/// The most candidates of either kind.
-const MOST_NOSES: usize = 20;
-const MOST_EYES: usize = 40;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// Radius of the fit that finds noses, in expected inner-eye distances.
+        nose_radius: f64 = 0.36,
+        /// Radius of the fit that finds eye corners: they are smaller than noses.
+        eye_radius: f64 = 0.27,
+        /// Least neighbours of the fit for noses,
+        nose_neighbours: u32 = 18,
+        /// and of that for eye corners.
+        eye_neighbours: u32 = 11,
+        /// Curvature is fitted at one sample of each cube of so many sample spacings, about every third or fourth, and around
+        /// what may be a corner at all of them: the fits overlap so much that it hardly changes from one to the next.
+        fitted_cube_in_spacings: f64 = 1.9,
+        /// A place is a candidate if nothing stronger lies within this radius, in expected inner-eye distances.
+        suppression_radius: f64 = 0.3,
+        /// A place is centred over its neighbours within this share of that radius.
+        centering_share: f64 = 0.6,
+        /// A nose is a cap with at least this smaller curvature times the expected inner-eye distance (noses: 2.5 to 5).
+        least_cap: f64 = 0.6,
+        /// An eye corner is a pit at least this deep (eye corners: 1 to 6).
+        least_pit: f64 = 0.5,
+        /// The most caps that may be noses,
+        most_noses: usize = 20,
+        /// and pits that may be eye corners.
+        most_eyes: usize = 40,
+    }
+}
 
 /// Curvatures of the samples at both radii, for normals as they are.
 #[derive(Debug, Clone)]
@@ -63,15 +69,15 @@ pub fn features(samples: &Samples, grid: &CellGrid, expected: f64) -> Features {
 
 /// [`features`] of that part of the surface where `keep` holds.
 pub fn features_where(samples: &Samples, grid: &CellGrid, expected: f64, keep: impl Fn(&Point3) -> bool) -> Features {
-    let [nose_radius, eye_radius] = [NOSE_RADIUS * expected, EYE_RADIUS * expected];
-    let mut fitted = spread_out(&samples.points, FITTED_CUBE_IN_SPACINGS * samples.spacing);
+    let [nose_radius, eye_radius] = [TUNING.nose_radius * expected, TUNING.eye_radius * expected];
+    let mut fitted = spread_out(&samples.points, TUNING.fitted_cube_in_spacings * samples.spacing);
     fitted.retain(|&index| keep(&samples.points[index as usize]));
     let fits: Vec<_> = fitted
         .par_iter()
         .map(|&index| {
             let neighbours = Neighbours::around(samples, grid, index as usize, nose_radius);
             let [nose, eye] = [nose_radius, eye_radius].map(|radius| neighbours.fit(radius));
-            (principal(&nose, NOSE_NEIGHBOURS), principal(&eye, EYE_NEIGHBOURS))
+            (principal(&nose, TUNING.nose_neighbours), principal(&eye, TUNING.eye_neighbours))
         })
         .collect();
     let mut features = Features { nose: vec![None; samples.points.len()], eye: vec![None; samples.points.len()] };
@@ -97,18 +103,18 @@ fn principal(fit: &QuadricFit, least_neighbours: u32) -> Option<Principal> {
 pub fn places(samples: &Samples, grid: &CellGrid, features: &Features, expected: f64, sign: f64) -> Places {
     let nose = Kind {
         bulges: sign > 0.0,
-        fit_radius: NOSE_RADIUS * expected,
-        least_neighbours: NOSE_NEIGHBOURS,
-        least_strength: LEAST_CAP,
-        most: MOST_NOSES,
+        fit_radius: TUNING.nose_radius * expected,
+        least_neighbours: TUNING.nose_neighbours,
+        least_strength: TUNING.least_cap,
+        most: TUNING.most_noses,
         expected,
     };
     let eye = Kind {
         bulges: sign < 0.0,
-        fit_radius: EYE_RADIUS * expected,
-        least_neighbours: EYE_NEIGHBOURS,
-        least_strength: LEAST_PIT,
-        most: MOST_EYES,
+        fit_radius: TUNING.eye_radius * expected,
+        least_neighbours: TUNING.eye_neighbours,
+        least_strength: TUNING.least_pit,
+        most: TUNING.most_eyes,
         expected,
     };
     let outward = |place: Place| Place { normal: place.normal * sign, ..place };
@@ -154,7 +160,7 @@ impl Kind {
             if peaks.len() == self.most {
                 break;
             }
-            let radius = SUPPRESSION_RADIUS * self.expected;
+            let radius = TUNING.suppression_radius * self.expected;
             grid.for_each_within(&samples.points[index], radius, |other, _| suppressed[other] = true);
         }
         peaks.into_par_iter().map(|peak| self.place(samples, grid, &strengths, peak)).collect()
@@ -165,10 +171,14 @@ impl Kind {
     fn place(&self, samples: &Samples, grid: &CellGrid, strengths: &[f64], peak: usize) -> Place {
         let center = samples.points[peak];
         let mut around = Vec::new();
-        grid.for_each_within(&center, CENTERING_SHARE * SUPPRESSION_RADIUS * self.expected, |other, _| {
-            let known = strengths[other].is_finite();
-            around.push((other, if known { strengths[other] } else { self.strength_at(samples, grid, other) }));
-        });
+        grid.for_each_within(
+            &center,
+            TUNING.centering_share * TUNING.suppression_radius * self.expected,
+            |other, _| {
+                let known = strengths[other].is_finite();
+                around.push((other, if known { strengths[other] } else { self.strength_at(samples, grid, other) }));
+            },
+        );
         let strength = around.iter().map(|(_, strength)| *strength).fold(strengths[peak], f64::max);
         let (mut sum, mut weights) = (Vector3::zeros(), 0.0);
         for (other, of_other) in around {

@@ -25,21 +25,27 @@ pub struct LeftOut {
     pub strays: usize,
 }
 
-/// A search for strays takes away what hides others: so often at most.
-const SEARCHES: usize = 4;
-/// The bulk is without this share of the points at each end of each axis.
-const ENDS: f64 = 0.01;
-/// Where the box around all points is no larger than so many times that of the bulk nothing is far off. (Between the
-/// ends of a box lie some 2 % of what fills it evenly.)
-const BULKY: f64 = 1.25;
-/// Points that tell the bulk, and the spacing.
-const SAMPLES: usize = 20_000;
-const SPACINGS: usize = 300;
-/// At least this share of a surface is kept, or all of it is.
-const LEAST_REST: f64 = 0.5;
-/// Samples that stand for a mesh.
-const SURFELS: f64 = 2500.0;
-const NEIGHBOURS: usize = 12;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// A search for strays takes away what hides others: so often at most.
+        searches: usize = 4,
+        /// The bulk is without this share of the points at each end of each axis.
+        ends: f64 = 0.01,
+        /// Where the box around all points is no larger than so many times that of the bulk nothing is far off. (Between the
+        /// ends of a box lie some 2 % of what fills it evenly.)
+        bulky: f64 = 1.25,
+        /// Points that tell the bulk,
+        samples: usize = 20_000,
+        /// and those that tell the spacing.
+        spacings: usize = 300,
+        /// At least this share of a surface is kept, or all of it is.
+        least_rest: f64 = 0.5,
+        /// Samples that stand for a mesh.
+        surfels: f64 = 2500.0,
+        /// Points that a sample's surroundings are made of.
+        neighbours: usize = 12,
+    }
+}
 
 /// The surface without what is none of it, and what that was.
 pub fn cleaned(surface: &Surface, progress: &Progress) -> Result<(Surface, LeftOut), Canceled> {
@@ -51,7 +57,7 @@ pub fn cleaned(surface: &Surface, progress: &Progress) -> Result<(Surface, LeftO
     } else {
         welded(surface, &mut left_out)
     };
-    for _ in 0..SEARCHES {
+    for _ in 0..TUNING.searches {
         progress.check()?;
         let Some(kept) = without_strays(&surface) else { break };
         left_out.strays += kept.iter().filter(|kept| !**kept).count();
@@ -90,7 +96,7 @@ fn without_strays(surface: &Surface) -> Option<Vec<bool>> {
     let points = &surface.cloud.points;
     let bounds = surface.cloud.bounds()?;
     let bulk = bulk(points)?;
-    if bounds.diagonal() <= BULKY * bulk.diagonal() {
+    if bounds.diagonal() <= TUNING.bulky * bulk.diagonal() {
         return None;
     }
     let middle = bulk.center().coords;
@@ -113,13 +119,13 @@ fn without_strays(surface: &Surface) -> Option<Vec<bool>> {
         }
     };
     let rest = kept.iter().filter(|kept| **kept).count();
-    (rest < kept.len() && rest as f64 >= LEAST_REST * kept.len() as f64).then_some(kept)
+    (rest < kept.len() && rest as f64 >= TUNING.least_rest * kept.len() as f64).then_some(kept)
 }
 
 /// The box around most of the points.
 fn bulk(points: &[Point3]) -> Option<Bounds> {
     let mut sampled = every_so_many(points);
-    let end = (ENDS * sampled.len() as f64) as usize;
+    let end = (TUNING.ends * sampled.len() as f64) as usize;
     let last = sampled.len().checked_sub(1 + end)?;
     let mut bulk = Bounds { min: Point3::origin(), max: Point3::origin() };
     for axis in 0..3 {
@@ -130,7 +136,7 @@ fn bulk(points: &[Point3]) -> Option<Bounds> {
 }
 
 fn every_so_many(points: &[Point3]) -> Vec<Point3> {
-    points.iter().step_by(points.len().div_ceil(SAMPLES).max(1)).copied().collect()
+    points.iter().step_by(points.len().div_ceil(TUNING.samples).max(1)).copied().collect()
 }
 
 fn local(points: &[Point3], middle: &Vector3) -> Vec<LocalPoint> {
@@ -147,11 +153,11 @@ fn coarse_scans(points: &[LocalPoint]) -> CoarseScan {
 
 /// Some of the points with their median spacing and the median residual of planes through neighbours.
 fn measured(points: &[LocalPoint]) -> (IndexedPoints, f64, f64) {
-    let step = points.len().div_ceil(SAMPLES).max(1);
+    let step = points.len().div_ceil(TUNING.samples).max(1);
     let indexed = IndexedPoints::new(points.iter().step_by(step).copied().collect());
     let (mut found, mut spacings, mut residuals) = (Vec::new(), Vec::new(), Vec::new());
-    for sample in indexed.points.iter().step_by(indexed.points.len().div_ceil(SPACINGS).max(1)) {
-        indexed.tree.k_nearest(sample, NEIGHBOURS, f32::INFINITY, &mut found);
+    for sample in indexed.points.iter().step_by(indexed.points.len().div_ceil(TUNING.spacings).max(1)) {
+        indexed.tree.k_nearest(sample, TUNING.neighbours, f32::INFINITY, &mut found);
         spacings.extend(found.iter().map(|n| n.distance2).find(|d| *d > 0.0));
         residuals.push(plane_through(&indexed.points, &found).rms);
     }
@@ -166,7 +172,7 @@ fn measured(points: &[LocalPoint]) -> (IndexedPoints, f64, f64) {
 /// A mesh in a few thousand surfels, by area; `None` if it has none.
 fn survey_of_mesh(mesh: &Mesh, middle: &Vector3) -> Option<CoarseScan> {
     let area: f64 = (0..mesh.faces.len()).map(|face| 0.5 * mesh.area_normal(face).norm()).sum();
-    let edge = (area / SURFELS).sqrt();
+    let edge = (area / TUNING.surfels).sqrt();
     if !(edge.is_normal() && edge.is_finite()) {
         return None;
     }
@@ -194,7 +200,7 @@ pub(super) fn without_supports(surface: &Surface, progress: &Progress) -> Result
         None => {
             let coarse = coarse_scans(&points);
             progress.check()?;
-            let step = points.len().div_ceil(10 * SAMPLES).max(1);
+            let step = points.len().div_ceil(10 * TUNING.samples).max(1);
             Some(coarse.with_normals(&IndexedPoints::new(points.iter().step_by(step).copied().collect())))
         }
     };

@@ -15,26 +15,32 @@ pub struct DenseSignature([i8; TEMPLATE_POINTS]);
 pub const UNSEEN: i8 = i8::MIN;
 /// The height that 1 stands for, mm on the standard.
 pub const STEP_MM: f64 = 0.1;
-/// Surface farther than this from the standard's is not the face's, mm on the standard.
-const MOST_HEIGHT_MM: f64 = 12.0;
-/// A point's height is the mean over the samples this near to its normal, mm on the standard.
-const FOOTPRINT_MM: f64 = 4.0;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// Surface farther than this from the standard's is not the face's, mm on the standard.
+        most_height_mm: f64 = 12.0,
+        /// A point's height is the mean over the samples this near to its normal, mm on the standard.
+        footprint_mm: f64 = 4.0,
+        /// How often the plain standard is laid anew at most: a face must come to lie at the same place wherever its fit
+        /// ended.
+        settling_rounds: usize = 20,
+        /// A step shorter than this, mm on the standard, is the last.
+        settled_mm: f64 = 0.03,
+        /// It stays where it is rather than grow more than this in all, or lose half of what it lay on: there is no face, or too
+        /// little of one.
+        most_growth: f64 = 1.3,
+        /// Heights beyond this are hair, holes or what else stands on the face, mm on the standard. A face itself differs from
+        /// the standard by up to 6 mm: with 4 here, two looks at one head could settle at different places.
+        ordinary_mm: f64 = 8.0,
+        /// Turns and growth are counted at this distance, mm on the standard: about half of the face.
+        lever_mm: f64 = 40.0,
+    }
+}
+
 /// Two signatures are compared with at least this share of the points seen by both.
 pub const LEAST_COMMON: f64 = 0.4;
 /// The greatest differences, which hair and holes make, are left out.
 pub const KEPT_SHARE: f64 = 0.9;
-/// How often the plain standard is laid anew at most, and how short a step, mm on the standard, is the last: a face
-/// must come to lie at the same place wherever its fit ended.
-const SETTLING_ROUNDS: usize = 20;
-const SETTLED_MM: f64 = 0.03;
-/// It stays where it is rather than grow more than this in all, or lose half of what it lay on: there is no face, or too
-/// little of one.
-const MOST_GROWTH: f64 = 1.3;
-/// Heights beyond this are hair, holes or what else stands on the face, mm on the standard. A face itself differs from
-/// the standard by up to 6 mm: with 4 here, two looks at one head could settle at different places.
-const ORDINARY_MM: f64 = 8.0;
-/// Turns and growth are counted at this distance, mm on the standard: about half of the face.
-const LEVER_MM: f64 = 40.0;
 
 impl DenseSignature {
     /// The signature of the face at `placement`.
@@ -87,9 +93,9 @@ impl DenseSignature {
 /// How high the surface stands over each point of the plain standard, laid so that the heights are least.
 fn settled_heights(target: &Target, plain: &Shaped, mut pose: Similarity) -> Vec<Option<f64>> {
     let seen = |heights: &[Option<f64>]| heights.iter().flatten().count();
-    let sizes = pose.scale / MOST_GROWTH..=pose.scale * MOST_GROWTH;
+    let sizes = pose.scale / TUNING.most_growth..=pose.scale * TUNING.most_growth;
     let mut heights = heights_over(target, plain, &pose);
-    for _ in 0..SETTLING_ROUNDS {
+    for _ in 0..TUNING.settling_rounds {
         let Some(step) = settling_step(plain, &heights) else { break };
         pose = step.applied_to(&pose);
         // asked first: what shrinks to less than nothing can't be laid anywhere
@@ -101,7 +107,7 @@ fn settled_heights(target: &Target, plain: &Shaped, mut pose: Similarity) -> Vec
             break;
         }
         heights = next;
-        if step.unknowns.norm() < SETTLED_MM {
+        if step.unknowns.norm() < TUNING.settled_mm {
             break;
         }
     }
@@ -114,7 +120,7 @@ fn heights_over(target: &Target, plain: &Shaped, pose: &Similarity) -> Vec<Optio
 }
 
 /// How the plain standard is to be moved about its centre: turn, shift and growth, each as what it moves at
-/// [`LEVER_MM`], mm on the standard.
+/// `TUNING.lever_mm`, mm on the standard.
 struct Step {
     center: Point3,
     unknowns: nalgebra::SVector<f64, 7>,
@@ -123,9 +129,9 @@ struct Step {
 impl Step {
     fn applied_to(&self, pose: &Similarity) -> Similarity {
         let rotation = pose.motion.rotation;
-        let turn = rotation * self.unknowns.fixed_rows::<3>(0).into_owned() / LEVER_MM;
+        let turn = rotation * self.unknowns.fixed_rows::<3>(0).into_owned() / TUNING.lever_mm;
         let shift = rotation * self.unknowns.fixed_rows::<3>(3).into_owned() * pose.scale;
-        pose.nudged(&self.center, &turn, &Vector3::repeat(1.0 + self.unknowns[6] / LEVER_MM), &shift)
+        pose.nudged(&self.center, &turn, &Vector3::repeat(1.0 + self.unknowns[6] / TUNING.lever_mm), &shift)
     }
 }
 
@@ -136,12 +142,12 @@ fn settling_step(plain: &Shaped, heights: &[Option<f64>]) -> Option<Step> {
     let mut right = nalgebra::SVector::<f64, 7>::zeros();
     for ((point, normal), height) in plain.points.iter().zip(&plain.normals).zip(heights) {
         let Some(height) = height else { continue };
-        let arm = (point - center) / LEVER_MM;
+        let arm = (point - center) / TUNING.lever_mm;
         let turn = arm.cross(normal);
         let row = nalgebra::SVector::<f64, 7>::from_iterator(
             turn.iter().chain(normal.iter()).copied().chain([arm.dot(normal)]),
         );
-        let weight = (1.0 + (height / ORDINARY_MM).powi(2)).powi(-2);
+        let weight = (1.0 + (height / TUNING.ordinary_mm).powi(2)).powi(-2);
         matrix += row * row.transpose() * weight;
         right += row * (weight * height);
     }
@@ -151,11 +157,11 @@ fn settling_step(plain: &Shaped, heights: &[Option<f64>]) -> Option<Step> {
 /// How high the surface stands over a point of the standard, along its normal, mm on the standard.
 fn height(target: &Target, pose: &Similarity, point: &Point3, normal: &Vector3) -> Option<f64> {
     let (foot, direction) = (pose.point(point), pose.normal(normal));
-    let near = target.counterpart(&foot, &direction, MOST_HEIGHT_MM * pose.scale, 0.3)?;
+    let near = target.counterpart(&foot, &direction, TUNING.most_height_mm * pose.scale, 0.3)?;
     // the surface over the foot: the samples near the normal's line at about the nearest sample's height
     let guess = foot + direction * direction.dot(&(near.point - foot));
     let (mut sum, mut weights) = (0.0, 0.0);
-    let footprint = FOOTPRINT_MM * pose.scale;
+    let footprint = TUNING.footprint_mm * pose.scale;
     target.grid.for_each_within(&guess, footprint, |sample, distance2| {
         let n = target.samples.normals[sample] * target.sign;
         let facing = n.dot(&direction);
@@ -167,7 +173,7 @@ fn height(target: &Target, pose: &Similarity, point: &Point3, normal: &Vector3) 
             weights += weight;
         }
     });
-    (weights > 0.0).then(|| sum / weights / pose.scale).filter(|h| h.abs() <= MOST_HEIGHT_MM)
+    (weights > 0.0).then(|| sum / weights / pose.scale).filter(|h| h.abs() <= TUNING.most_height_mm)
 }
 
 #[cfg(test)]

@@ -18,27 +18,32 @@ use crate::saliency::{Samples, Side};
 use visage_geometry::progress::{Canceled, Progress};
 use visage_geometry::{Motion, Unit};
 
-/// Expected inner-eye distances as shares of the bounding box's diagonal, for files of unknown unit: from a
-/// torso up to a mask from brow to mouth (the faces of the public set: 0.048 to 0.16).
-const LEVELS_OF_DIAGONAL: [f64; 6] = [0.045, 0.06, 0.08, 0.106, 0.141, 0.188];
-/// The same where the unit is known, as shares of the standard's inner-eye distance: people differ, and a nose or an
-/// eye corner that is missed at one scale is met at the next.
-const LEVELS_OF_TRUE_SIZE: [f64; 3] = [0.85, 1.0, 1.18];
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// Expected inner-eye distances as shares of the bounding box's diagonal, for files of unknown unit: from a
+        /// torso up to a mask from brow to mouth (the faces of the public set: 0.048 to 0.16).
+        levels_of_diagonal: [f64; 6] = [0.045, 0.06, 0.08, 0.106, 0.141, 0.188],
+        /// The same where the unit is known, as shares of the standard's inner-eye distance: people differ, and a nose or an
+        /// eye corner that is missed at one scale is met at the next.
+        levels_of_true_size: [f64; 3] = [0.85, 1.0, 1.18],
+        /// A surface resolves a face if it has so many points from eye to eye: some five hundred on the whole face.
+        points_from_eye_to_eye: f64 = 5.0,
+        /// Of levels smaller than this share of a face no triangle is as large as its own.
+        least_level_of_face: f64 = 0.65,
+        /// Triangles dearer than this are not worth a closer look. The cheapest of every face of the public set costs less than 3;
+        /// with 4 here, eight of their copies with holes, bits around them or shoulders were lost.
+        most_cost: f64 = 7.0,
+    }
+}
+
 /// Where the unit is known, a face must have this size relative to the standard (74 faces: 0.85 to 1.16).
 const TRUE_SIZES: std::ops::RangeInclusive<f64> = 0.75..=1.3;
 /// A level that would need more samples than this is skipped, unless the surface resolves such a face: it would be a detail
 /// of the object. A closer look at a solid full of walls makes do with coarser ones.
 pub(crate) const MOST_SAMPLES: usize = 80_000;
-/// A surface resolves a face if it has so many points from eye to eye: some five hundred on the whole face.
-const POINTS_FROM_EYE_TO_EYE: f64 = 5.0;
 /// Samples of a level that is resolved, at most: a standing person's with arms and legs apart.
 const MOST_RESOLVED_SAMPLES: usize = 5 * MOST_SAMPLES;
-/// Of levels smaller than this share of a face no triangle is as large as its own.
-const LEAST_LEVEL_OF_FACE: f64 = 0.65;
 
-/// Triangles dearer than this are not worth a closer look. The cheapest of every face of the public set costs less than 3;
-/// with 4 here, eight of their copies with holes, bits around them or shoulders were lost.
-const MOST_COST: f64 = 7.0;
 /// The first look, on the level's samples.
 const FIRST_LOOK: Search = Search {
     points: 60,
@@ -108,7 +113,8 @@ pub fn detect(
     for (expected, samples) in levels_of(surface, unit, progress)?.iter().rev() {
         progress.check()?;
         let face = looks.face();
-        if face.is_some_and(|face| *expected < LEAST_LEVEL_OF_FACE * INNER_EYE_DISTANCE_MM * face.fit.pose.scale) {
+        if face.is_some_and(|face| *expected < TUNING.least_level_of_face * INNER_EYE_DISTANCE_MM * face.fit.pose.scale)
+        {
             break;
         }
         let level = Level::new(samples, *expected);
@@ -135,10 +141,10 @@ pub fn detect(
 fn levels_of(surface: &SampledSurface, unit: Unit, progress: &Progress) -> Result<Vec<(f64, Samples)>, Canceled> {
     let diagonal = surface.bounds.diagonal();
     let expected: Vec<f64> = match unit.in_mm() {
-        Some(mm) => LEVELS_OF_TRUE_SIZE.iter().map(|share| share * INNER_EYE_DISTANCE_MM / mm).collect(),
-        None => LEVELS_OF_DIAGONAL.iter().map(|share| share * diagonal).collect(),
+        Some(mm) => TUNING.levels_of_true_size.iter().map(|share| share * INNER_EYE_DISTANCE_MM / mm).collect(),
+        None => TUNING.levels_of_diagonal.iter().map(|share| share * diagonal).collect(),
     };
-    let resolved = POINTS_FROM_EYE_TO_EYE * (surface.area() / surface.points().count().max(1) as f64).sqrt();
+    let resolved = TUNING.points_from_eye_to_eye * (surface.area() / surface.points().count().max(1) as f64).sqrt();
     let most = |expected| if expected >= resolved { MOST_RESOLVED_SAMPLES } else { MOST_SAMPLES };
     sampled_levels(surface, &expected, most, progress)
 }
@@ -171,7 +177,7 @@ fn first_looks(
     standard: &FaceStandard,
     progress: &Progress,
 ) -> Result<Vec<Candidate>, Canceled> {
-    let promising: Vec<_> = found.iter().filter(|(c, _)| c.cost(standard).total() < MOST_COST).collect();
+    let promising: Vec<_> = found.iter().filter(|(c, _)| c.cost(standard).total() < TUNING.most_cost).collect();
     let look = |(candidate, sign): &&(TriangleCandidate, f64)| {
         progress.check()?;
         let (ours, theirs) = (&standard.detected, candidate.triangle());

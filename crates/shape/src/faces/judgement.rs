@@ -60,35 +60,40 @@ pub const MATCH_SCORE: f64 = 0.5;
 
 /// The cost at which a face and another thing are equally likely.
 pub const COST_AT_HALF: f64 = 2.05;
-/// How fast the score falls with the cost.
-const COST_SLOPE: f64 = 4.9;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// How fast the score falls with the cost.
+        cost_slope: f64 = 4.9,
+        /// How fast the score falls with the residual, per mm: those two then score about 0.9 and 0.1.
+        residual_slope: f64 = 3.7,
+        /// How fast the literal score falls with the total vertex distance, per mm.
+        literal_slope: f64 = 0.34,
+    }
+}
+
 /// The dense residual at which the verified method says "face", mm on the standard: the geometric mean of the worst
 /// face's and the best other thing's on the public set, which it splits without error.
 pub const RESIDUAL_AT_HALF_MM: f64 = 2.5;
-/// How fast the score falls with the residual, per mm: those two then score about 0.9 and 0.1.
-const RESIDUAL_SLOPE: f64 = 3.7;
 /// `Thres_FT`: the total vertex distance at which the literal method says "face", mm on the standard.
 ///
 /// The paper prints none. At 2.8 mm it finds two thirds of the faces of the public set and takes four in ten other
 /// things for faces; no value does much better, since with N = 10 the best triangle of any object is about as near.
 pub const THRES_FT_MM: f64 = 2.8;
-/// How fast the literal score falls with the total vertex distance, per mm.
-const LITERAL_SLOPE: f64 = 0.34;
 
 fn logistic(x: f64) -> f64 {
     1.0 / (1.0 + (-x).exp())
 }
 
 fn descriptor_score(cost: f64) -> f64 {
-    logistic(COST_SLOPE * (COST_AT_HALF - cost))
+    logistic(TUNING.cost_slope * (COST_AT_HALF - cost))
 }
 
 fn fit_score(residual_mm: f64) -> f64 {
-    logistic(RESIDUAL_SLOPE * (RESIDUAL_AT_HALF_MM - residual_mm))
+    logistic(TUNING.residual_slope * (RESIDUAL_AT_HALF_MM - residual_mm))
 }
 
 fn literal_score(sum_of_distances_mm: f64) -> f64 {
-    logistic(LITERAL_SLOPE * (THRES_FT_MM - sum_of_distances_mm))
+    logistic(TUNING.literal_slope * (THRES_FT_MM - sum_of_distances_mm))
 }
 
 impl Verdict {

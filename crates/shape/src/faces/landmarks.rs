@@ -10,14 +10,19 @@ use visage_geometry::{Point3, Vector3};
 /// The landmarks in the order of [`LANDMARKS`], in the model's frame and unit.
 pub type Landmarks = [Point3; LANDMARKS.len()];
 
-/// An extremum is one if it lies within this share of the radius that was looked at; else its neighbourhood is looked at
-/// next, so many times.
-const INNER_SHARE: f64 = 0.8;
-const MOST_STEPS: usize = 4;
-/// Carried landmarks are brought onto the surface if it is this near, mm on the standard.
-const ON_SURFACE_MM: f64 = 4.0;
-/// The samples around an extremum within this are averaged, mm on the standard.
-const SMOOTHING_MM: f64 = 2.5;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// An extremum is one if it lies within this share of the radius that was looked at; else its neighbourhood is looked at
+        /// next.
+        inner_share: f64 = 0.8,
+        /// So many neighbourhoods are looked at, at most.
+        most_steps: usize = 4,
+        /// Carried landmarks are brought onto the surface if it is this near, mm on the standard.
+        on_surface_mm: f64 = 4.0,
+        /// The samples around an extremum within this are averaged, mm on the standard.
+        smoothing_mm: f64 = 2.5,
+    }
+}
 
 /// Where a landmark shows on the surface: the point that lies farthest in a direction of the standard's frame, within
 /// a radius around the carried place, and where the landmark is from there. Both were measured on the heads whose
@@ -92,7 +97,7 @@ pub fn landmarks(target: &Target, placement: &Placement) -> Landmarks {
     }
     carried.map(|place| {
         let point = pose.point(&place);
-        let near = target.grid.nearest_where(&point, ON_SURFACE_MM * pose.scale, |_| true);
+        let near = target.grid.nearest_where(&point, TUNING.on_surface_mm * pose.scale, |_| true);
         near.map_or(point, |(sample, _)| on_plane(target.samples, sample, &point))
     })
 }
@@ -105,7 +110,7 @@ impl Extremum {
         let extreme = self.climbed(target, placement, pose.point(&expected))?;
         let (mut sum, mut count) = (Vector3::zeros(), 0.0);
         let around = target.samples.points[extreme];
-        target.grid.for_each_within(&around, SMOOTHING_MM * pose.scale, |sample, _| {
+        target.grid.for_each_within(&around, TUNING.smoothing_mm * pose.scale, |sample, _| {
             sum += target.samples.points[sample] - around;
             count += 1.0;
         });
@@ -120,7 +125,7 @@ impl Extremum {
         let direction = (pose.motion.rotation * Vector3::from(self.direction)).normalize();
         let radius = self.radius_mm * pose.scale;
         let mut extreme = None;
-        for _ in 0..MOST_STEPS {
+        for _ in 0..TUNING.most_steps {
             let mut best: Option<(f64, usize)> = None;
             target.grid.for_each_within(&center, radius, |sample, _| {
                 let height = direction.dot(&(target.samples.points[sample] - center));
@@ -131,7 +136,7 @@ impl Extremum {
             let (_, sample) = best?;
             let point = target.samples.points[sample];
             extreme = Some(sample);
-            if (point - center).norm() < INNER_SHARE * radius || self.most_move_mm <= self.radius_mm {
+            if (point - center).norm() < TUNING.inner_share * radius || self.most_move_mm <= self.radius_mm {
                 break;
             }
             center = point;

@@ -6,24 +6,28 @@ use super::verification::Placement;
 use crate::saliency::quadric::Neighbours;
 use visage_geometry::{Point3, Vector3};
 
-/// The crease between the lips is looked for within this of the carried corner, mm on the standard: across, up, out.
-const MOUTH_REACH_MM: [f64; 3] = [2.5, 10.0, 15.0];
-/// The radius of the fits that find it, mm, and their least neighbours.
-const CREASE_RADIUS_MM: f64 = 5.0;
-const CREASE_NEIGHBOURS: u32 = 10;
-/// The deepest places are averaged.
-const DEEPEST: usize = 3;
-/// A crease bends at least this much, one over mm: smoother skin shows no mouth.
-const LEAST_BEND: f64 = 0.04;
-/// From the crease to the corner, mm: inward, up, out; the medians over the models with exact landmarks.
-const CORNER_OFFSET_MM: [f64; 3] = [0.6, 0.6, -0.4];
-
-/// The chin is looked for within this of the carried place, mm: to either side, up or down, inward.
-const CHIN_REACH_MM: [f64; 3] = [15.0, 20.0, 25.0];
-/// Where it stands out most, half down and half forward, by at most this less, mm.
-const CHIN_CAP_MM: f64 = 1.0;
-/// An extreme place this near to the lower end of what was looked at is none, mm: a neck or a chest follows.
-const END_MM: f64 = 2.0;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// The crease between the lips is looked for within this of the carried corner, mm on the standard: across, up, out.
+        mouth_reach_mm: [f64; 3] = [2.5, 10.0, 15.0],
+        /// The radius of the fits that find it, mm,
+        crease_radius_mm: f64 = 5.0,
+        /// and with so many neighbours at least.
+        crease_neighbours: u32 = 10,
+        /// The deepest places are averaged.
+        deepest: usize = 3,
+        /// A crease bends at least this much, one over mm: smoother skin shows no mouth.
+        least_bend: f64 = 0.04,
+        /// From the crease to the corner, mm: inward, up, out; the medians over the models with exact landmarks.
+        corner_offset_mm: [f64; 3] = [0.6, 0.6, -0.4],
+        /// The chin is looked for within this of the carried place, mm: to either side, up or down, inward.
+        chin_reach_mm: [f64; 3] = [15.0, 20.0, 25.0],
+        /// Where it stands out most, half down and half forward, by at most this less, mm.
+        chin_cap_mm: f64 = 1.0,
+        /// An extreme place this near to the lower end of what was looked at is none, mm: a neck or a chest follows.
+        end_mm: f64 = 2.0,
+    }
+}
 
 /// A sample near a landmark, in the standard's frame.
 struct Near {
@@ -34,48 +38,48 @@ struct Near {
 /// The corner of the mouth beside the carried one: where the surface bends inward most along the height. `None` if
 /// it hardly does.
 pub fn mouth_corner(target: &Target, placement: &Placement, carried: &Point3) -> Option<Point3> {
-    let strip = within(target, placement, carried, MOUTH_REACH_MM);
+    let strip = within(target, placement, carried, TUNING.mouth_reach_mm);
     let mut bends: Vec<(f64, &Near)> = strip
         .iter()
         .filter_map(|near| Some((bend(target, placement, near)?, near)))
-        .filter(|(bend, _)| *bend > LEAST_BEND)
+        .filter(|(bend, _)| *bend > TUNING.least_bend)
         .collect();
     bends.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.sample.cmp(&b.1.sample)));
-    bends.truncate(DEEPEST);
+    bends.truncate(TUNING.deepest);
     let crease = mean(bends.iter().map(|(_, near)| near.point))?;
-    let [inward, up, out] = CORNER_OFFSET_MM;
+    let [inward, up, out] = TUNING.corner_offset_mm;
     Some(Point3::new(carried.x - inward * carried.x.signum(), crease.y + up, crease.z + out))
 }
 
 /// How fast the slope along the height grows, one over mm: positive in a crease. `None` with too few neighbours.
 fn bend(target: &Target, placement: &Placement, near: &Near) -> Option<f64> {
     let pose = &placement.pose;
-    let mut neighbours = Neighbours::new(CREASE_RADIUS_MM);
+    let mut neighbours = Neighbours::new(TUNING.crease_radius_mm);
     let center = target.samples.points[near.sample];
-    target.grid.for_each_within(&center, CREASE_RADIUS_MM * pose.scale, |other, distance2| {
+    target.grid.for_each_within(&center, TUNING.crease_radius_mm * pose.scale, |other, distance2| {
         if target.samples.normals[other].dot(&target.samples.normals[near.sample]) > 0.0 {
             let offset = pose.standard_point(&target.samples.points[other]) - near.point;
             neighbours.push(offset.x, offset.y, offset.z, distance2 / (pose.scale * pose.scale));
         }
     });
-    let fit = neighbours.fit(CREASE_RADIUS_MM);
-    if fit.neighbours < CREASE_NEIGHBOURS {
+    let fit = neighbours.fit(TUNING.crease_radius_mm);
+    if fit.neighbours < TUNING.crease_neighbours {
         return None;
     }
     let [_, _, along_height, _, slope, _] = fit.coefficients()?;
-    Some(2.0 * along_height / CREASE_RADIUS_MM / (1.0 + slope * slope).powf(1.5))
+    Some(2.0 * along_height / TUNING.crease_radius_mm / (1.0 + slope * slope).powf(1.5))
 }
 
 /// The chin: what stands out most, half down and half forward. `None` if that is where the surface ends or where it
 /// goes on to something else.
 pub fn chin(target: &Target, placement: &Placement, carried: &Point3) -> Option<Point3> {
-    let region = within(target, placement, carried, CHIN_REACH_MM);
+    let region = within(target, placement, carried, TUNING.chin_reach_mm);
     let height = |near: &Near| (near.point.z - near.point.y) * std::f64::consts::FRAC_1_SQRT_2;
     let highest = region.iter().max_by(|a, b| height(a).total_cmp(&height(b)).then(b.sample.cmp(&a.sample)))?;
-    if target.is_on_rim(highest.sample) || highest.point.y < carried.y - CHIN_REACH_MM[1] + END_MM {
+    if target.is_on_rim(highest.sample) || highest.point.y < carried.y - TUNING.chin_reach_mm[1] + TUNING.end_mm {
         return None;
     }
-    let cap = region.iter().filter(|near| height(near) > height(highest) - CHIN_CAP_MM);
+    let cap = region.iter().filter(|near| height(near) > height(highest) - TUNING.chin_cap_mm);
     mean(cap.map(|near| near.point))
 }
 
@@ -140,7 +144,7 @@ mod tests {
         let grid = CellGrid::new(&samples.points, 2.0 * samples.spacing);
         let target = Target { samples: &samples, grid: &grid, sign: 1.0 };
         let corner = mouth_corner(&target, &placement, &Point3::new(25.0, -36.0, 101.0)).expect("a crease");
-        assert!((corner.y - (-41.0 + CORNER_OFFSET_MM[1])).abs() < 1.0 && corner.x < 25.0, "{corner}");
+        assert!((corner.y - (-41.0 + TUNING.corner_offset_mm[1])).abs() < 1.0 && corner.x < 25.0, "{corner}");
         // the slope is 1 at 10 mm below where the rounding begins
         let found = chin(&target, &placement, &Point3::new(0.0, -76.0, 104.0)).expect("a chin");
         assert!((found.y - -82.0).abs() < 2.0 && found.x.abs() < 1.0, "{found}");

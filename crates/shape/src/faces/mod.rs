@@ -58,12 +58,18 @@ pub enum DescribeError {
     Degenerate(String),
 }
 
-/// With fewer points than this nothing can be said about a shape.
-const LEAST_POINTS: usize = 50;
-/// A signature keeps this many facial triangles, the cheapest.
-const MOST_FACIAL_TRIANGLES: usize = 16;
-/// A cloud is thinned to cells of this share of the diagonal before anything is fitted: about a millimetre on a head.
-const CLOUD_CELL_OF_DIAGONAL: f64 = 0.003;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// With fewer points than this nothing can be said about a shape.
+        least_points: usize = 50,
+        /// A signature keeps this many facial triangles, the cheapest.
+        most_facial_triangles: usize = 16,
+        /// A cloud is thinned to cells of this share of the diagonal before anything is fitted: about a millimetre on a head.
+        cloud_cell_of_diagonal: f64 = 0.003,
+        /// Coordinates beyond this have squares that single precision has no numbers for.
+        largest_coordinate: f64 = 1e15,
+    }
+}
 
 /// Computes the signature of a mesh or of a cloud. Runs inside the caller's rayon pool.
 ///
@@ -89,7 +95,7 @@ pub fn describe(surface: &Surface, unit: Unit, progress: &Progress) -> Result<Si
     {
         detection = found;
     }
-    detection.candidates.truncate(MOST_FACIAL_TRIANGLES);
+    detection.candidates.truncate(TUNING.most_facial_triangles);
     let radius = rms_radius(&curved);
     let profile = ShapeProfile::of(&curved, radius, oriented.side != Side::Unknown);
     progress.report(Stage::Describing, 1.0);
@@ -134,7 +140,7 @@ impl Prepared {
             progress.check()?;
             return Ok(Prepared::Mesh { mesh, side });
         }
-        let cloud = saliency::orientation::oriented_cloud(surface, CLOUD_CELL_OF_DIAGONAL * diagonal, progress)?;
+        let cloud = saliency::orientation::oriented_cloud(surface, TUNING.cloud_cell_of_diagonal * diagonal, progress)?;
         let patches = Patches::new(&cloud.points, &cloud.normals, &cloud.proximity, progress)?;
         Ok(Prepared::Cloud { cloud, patches })
     }
@@ -161,17 +167,14 @@ impl Prepared {
     }
 }
 
-/// Coordinates beyond this have squares that single precision has no numbers for.
-const LARGEST_COORDINATE: f64 = 1e15;
-
 /// Refuses coordinates that can't be reckoned with.
 fn checked_size(surface: &Surface) -> Result<(), DescribeError> {
-    let is_sound = |p: &visage_geometry::Point3| p.iter().all(|x| x.abs() <= LARGEST_COORDINATE);
+    let is_sound = |p: &visage_geometry::Point3| p.iter().all(|x| x.abs() <= TUNING.largest_coordinate);
     match surface.cloud.points.iter().find(|p| !is_sound(p)) {
         None => Ok(()),
         Some(p) => Err(DescribeError::Degenerate(format!(
-            "a point lies at ({:e}, {:e}, {:e}); send a model whose coordinates are no larger than {LARGEST_COORDINATE:e}",
-            p.x, p.y, p.z
+            "a point lies at ({:e}, {:e}, {:e}); send a model whose coordinates are no larger than {:e}",
+            p.x, p.y, p.z, TUNING.largest_coordinate
         ))),
     }
 }
@@ -180,10 +183,13 @@ fn checked_size(surface: &Surface) -> Result<(), DescribeError> {
 pub(crate) fn checked_bounds(surface: &Surface) -> Result<Bounds, DescribeError> {
     let count = surface.cloud.len();
     match surface.cloud.bounds() {
-        Some(bounds) if count >= LEAST_POINTS && bounds.diagonal().is_finite() && bounds.diagonal() > 0.0 => Ok(bounds),
+        Some(bounds) if count >= TUNING.least_points && bounds.diagonal().is_finite() && bounds.diagonal() > 0.0 => {
+            Ok(bounds)
+        }
         _ => Err(DescribeError::Degenerate(format!(
-            "the surface has {count} points, or all in one place; send a model with at least {LEAST_POINTS} points \
-             that differ"
+            "the surface has {count} points, or all in one place; send a model with at least {} points \
+             that differ",
+            TUNING.least_points
         ))),
     }
 }

@@ -26,48 +26,56 @@ const SECOND_LOOK: Search = Search {
     kept_share: 0.95,
     rigid_rounds: 3,
 };
-/// How many get the second look.
-const CANDIDATES: usize = 4;
-/// A first look this many times worse than the best gets none.
-const HOPELESS: f64 = 1.6;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// How many get the second look.
+        candidates: usize = 4,
+        /// A first look this many times worse than the best gets none.
+        hopeless: f64 = 1.6,
+        /// A first look this good gets its second before finer levels are searched (faces of the public set at the level of their
+        /// size: below 3.7; other things: above 3.9).
+        likely_mm: f64 = 3.5,
+        /// A standard so many times too small or too large can come to rest on a face, its eyes on the face's: the best place is
+        /// looked at from these sizes as well.
+        other_sizes: [f64; 2] = [0.8, 1.25],
+        /// What stays in place then: the sellion, about.
+        between_the_eyes: [f64; 3] = [0.0, 36.0, 112.0],
+        /// Where the standard fits worse than this, mm, it does not lie on a face, and no other sizes are tried.
+        far_from_a_face_mm: f64 = 5.0,
+        /// The spacing of the finer samples, mm on the standard,
+        fine_spacing_mm: f64 = 3.0,
+        /// and how far around the face they reach.
+        fine_reach_mm: f64 = 80.0,
+        /// Normals are averaged over this radius, mm on the standard: about an edge of a head of 5000 vertices.
+        smoothing_mm: f64 = 6.0,
+        /// Samples nearer to each other than this share of that radius are averaged by way of coarser ones: a quarter of the work.
+        least_spacing_of_means: f64 = 0.4,
+        /// The spacing for the last look, at one place, mm on the standard: landmarks and heights,
+        close_spacing_mm: f64 = 1.5,
+        /// and its reach.
+        close_reach_mm: f64 = 95.0,
+        /// What is around the middle of the fitted region is looked at,
+        middle: [f64; 3] = [0.0, 20.0, 100.0],
+        /// and for the last look around that of forehead and chin.
+        close_middle: [f64; 3] = [0.0, 0.0, 100.0],
+    }
+}
+
 /// A second look that ends this near is at a face (no other thing of the public set: below 3), and no other place is
 /// looked at.
 pub(super) const GOOD_ENOUGH_MM: f64 = 2.0;
-/// A first look this good gets its second before finer levels are searched (faces of the public set at the level of their
-/// size: below 3.7; other things: above 3.9).
-const LIKELY_MM: f64 = 3.5;
-/// A standard so many times too small or too large can come to rest on a face, its eyes on the face's: the best place is
-/// looked at from these sizes as well.
-const OTHER_SIZES: [f64; 2] = [0.8, 1.25];
-/// What stays in place then: the sellion, about.
-const BETWEEN_THE_EYES: [f64; 3] = [0.0, 36.0, 112.0];
-/// Where the standard fits worse than this, mm, it does not lie on a face, and no other sizes are tried.
-const FAR_FROM_A_FACE_MM: f64 = 5.0;
-/// The spacing of the finer samples, mm on the standard, and how far around the face they reach.
-const FINE_SPACING_MM: f64 = 3.0;
-const FINE_REACH_MM: f64 = 80.0;
-/// Normals are averaged over this radius, mm on the standard: about an edge of a head of 5000 vertices.
-const SMOOTHING_MM: f64 = 6.0;
-/// Samples nearer to each other than this share of that radius are averaged by way of coarser ones: a quarter of the work.
-const LEAST_SPACING_OF_MEANS: f64 = 0.4;
-/// Spacing and reach for the last look, at one place: landmarks and heights.
-const CLOSE_SPACING_MM: f64 = 1.5;
-const CLOSE_REACH_MM: f64 = 95.0;
-/// What is around these is looked at: the middle of the fitted region, and for the last look that of forehead and chin.
-const MIDDLE: [f64; 3] = [0.0, 20.0, 100.0];
-const CLOSE_MIDDLE: [f64; 3] = [0.0, 0.0, 100.0];
 
 impl Candidate {
     /// Whether a point of the surface may belong to a triangle of this face, the fits around its corners included.
     pub(super) fn reaches(&self, point: &Point3) -> bool {
         let pose = &self.fit.pose;
-        (point - pose.point(&Point3::from(MIDDLE))).norm() < FINE_REACH_MM * pose.scale
+        (point - pose.point(&Point3::from(TUNING.middle))).norm() < TUNING.fine_reach_mm * pose.scale
     }
 
     /// The plain standard at the same place, larger. Its proportions are taken back about the middle of the head: a
     /// surface that had been flattened then starts before the face, not inside it.
     fn grown(&self, growth: f64) -> Candidate {
-        let (center, still) = (Point3::from(BETWEEN_THE_EYES), Vector3::zeros());
+        let (center, still) = (Point3::from(TUNING.between_the_eyes), Vector3::zeros());
         let grown = self.fit.pose.nudged(&center, &still, &Vector3::repeat(growth), &still);
         let pose = Similarity { stretch: Vector3::repeat(1.0), ..grown };
         Candidate { fit: Fit { pose, weights: Weights::zeros(), ..self.fit }, ..*self }
@@ -99,7 +107,7 @@ impl<'a> Refinement<'a> {
     /// A look at the best of a level's first fits, if it is so good that it may be a face.
     pub(super) fn take_if_likely(&mut self, level: &[Candidate], progress: &Progress) -> Result<(), Canceled> {
         let best = level.iter().min_by(|a, b| a.fit.residual_mm.total_cmp(&b.fit.residual_mm));
-        if let Some(best) = best.filter(|best| best.fit.residual_mm < LIKELY_MM) {
+        if let Some(best) = best.filter(|best| best.fit.residual_mm < TUNING.likely_mm) {
             self.take(best, progress)?;
         }
         Ok(())
@@ -107,7 +115,7 @@ impl<'a> Refinement<'a> {
 
     /// Looks at the best of all first fits until one shows a face.
     pub(super) fn take_at_best_of(&mut self, fitted: Vec<Candidate>, progress: &Progress) -> Result<(), Canceled> {
-        for candidate in distinct(fitted, &self.standard.annotated.corners, CANDIDATES, HOPELESS) {
+        for candidate in distinct(fitted, &self.standard.annotated.corners, TUNING.candidates, TUNING.hopeless) {
             if self.face().is_some() {
                 break;
             }
@@ -122,7 +130,7 @@ impl<'a> Refinement<'a> {
             return Ok(());
         }
         self.taken.push(*first);
-        let near = around(self.surface, &first.fit.pose, MIDDLE, FINE_SPACING_MM, FINE_REACH_MM);
+        let near = around(self.surface, &first.fit.pose, TUNING.middle, TUNING.fine_spacing_mm, TUNING.fine_reach_mm);
         progress.check()?;
         let look = second_look(&near, first);
         if self.best.as_ref().is_none_or(|(best, _)| look.is_better_than(best)) {
@@ -135,7 +143,7 @@ impl<'a> Refinement<'a> {
     pub(super) fn closest(self, progress: &Progress) -> Result<Option<FoundFace>, Canceled> {
         progress.check()?;
         let Some((best, near)) = self.best else { return Ok(None) };
-        let sizes = OTHER_SIZES.iter().filter(|_| best.fit.residual_mm <= FAR_FROM_A_FACE_MM);
+        let sizes = TUNING.other_sizes.iter().filter(|_| best.fit.residual_mm <= TUNING.far_from_a_face_mm);
         let others = sizes.map(|growth| second_look(&near, &best.grown(*growth)));
         let possible = others.filter(|other| is_true_size(other.fit.pose.scale, self.unit));
         let best = possible.fold(best, |best, other| if other.is_better_than(&best) { other } else { best });
@@ -151,7 +159,8 @@ fn second_look((samples, grid): &(Samples, CellGrid), candidate: &Candidate) -> 
 
 /// What the surface shows at the place that was settled on.
 fn closest_look(surface: &SampledSurface, found: &Candidate) -> FoundFace {
-    let (samples, grid) = around(surface, &found.fit.pose, CLOSE_MIDDLE, CLOSE_SPACING_MM, CLOSE_REACH_MM);
+    let (samples, grid) =
+        around(surface, &found.fit.pose, TUNING.close_middle, TUNING.close_spacing_mm, TUNING.close_reach_mm);
     let target = Target { samples: &samples, grid: &grid, sign: found.sign };
     let placement = found.fit.placement();
     FoundFace {
@@ -176,8 +185,8 @@ fn around(
         samples = samples.coarser(2.0 * samples.spacing);
     }
     let grid = CellGrid::new(&samples.points, 2.0 * samples.spacing);
-    let radius = SMOOTHING_MM * pose.scale;
-    samples.normals = if samples.spacing < LEAST_SPACING_OF_MEANS * radius {
+    let radius = TUNING.smoothing_mm * pose.scale;
+    samples.normals = if samples.spacing < TUNING.least_spacing_of_means * radius {
         let coarser = samples.coarser(2.0 * samples.spacing);
         samples.smoothed_normals(&coarser, &CellGrid::new(&coarser.points, radius), radius)
     } else {
@@ -221,7 +230,7 @@ mod tests {
         let mut looks = Refinement::new(&surface, Unit::Unknown, &standard);
         let [amiss, near] = [Vector3::new(-45.0, 20.0, 15.0), Vector3::new(2.0, -2.0, 1.0)].map(first_fit);
         let silent = Progress::silent();
-        let unlikely = Candidate { fit: Fit { residual_mm: LIKELY_MM, ..near.fit }, ..near };
+        let unlikely = Candidate { fit: Fit { residual_mm: TUNING.likely_mm, ..near.fit }, ..near };
         looks.take_if_likely(&[unlikely], &silent).expect("not canceled");
         assert!(looks.taken.is_empty(), "not good enough for a look before finer levels");
         looks.take_if_likely(&[amiss], &silent).expect("not canceled");
@@ -244,7 +253,7 @@ mod tests {
         let grown = Candidate { fit, sign: -1.0 }.grown(1.25);
         assert!((grown.fit.pose.scale - 2.5).abs() < 1e-12 && grown.sign == -1.0);
         assert_eq!((grown.fit.pose.stretch, grown.fit.weights), (Vector3::repeat(1.0), Weights::zeros()));
-        let between = Point3::from(BETWEEN_THE_EYES);
+        let between = Point3::from(TUNING.between_the_eyes);
         let factors = grown.fit.pose.scale * (Vector3::repeat(1.0) - stretch);
         let moved = grown.fit.pose.point(&between) - pose.point(&between);
         assert!((moved - factors.component_mul(&between.coords)).norm() < 1e-9);
@@ -256,8 +265,8 @@ mod tests {
         let bounds = mesh.bounds().expect("it has vertices");
         let surface = SampledSurface { form: Form::Mesh(&mesh), bounds, side: Side::Unknown };
         let pose = Similarity { scale: 1.0, stretch: Vector3::repeat(1.0), motion: Motion::identity() };
-        let (samples, _) = around(&surface, &pose, CLOSE_MIDDLE, CLOSE_SPACING_MM, CLOSE_REACH_MM);
+        let (samples, _) = around(&surface, &pose, TUNING.close_middle, TUNING.close_spacing_mm, TUNING.close_reach_mm);
         assert!(samples.points.len() > 10_000 && samples.points.len() <= MOST_SAMPLES, "{}", samples.points.len());
-        assert_eq!(samples.spacing, 2.0 * CLOSE_SPACING_MM);
+        assert_eq!(samples.spacing, 2.0 * TUNING.close_spacing_mm);
     }
 }

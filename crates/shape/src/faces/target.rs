@@ -3,10 +3,14 @@
 use crate::saliency::{CellGrid, Samples};
 use visage_geometry::{Point3, Vector3};
 
-/// A sample lies on a rim if its neighbours leave a sector this wide empty, radians.
-const RIM_SECTOR: f64 = 2.0 * std::f64::consts::FRAC_PI_3;
-/// Its neighbours are looked for within this, in spacings.
-const RIM_RADIUS: f64 = 3.2;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// A sample lies on a rim if its neighbours leave a sector this wide empty, radians.
+        rim_sector: f64 = 2.0 * std::f64::consts::FRAC_PI_3,
+        /// Its neighbours are looked for within this, in spacings.
+        rim_radius: f64 = 3.2,
+    }
+}
 
 /// Samples of a model with their grid, normals as they are; `sign` turns them outward.
 #[derive(Debug, Clone, Copy)]
@@ -50,7 +54,7 @@ impl Target<'_> {
         let (center, normal) = (self.samples.points[sample], self.samples.normals[sample]);
         let [x, y] = crate::saliency::quadric::tangents(&normal);
         let mut angles = Vec::new();
-        self.grid.for_each_within(&center, RIM_RADIUS * self.samples.spacing, |other, _| {
+        self.grid.for_each_within(&center, TUNING.rim_radius * self.samples.spacing, |other, _| {
             let offset = self.samples.points[other] - center;
             if other != sample && self.samples.normals[other].dot(&normal) > 0.0 {
                 angles.push(offset.dot(&y).atan2(offset.dot(&x)));
@@ -59,6 +63,6 @@ impl Target<'_> {
         angles.sort_by(f64::total_cmp);
         let Some((first, last)) = angles.first().zip(angles.last()) else { return true };
         let around = first + std::f64::consts::TAU - last;
-        angles.windows(2).map(|pair| pair[1] - pair[0]).fold(around, f64::max) > RIM_SECTOR
+        angles.windows(2).map(|pair| pair[1] - pair[0]).fold(around, f64::max) > TUNING.rim_sector
     }
 }

@@ -31,8 +31,12 @@ pub struct Shaped {
 
 /// Number of points of the built-in template.
 pub const TEMPLATE_POINTS: usize = 300;
-/// The grid that the points are chosen from, mm.
-const STEP_MM: f64 = 1.5;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// The grid that the points are chosen from, mm.
+        step_mm: f64 = 1.5,
+    }
+}
 
 /// The built-in face region: forehead to the foot of the nose, without the eyes, which models show open, closed or not at all.
 pub fn face() -> &'static Template {
@@ -102,11 +106,11 @@ pub fn at(x: f64, y: f64) -> (Point3, Vector3) {
 }
 
 fn region() -> Vec<Node> {
-    let half = (relief::HALF_WIDTH_MM / STEP_MM) as i32;
-    let rows = ((relief::HIGHEST_MM - relief::LOWEST_MM) / STEP_MM) as i32;
+    let half = (relief::HALF_WIDTH_MM / TUNING.step_mm) as i32;
+    let rows = ((relief::HIGHEST_MM - relief::LOWEST_MM) / TUNING.step_mm) as i32;
     (0..=rows)
         .flat_map(|row| (-half..=half).map(move |column| (f64::from(column), f64::from(row))))
-        .map(|(column, row)| (column * STEP_MM, relief::LOWEST_MM + row * STEP_MM))
+        .map(|(column, row)| (column * TUNING.step_mm, relief::LOWEST_MM + row * TUNING.step_mm))
         .filter(|&(x, y)| is_in_region(x, y))
         .map(|(x, y)| Node::at(x, y))
         .collect()

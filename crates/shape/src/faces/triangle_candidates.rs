@@ -5,23 +5,27 @@ use super::standard::{FaceStandard, INNER_EYE_DISTANCE_MM};
 use super::triangle::Triangle;
 use visage_geometry::{Motion, Point3, Vector3};
 
-/// The most triangles that are kept of one scale level.
-const MOST_PER_LEVEL: usize = 16;
-/// Of these with one nose: triangles of one nose lead to much the same place, and a busy object has noses enough to
-/// crowd out a face's own.
-const MOST_PER_NOSE: usize = 4;
-/// A triangle farther from the standard than this is none, RMS mm on the standard.
-const MOST_RMS_MM: f64 = 12.0;
-/// One standard deviation of faces: RMS matching error, mm on the standard.
-const RMS_SPREAD_MM: f64 = 3.0;
-/// Of 1 - cos of the angle between a corner's normal and the standard's, mean over the corners.
-const NORMAL_SPREAD: f64 = 0.06;
-/// Of the logarithm of the ratio of the two pits.
-const LOG_PIT_RATIO_SPREAD: f64 = 0.5;
-/// Of the logarithm of the cap's curvature.
-const LOG_CAP_SPREAD: f64 = 0.4;
-/// Of the logarithm of the pits' curvature.
-const LOG_PIT_SPREAD: f64 = 0.6;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// The most triangles that are kept of one scale level.
+        most_per_level: usize = 16,
+        /// Of these with one nose: triangles of one nose lead to much the same place, and a busy object has noses enough to
+        /// crowd out a face's own.
+        most_per_nose: usize = 4,
+        /// A triangle farther from the standard than this is none, RMS mm on the standard.
+        most_rms_mm: f64 = 12.0,
+        /// One standard deviation of faces: RMS matching error, mm on the standard.
+        rms_spread_mm: f64 = 3.0,
+        /// Of 1 - cos of the angle between a corner's normal and the standard's, mean over the corners.
+        normal_spread: f64 = 0.06,
+        /// Of the logarithm of the ratio of the two pits.
+        log_pit_ratio_spread: f64 = 0.5,
+        /// Of the logarithm of the cap's curvature.
+        log_cap_spread: f64 = 0.4,
+        /// Of the logarithm of the pits' curvature.
+        log_pit_spread: f64 = 0.6,
+    }
+}
 
 /// A triangle's size relative to what its scale level expects.
 const SIZES: std::ops::RangeInclusive<f64> = 0.72..=1.4;
@@ -95,11 +99,11 @@ impl TriangleCandidate {
         let [right, left, cap] = self.strengths.map(|s| s.max(1e-9) * size);
         let [standard_pit, standard_cap] = standard.curvatures;
         Cost {
-            shape: error / 3f64.sqrt() / RMS_SPREAD_MM,
-            normals: turned / 3.0 / NORMAL_SPREAD,
-            symmetry: (right / left).ln() / LOG_PIT_RATIO_SPREAD,
-            cap: (cap / standard_cap).ln() / LOG_CAP_SPREAD,
-            pits: ((right * left).sqrt() / standard_pit).ln() / LOG_PIT_SPREAD,
+            shape: error / 3f64.sqrt() / TUNING.rms_spread_mm,
+            normals: turned / 3.0 / TUNING.normal_spread,
+            symmetry: (right / left).ln() / TUNING.log_pit_ratio_spread,
+            cap: (cap / standard_cap).ln() / TUNING.log_cap_spread,
+            pits: ((right * left).sqrt() / standard_pit).ln() / TUNING.log_pit_spread,
         }
     }
 }
@@ -117,11 +121,11 @@ pub fn candidates(places: &Places, expected: f64, standard: &FaceStandard) -> Ve
             }
         }
         of_nose.sort_by(|a, b| a.0.total_cmp(&b.0));
-        of_nose.truncate(MOST_PER_NOSE);
+        of_nose.truncate(TUNING.most_per_nose);
         found.extend(of_nose);
     }
     found.sort_by(|a, b| a.0.total_cmp(&b.0));
-    found.into_iter().take(MOST_PER_LEVEL).map(|(_, candidate)| candidate).collect()
+    found.into_iter().take(TUNING.most_per_level).map(|(_, candidate)| candidate).collect()
 }
 
 /// The triangle with right and left told apart: `(nose - right) x (left - right)` lies on the outer side.
@@ -142,7 +146,7 @@ fn labelled(
         return None;
     }
     let error = triangle.shape(&outward).matching_error(&standard.detected_shape(), standard.detected.size());
-    (error < MOST_RMS_MM * 3f64.sqrt()).then_some(TriangleCandidate {
+    (error < TUNING.most_rms_mm * 3f64.sqrt()).then_some(TriangleCandidate {
         corners: triangle.corners,
         normals: [right.normal, left.normal, nose.normal],
         strengths: [right.strength, left.strength, nose.strength],
@@ -181,9 +185,9 @@ mod tests {
         let standard = face();
         let right = candidates(&places(), INNER_EYE_DISTANCE_MM, &standard)[0];
         let flat = TriangleCandidate { strengths: [2.7, 2.7, 4.3 / 2.0], ..right };
-        assert!((flat.cost(&standard).cap - 0.5f64.ln() / LOG_CAP_SPREAD).abs() < 1e-9);
+        assert!((flat.cost(&standard).cap - 0.5f64.ln() / TUNING.log_cap_spread).abs() < 1e-9);
         let uneven = TriangleCandidate { strengths: [2.7 * 2.0, 2.7 / 2.0, 4.3], ..right };
-        assert!((uneven.cost(&standard).symmetry - 4f64.ln() / LOG_PIT_RATIO_SPREAD).abs() < 1e-9);
+        assert!((uneven.cost(&standard).symmetry - 4f64.ln() / TUNING.log_pit_ratio_spread).abs() < 1e-9);
         assert!(uneven.cost(&standard).pits.abs() < 1e-9);
         let tilted = TriangleCandidate { normals: [Vector3::y(), right.normals[1], right.normals[2]], ..right };
         assert!(tilted.cost(&standard).normals > 1.0);

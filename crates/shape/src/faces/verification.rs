@@ -11,20 +11,36 @@ use visage_geometry::{Point3, Vector3};
 pub const FAR_MM: f64 = 12.0;
 /// The share of template points that the residual counts, and that a pose is first fitted to.
 pub const KEPT_SHARE: f64 = 0.8;
-/// Template and surface must look the same way at least this much (cosine).
-const LEAST_COSINE: f64 = 0.3;
-/// A radian between the normals counts as much as this distance, mm: a nose-like lump in the right place has the wrong
-/// slopes.
-const NORMAL_LEVER_MM: f64 = 8.7;
-/// A point this far off, mm, most of it along the surface, beside a rim, is not seen rather than not there.
-const UNSEEN_MM: f64 = 2.5;
-const UNSEEN_TANGENTIAL: f64 = 0.6;
-/// Samples stand for the surface around them: a point that near along the surface, in spacings, is on it.
-const SAMPLE_REACH: f64 = 0.7;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// Template and surface must look the same way at least this much (cosine).
+        least_cosine: f64 = 0.3,
+        /// A radian between the normals counts as much as this distance, mm: a nose-like lump in the right place has the wrong
+        /// slopes.
+        normal_lever_mm: f64 = 8.7,
+        /// A point this far off, mm, most of it along the surface, beside a rim, is not seen rather than not there.
+        unseen_mm: f64 = 2.5,
+        /// This share of it along the surface.
+        unseen_tangential: f64 = 0.6,
+        /// Samples stand for the surface around them: a point that near along the surface, in spacings, is on it.
+        sample_reach: f64 = 0.7,
+        /// Below this share the residual is raised: what was not seen could not disagree.
+        fully_observed: f64 = 0.85,
+        /// With this weight a mode at one standard deviation costs as much as 1 mm over twenty independent points.
+        mode_weight: f64 = 0.008,
+        /// No face is farther from the mean than this, in standard deviations of a mode.
+        most_weight: f64 = 3.0,
+        /// One standard deviation of the logarithms of width, height and depth.
+        proportion_spread: f64 = 0.08,
+        /// What a unit of strain adds to the mean square residual, mm^2: 1 mm over twenty points, as in the fit.
+        strain_mm2: f64 = 20.0 / 240.0,
+        /// A step shorter than this (radians, logarithms, levers, standard deviations) is the last.
+        settled: f64 = 2e-3,
+    }
+}
+
 /// With a smaller share of the template seen there is no verdict.
 pub const LEAST_OBSERVED: f64 = 0.5;
-/// Below this share the residual is raised: what was not seen could not disagree.
-const FULLY_OBSERVED: f64 = 0.85;
 
 /// How well the standard's surface fits at a place.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -68,16 +84,6 @@ pub struct Search {
 /// With this weight width, height and depth may differ from the standard's by some 8 % (one standard deviation)
 /// before that costs as much as 1 mm over twenty independent points.
 pub const PROPORTION_WEIGHT: f64 = 1.25;
-/// With this weight a mode at one standard deviation costs as much as 1 mm over twenty independent points.
-const MODE_WEIGHT: f64 = 0.008;
-/// No face is farther from the mean than this, in standard deviations of a mode.
-const MOST_WEIGHT: f64 = 3.0;
-/// One standard deviation of the logarithms of width, height and depth.
-const PROPORTION_SPREAD: f64 = 0.08;
-/// What a unit of strain adds to the mean square residual, mm^2: 1 mm over twenty points, as in the fit.
-const STRAIN_MM2: f64 = 20.0 / 240.0;
-/// A step shorter than this (radians, logarithms, levers, standard deviations) is the last.
-const SETTLED: f64 = 2e-3;
 /// With this weight proportions stay.
 pub const RIGID_PROPORTIONS: f64 = 1e4;
 
@@ -106,8 +112,9 @@ pub fn fit_pose(target: &Target, template: &Template, start: &Placement, search:
         now.pose = grown.nudged(&middle, &Vector3::zeros(), &Vector3::repeat(cut), &Vector3::zeros());
         // at the limit of size the same step would be taken, and undone, over and over
         step.fixed_rows_mut::<3>(3).add_scalar_mut(cut - 1.0);
-        now.weights = (now.weights + step.fixed_rows::<MODES>(9)).map(|w| w.clamp(-MOST_WEIGHT, MOST_WEIGHT));
-        if round >= search.rigid_rounds && step.norm() < SETTLED {
+        now.weights =
+            (now.weights + step.fixed_rows::<MODES>(9)).map(|w| w.clamp(-TUNING.most_weight, TUNING.most_weight));
+        if round >= search.rigid_rounds && step.norm() < TUNING.settled {
             break;
         }
     }
@@ -138,7 +145,7 @@ fn pose_step(
     let mut pairs: Vec<Pair> = (0..shaped.points.len())
         .filter_map(|k| {
             let (point, normal) = (pose.point(&shaped.points[k]), pose.normal(&shaped.normals[k]));
-            Some((k, point, target.counterpart(&point, &normal, reach, LEAST_COSINE)?))
+            Some((k, point, target.counterpart(&point, &normal, reach, TUNING.least_cosine)?))
         })
         .collect();
     trim(&mut pairs, (search.kept_share * search.points as f64) as usize);
@@ -174,7 +181,7 @@ fn pose_step(
         right[3 + axis] -= weight * pose.stretch[axis].ln();
     }
     for mode in 0..MODES {
-        let weight = if round < search.rigid_rounds { RIGID_PROPORTIONS } else { MODE_WEIGHT };
+        let weight = if round < search.rigid_rounds { RIGID_PROPORTIONS } else { TUNING.mode_weight };
         matrix[(9 + mode, 9 + mode)] += weight;
         right[9 + mode] -= weight * now.weights[mode];
     }
@@ -205,15 +212,16 @@ pub fn score(target: &Target, template: &Template, count: usize, placement: &Pla
     squares.sort_by(f64::total_cmp);
     squares.truncate((KEPT_SHARE * squares.len() as f64).ceil() as usize);
     let mean = squares.iter().sum::<f64>() / squares.len().max(1) as f64;
-    let strained = (mean + STRAIN_MM2 * strain(placement)).sqrt();
+    let strained = (mean + TUNING.strain_mm2 * strain(placement)).sqrt();
     let residual = if observed < LEAST_OBSERVED { FAR_MM } else { strained };
-    let residual_mm = residual * (1.0 + 0.5 * (FULLY_OBSERVED - observed).max(0.0));
+    let residual_mm = residual * (1.0 + 0.5 * (TUNING.fully_observed - observed).max(0.0));
     Fit { pose: *pose, weights: placement.weights, residual_mm, observed }
 }
 
 /// How far the placement is from the plain standard: the sum of squared standard deviations of proportions and modes.
 fn strain(placement: &Placement) -> f64 {
-    let stretch: f64 = placement.pose.stretch.iter().map(|factor| (factor.ln() / PROPORTION_SPREAD).powi(2)).sum();
+    let stretch: f64 =
+        placement.pose.stretch.iter().map(|factor| (factor.ln() / TUNING.proportion_spread).powi(2)).sum();
     stretch + placement.weights.norm_squared()
 }
 
@@ -221,7 +229,7 @@ fn strain(placement: &Placement) -> f64 {
 /// a rim hides it.
 fn squared_mm(target: &Target, point: &Point3, normal: &Vector3, scale: f64) -> Option<f64> {
     let radius = FAR_MM * scale;
-    let near = target.counterpart(point, normal, radius, LEAST_COSINE);
+    let near = target.counterpart(point, normal, radius, TUNING.least_cosine);
     let Some(near) = near.or_else(|| beyond(target, point, normal, radius)) else {
         return Some(FAR_MM * FAR_MM);
     };
@@ -229,20 +237,23 @@ fn squared_mm(target: &Target, point: &Point3, normal: &Vector3, scale: f64) -> 
     let height = offset.dot(&near.normal);
     let along = (offset.norm_squared() - height * height).max(0.0).sqrt();
     let distance = offset.norm() / scale;
-    if distance > UNSEEN_MM && along > UNSEEN_TANGENTIAL * offset.norm() && target.is_on_rim(near.sample) {
+    if distance > TUNING.unseen_mm && along > TUNING.unseen_tangential * offset.norm() && target.is_on_rim(near.sample)
+    {
         return None;
     }
-    let beside = (along - SAMPLE_REACH * target.samples.spacing).max(0.0);
+    let beside = (along - TUNING.sample_reach * target.samples.spacing).max(0.0);
     // 2 (1 - cos) is the squared angle
     let angle2 = 2.0 * (1.0 - near.normal.dot(normal));
     let place2 = (height * height + beside * beside) / (scale * scale);
-    Some((place2 + NORMAL_LEVER_MM * NORMAL_LEVER_MM * angle2).min(FAR_MM * FAR_MM))
+    Some((place2 + TUNING.normal_lever_mm * TUNING.normal_lever_mm * angle2).min(FAR_MM * FAR_MM))
 }
 
 /// The nearest sample farther off than `radius`, if there is none of any direction inside: perhaps a rim's.
 fn beyond(target: &Target, point: &Point3, normal: &Vector3, radius: f64) -> Option<Counterpart> {
     target.counterpart(point, normal, radius, -2.0).is_none().then_some(())?;
-    [2.0, 4.0, 8.0].into_iter().find_map(|factor| target.counterpart(point, normal, factor * radius, LEAST_COSINE))
+    [2.0, 4.0, 8.0]
+        .into_iter()
+        .find_map(|factor| target.counterpart(point, normal, factor * radius, TUNING.least_cosine))
 }
 
 #[cfg(test)]

@@ -4,8 +4,12 @@
 use super::CurvedSurface;
 use visage_geometry::{Mesh, Vector3};
 
-/// Cotangents beyond this come from needle-shaped faces and carry no shape.
-const MAX_COTANGENT: f64 = 20.0;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// Cotangents beyond this come from needle-shaped faces and carry no shape.
+        max_cotangent: f64 = 20.0,
+    }
+}
 
 /// The vertices of `mesh` with mean curvature l(v) = |Laplace x| / 2, signed: convex positive.
 ///
@@ -38,7 +42,7 @@ fn add_face(mesh: &Mesh, index: usize, areas: &mut [f64], laplacians: &mut [Vect
     }
     let face = mesh.faces[index].map(|v| v as usize);
     let dots = [0, 1, 2].map(|k| (corners[(k + 1) % 3] - corners[k]).dot(&(corners[(k + 2) % 3] - corners[k])));
-    let cotangents = dots.map(|d| (d / double_area).clamp(-MAX_COTANGENT, MAX_COTANGENT));
+    let cotangents = dots.map(|d| (d / double_area).clamp(-TUNING.max_cotangent, TUNING.max_cotangent));
     let obtuse = (0..3).find(|&k| dots[k] < 0.0);
     for k in 0..3 {
         let (i, j) = ((k + 1) % 3, (k + 2) % 3);

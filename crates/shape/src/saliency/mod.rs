@@ -33,18 +33,19 @@ use visage_geometry::{Bounds, Mesh, Point3, Vector3};
 /// The paper's unit of scale: xi as a share of the bounding box's diagonal.
 pub const XI_OF_DIAGONAL: f64 = 0.003;
 
-/// More points than this are gathered into cells before the multi-scale sums, whose cost grows with the
-/// square of the density. A head of this many points has a spacing of 1.6 xi: finer than the smallest sigma.
-const MAX_POINTS: usize = 40_000;
-
-/// The same if there are more than this many points to a cell: some files crowd their vertices into a few places.
-const CROWDED: usize = 2;
-
-/// The finest cell, in xi, that points are gathered into.
-const CELL_IN_XI: f64 = 1.5;
-
-/// Cells of a surface with too many neighbours are enlarged by this.
-const COARSER: f64 = 1.3;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// More points than this are gathered into cells before the multi-scale sums, whose cost grows with the
+        /// square of the density. A head of this many points has a spacing of 1.6 xi: finer than the smallest sigma.
+        max_points: usize = 40_000,
+        /// The same if there are more than this many points to a cell: some files crowd their vertices into a few places.
+        crowded: usize = 2,
+        /// The finest cell, in xi, that points are gathered into.
+        cell_in_xi: f64 = 1.5,
+        /// Cells of a surface with too many neighbours are enlarged by this.
+        coarser: f64 = 1.3,
+    }
+}
 
 /// Whether the multi-scale sums over these points would look at more pairs than [`cells::MOST_PAIRS`].
 fn has_too_many_pairs(points: &[Point3], xi: f64) -> bool {
@@ -72,20 +73,20 @@ impl CurvedSurface {
     pub fn from_mesh(mesh: &Mesh, side: f64) -> CurvedSurface {
         let mut surface = curvature::of_mesh(mesh, side);
         surface.cut_curvature();
-        let gathered = surface.gathered(CELL_IN_XI * surface.xi());
-        let crowded = surface.points.len() > CROWDED * gathered.points.len();
-        let surface = if crowded || surface.points.len() > MAX_POINTS { gathered } else { surface };
+        let gathered = surface.gathered(TUNING.cell_in_xi * surface.xi());
+        let crowded = surface.points.len() > TUNING.crowded * gathered.points.len();
+        let surface = if crowded || surface.points.len() > TUNING.max_points { gathered } else { surface };
         surface.bounded()
     }
 
     /// A bare cloud with unit normals: thinned to cells, its curvature from weighted quadric fits.
     pub fn from_cloud(points: &[Point3], normals: &[Vector3], progress: &Progress) -> Result<CurvedSurface, Canceled> {
         let xi = XI_OF_DIAGONAL * Bounds::of(points).map_or(0.0, |b| b.diagonal());
-        let mut cell = CELL_IN_XI * xi;
+        let mut cell = TUNING.cell_in_xi * xi;
         let mut samples = Samples::from_cloud(points, normals, cell);
         while has_too_many_pairs(&samples.points, xi) {
             progress.check()?;
-            cell *= COARSER;
+            cell *= TUNING.coarser;
             samples = Samples::from_cloud(points, normals, cell);
         }
         let mean_curvatures = quadric::mean_curvatures(&samples, progress)?;
@@ -98,10 +99,10 @@ impl CurvedSurface {
     /// The same surface with so few points that sums over neighbours are bounded: what fills space has far more
     /// neighbours than a surface.
     fn bounded(self) -> CurvedSurface {
-        let (mut surface, mut cell) = (self, CELL_IN_XI);
+        let (mut surface, mut cell) = (self, TUNING.cell_in_xi);
         let xi = surface.xi();
         while has_too_many_pairs(&surface.points, xi) {
-            cell *= COARSER;
+            cell *= TUNING.coarser;
             surface = surface.gathered(cell * xi);
         }
         surface

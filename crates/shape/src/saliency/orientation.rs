@@ -41,13 +41,21 @@ impl Side {
     }
 }
 
-/// At most this share of a mesh's edges may lie between faces that are wound against each other, or belong to more than
-/// two: scanned and decimated models have a few such edges.
-const MOST_WRONG_EDGES: f64 = 1e-3;
-/// At most this share may belong to one face only: of loose triangles no one knows whether they agree.
-const MOST_OPEN_EDGES: f64 = 0.1;
-/// The openings may be as large as this share of the surface: a bust's neck, but not a mask's back.
-const MOST_OPENING: f64 = 0.3;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// At most this share of a mesh's edges may lie between faces that are wound against each other, or belong to more than
+        /// two: scanned and decimated models have a few such edges.
+        most_wrong_edges: f64 = 1e-3,
+        /// At most this share may belong to one face only: of loose triangles no one knows whether they agree.
+        most_open_edges: f64 = 0.1,
+        /// The openings may be as large as this share of the surface: a bust's neck, but not a mask's back.
+        most_opening: f64 = 0.3,
+        /// Points of a cloud that are looked at, at most: a ball as densely sampled as its cells allow has 175 000.
+        most_points: usize = 200_000,
+        /// Cells of a cloud with more are enlarged by this.
+        coarser: f64 = 1.3,
+    }
+}
 
 /// The outer side of a mesh by the sign of its volume, if its faces agree and its openings leave no doubt of the sign.
 ///
@@ -60,7 +68,7 @@ pub fn side_of_mesh(mesh: &Mesh) -> Side {
     }
     let pieces = pieces(mesh);
     let sum = |of: fn(&Piece) -> f64| pieces.iter().map(of).sum::<f64>();
-    if sum(|piece| piece.opening.norm()) > MOST_OPENING * sum(|piece| piece.area) {
+    if sum(|piece| piece.opening.norm()) > TUNING.most_opening * sum(|piece| piece.area) {
         return Side::Unknown;
     }
     let doubt = sum(|piece| piece.opening.abs().dot(&(piece.bounds.max - piece.bounds.min)) / 6.0);
@@ -117,7 +125,7 @@ fn faces_agree(mesh: &Mesh) -> bool {
         wrong += usize::from(group.len() > 2 || (group.len() == 2 && group[0] == group[1]));
     }
     let at_most = |number: usize, share: f64| number as f64 <= share * count as f64;
-    count > 0 && at_most(wrong, MOST_WRONG_EDGES) && at_most(open, MOST_OPEN_EDGES)
+    count > 0 && at_most(wrong, TUNING.most_wrong_edges) && at_most(open, TUNING.most_open_edges)
 }
 
 /// A cloud with unit normals, what is known of their side, and its neighbours.
@@ -137,7 +145,7 @@ pub struct OrientedCloud {
 /// this program; without them normals are estimated from the neighbours, and turned towards the scanner if its place
 /// is known.
 ///
-/// A cloud that fills space is thinned further: see [`MOST_POINTS`].
+/// A cloud that fills space is thinned further: see `TUNING.most_points`.
 pub fn oriented_cloud(surface: &Surface, cell: f64, progress: &Progress) -> Result<OrientedCloud, Canceled> {
     if let Some(normals) = &surface.cloud.normals {
         let unit = |n: &nalgebra::Vector3<f32>| n.cast::<f64>().try_normalize(1e-9).unwrap_or_else(Vector3::zeros);
@@ -162,27 +170,22 @@ pub fn oriented_cloud(surface: &Surface, cell: f64, progress: &Progress) -> Resu
     Ok(OrientedCloud { points, normals, side: Side::Outward, proximity })
 }
 
-/// Samples of a cloud, at most [`MOST_POINTS`], on the surface in the middle of its skin.
+/// Samples of a cloud, at most `TUNING.most_points`, on the surface in the middle of its skin.
 fn thinned(points: &[Point3], normals: &[Vector3], cell: f64, progress: &Progress) -> Result<Samples, Canceled> {
     let mut samples = Samples::counted(points, normals, cell);
     let skin = Skin::of(points, cell, progress)?;
     if let Some(skin) = &skin {
         samples = skin::without_specks(samples, skin, progress)?;
     }
-    while samples.points.len() > MOST_POINTS {
+    while samples.points.len() > TUNING.most_points {
         progress.check()?;
-        samples = samples.coarser(COARSER * samples.spacing);
+        samples = samples.coarser(TUNING.coarser * samples.spacing);
     }
     match skin.and_then(|skin| skin.radius(samples.spacing)) {
         Some(radius) => skin::settled(&samples, radius, progress),
         None => Ok(samples),
     }
 }
-
-/// Points of a cloud that are looked at, at most: a ball as densely sampled as its cells allow has 175 000.
-const MOST_POINTS: usize = 200_000;
-/// Cells of a cloud with more are enlarged by this.
-const COARSER: f64 = 1.3;
 
 /// Normals of the planes fitted to the neighbours; either sign. Zero with too few neighbours.
 fn plane_normals(points: &[Point3], proximity: &Proximity) -> Vec<Vector3> {

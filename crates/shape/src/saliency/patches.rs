@@ -10,22 +10,27 @@ use super::samples::{Cells, Samples};
 use visage_geometry::progress::{Canceled, Progress};
 use visage_geometry::{Bounds, Point3, Vector3};
 
-/// A patch reaches this far, in the spacing of the points around it: neighbours overlap and leave no gaps.
-const REACH_IN_SPACINGS: f64 = 1.1;
-/// No patch reaches farther than this many usual ones: sparse points must not close a hole.
-const MOST_USUAL_REACHES: f64 = 2.5;
-/// A patch is fitted to points within this many times the distance of the last neighbour.
-const FIT_RADIUS: f64 = 1.25;
-/// With fewer neighbours on its side a patch is flat.
-const LEAST_NEIGHBOURS: u32 = 9;
-/// Patches are sampled in steps of this share of a cell.
-const STEP_IN_CELLS: f64 = 0.6;
-/// Where the middle of the neighbours is off by this share of the last one's distance the point lies on a rim (the
-/// middle of a half disc: 0.42), and its patch reaches only this share of its reach to the empty side.
-const RIM_OFFSET: f64 = 0.25;
-const BEYOND_RIM: f64 = 0.3;
-/// A patch may not rise higher than this share of the distance from its middle: it would say more than its points.
-const STEEPEST: f64 = 0.8;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// A patch reaches this far, in the spacing of the points around it: neighbours overlap and leave no gaps.
+        reach_in_spacings: f64 = 1.1,
+        /// No patch reaches farther than this many usual ones: sparse points must not close a hole.
+        most_usual_reaches: f64 = 2.5,
+        /// A patch is fitted to points within this many times the distance of the last neighbour.
+        fit_radius: f64 = 1.25,
+        /// With fewer neighbours on its side a patch is flat.
+        least_neighbours: u32 = 9,
+        /// Patches are sampled in steps of this share of a cell.
+        step_in_cells: f64 = 0.6,
+        /// Where the middle of the neighbours is off by this share of the last one's distance the point lies on a rim (the
+        /// middle of a half disc: 0.42),
+        rim_offset: f64 = 0.25,
+        /// and its patch reaches only this share of its reach to the empty side.
+        beyond_rim: f64 = 0.3,
+        /// A patch may not rise higher than this share of the distance from its middle: it would say more than its points.
+        steepest: f64 = 0.8,
+    }
+}
 
 /// Patches over the points of a cloud with unit normals.
 #[derive(Debug, Clone, Default)]
@@ -53,13 +58,14 @@ impl Patches {
         proximity: &Proximity,
         progress: &Progress,
     ) -> Result<Patches, Canceled> {
-        let usual = REACH_IN_SPACINGS * proximity.usual_spacing();
+        let usual = TUNING.reach_in_spacings * proximity.usual_spacing();
         let patches = (0..points.len())
             .into_par_iter()
             .filter(|&index| normals[index] != Vector3::zeros())
             .map(|index| {
                 progress.check()?;
-                let reach = (REACH_IN_SPACINGS * proximity.spacing(index)).min(MOST_USUAL_REACHES * usual);
+                let reach =
+                    (TUNING.reach_in_spacings * proximity.spacing(index)).min(TUNING.most_usual_reaches * usual);
                 Ok(Patch::fitted(points, normals, proximity, index, reach))
             })
             .collect::<Result<_, Canceled>>()?;
@@ -73,7 +79,7 @@ impl Patches {
 
     /// About the area of the surface: neighbours' patches overlap by as much as their reach says.
     pub fn area(&self) -> f64 {
-        self.patches.iter().map(|patch| (patch.reach / REACH_IN_SPACINGS).powi(2)).sum()
+        self.patches.iter().map(|patch| (patch.reach / TUNING.reach_in_spacings).powi(2)).sum()
     }
 
     /// One sample for each cell of edge `spacing` that the patches around points that `keep` takes pass through.
@@ -85,7 +91,7 @@ impl Patches {
         let around = Bounds::of(&centers).map(|b| Bounds { min: b.min - Vector3::repeat(most), max: b.max });
         let mut cells = Cells::new(spacing, around);
         for patch in kept() {
-            patch.add_to(&mut cells, STEP_IN_CELLS * spacing);
+            patch.add_to(&mut cells, TUNING.step_in_cells * spacing);
         }
         let mut samples = cells.finish();
         samples.areas.fill(spacing * spacing);
@@ -96,7 +102,7 @@ impl Patches {
 impl Patch {
     fn fitted(points: &[Point3], normals: &[Vector3], proximity: &Proximity, index: usize, reach: f64) -> Patch {
         let (center, normal) = (points[index], normals[index]);
-        let unit = (FIT_RADIUS * proximity.farthest(index)).max(f64::MIN_POSITIVE);
+        let unit = (TUNING.fit_radius * proximity.farthest(index)).max(f64::MIN_POSITIVE);
         let [tangent_x, tangent_y] = tangents(&normal);
         let mut neighbours = Neighbours::new(unit);
         let mut middle = [0.0; 2];
@@ -110,9 +116,9 @@ impl Patch {
         }
         let fit = neighbours.fit(unit);
         let off = middle[0].hypot(middle[1]);
-        let on_rim = off > RIM_OFFSET * proximity.farthest(index) * f64::from(fit.neighbours);
+        let on_rim = off > TUNING.rim_offset * proximity.farthest(index) * f64::from(fit.neighbours);
         let inward = if on_rim { middle.map(|m| m / off) } else { [0.0; 2] };
-        let fitted = if fit.neighbours >= LEAST_NEIGHBOURS { fit.coefficients() } else { None };
+        let fitted = if fit.neighbours >= TUNING.least_neighbours { fit.coefficients() } else { None };
         Patch { center, normal, unit, coefficients: fitted.unwrap_or_default(), reach, inward }
     }
 
@@ -127,11 +133,11 @@ impl Patch {
                 let (x, y) = (f64::from(column) * step, f64::from(row) * step);
                 let distance2 = x * x + y * y;
                 let inward = x * self.inward[0] + y * self.inward[1];
-                if distance2 > self.reach * self.reach || inward < -BEYOND_RIM * self.reach {
+                if distance2 > self.reach * self.reach || inward < -TUNING.beyond_rim * self.reach {
                     continue;
                 }
                 let [height, slope_x, slope_y] = self.height(x, y);
-                if height.abs() > STEEPEST * distance2.sqrt().max(0.5 * self.reach) {
+                if height.abs() > TUNING.steepest * distance2.sqrt().max(0.5 * self.reach) {
                     continue;
                 }
                 let point = self.center + tangent_x * x + tangent_y * y + self.normal * height;
@@ -180,7 +186,7 @@ mod tests {
             (0..40 * 40).map(|k| Point3::new(f64::from(k % 40) * 0.1, f64::from(k / 40) * 0.1, 0.0)).collect();
         let normals = vec![Vector3::z(); points.len()];
         let samples = patches(&points, &normals).sampled(0.5, |p| p.x < 2.0);
-        let reach = 2.0 + REACH_IN_SPACINGS * 0.1 * 1.6;
+        let reach = 2.0 + TUNING.reach_in_spacings * 0.1 * 1.6;
         assert!(samples.points.iter().all(|p| p.z.abs() < 1e-9 && p.x > -0.2 && p.x < reach));
         assert!((30..=55).contains(&samples.points.len()), "{}", samples.points.len());
     }

@@ -11,8 +11,17 @@ use rand_chacha::ChaCha8Rng;
 use super::CurvedSurface;
 use visage_geometry::Vector3;
 
-/// Pairs drawn. Drawing again changes a profile by some 0.0007.
-const PAIRS: usize = 40_000;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// Pairs drawn. Drawing again changes a profile by some 0.0007.
+        pairs: usize = 40_000,
+        /// The distance at which the likeness has fallen to 1/e.
+        spread: f64 = 0.02,
+        /// The root of a share in this many steps.
+        steps: f64 = 255.0,
+    }
+}
+
 /// Classes of distance, up to this many root mean square radii; a pair counts in the two nearest.
 const DISTANCES: usize = 12;
 const FARTHEST: f64 = 3.0;
@@ -23,10 +32,6 @@ const LOOK: f64 = 0.25;
 const NORMALS: usize = 3;
 const AGREEMENT: f64 = 0.4;
 const CLASSES: usize = DISTANCES * LOOKS * NORMALS;
-/// The distance at which the likeness has fallen to 1/e.
-const SPREAD: f64 = 0.02;
-/// The root of a share in this many steps.
-const STEPS: f64 = 255.0;
 
 /// The profile of a surface.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -69,11 +74,11 @@ impl ShapeProfile {
             let place = rng.random_range(0.0..total);
             areas.partition_point(|area| *area <= place).min(areas.len() - 1)
         };
-        for _ in 0..PAIRS {
+        for _ in 0..TUNING.pairs {
             count(surface, draw(), draw(), radius, &mut counts);
         }
         let sum: f64 = counts.iter().sum();
-        let root = |count: f64| ((count / sum.max(f64::MIN_POSITIVE)).sqrt() * STEPS).round() as u8;
+        let root = |count: f64| ((count / sum.max(f64::MIN_POSITIVE)).sqrt() * TUNING.steps).round() as u8;
         ShapeProfile { roots: counts.map(root), is_sided }
     }
 
@@ -81,11 +86,11 @@ impl ShapeProfile {
     pub fn likeness(&self, other: &ShapeProfile) -> Option<f64> {
         let distance = self.distance(other)?;
         if self.is_sided && other.is_sided {
-            return Some((-distance / SPREAD).exp());
+            return Some((-distance / TUNING.spread).exp());
         }
         // seen from its other side, the surface looks the other way everywhere
         let distance = self.inside_out().distance(other)?.min(distance);
-        Some((-distance / SPREAD).exp())
+        Some((-distance / TUNING.spread).exp())
     }
 
     /// Hellinger's distance, squared: 0 for the same shares, 1 for nothing in common.

@@ -6,15 +6,19 @@ use visage_geometry::neighbours::{KdTree, LocalPoint};
 use visage_geometry::progress::{Canceled, Progress};
 use visage_geometry::{Bounds, Point3};
 
-/// So many neighbours say how a surface runs: enough to average noise, few enough to stay on it.
-const NEIGHBOURS: usize = 16;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// So many neighbours say how a surface runs: enough to average noise, few enough to stay on it.
+        neighbours: usize = 16,
+    }
+}
 
 /// For every point its nearest points, itself included.
 #[derive(Debug, Clone, Default)]
 pub struct Proximity {
     /// Each point's neighbours, nearest first, one point after the other.
     neighbours: Vec<u32>,
-    /// Where those of each point begin, and the end: most have [`NEIGHBOURS`], but where distances are too large for
+    /// Where those of each point begin, and the end: most have `TUNING.neighbours`, but where distances are too large for
     /// their squares some are not found.
     starts: Vec<u32>,
     /// The distance of the last of them.
@@ -41,7 +45,7 @@ impl Proximity {
         let middle = Bounds::of(points).map_or(Point3::origin(), |b| b.center());
         let local: Vec<LocalPoint> = points.iter().map(|p| (p - middle).cast::<f32>().into()).collect();
         let tree = KdTree::new(&local);
-        let per_point = NEIGHBOURS.min(points.len());
+        let per_point = TUNING.neighbours.min(points.len());
         let found: Vec<(Vec<u32>, f64)> = local
             .par_iter()
             .with_min_len(256)
@@ -149,7 +153,7 @@ mod tests {
             assert!(reversed.of(point).all(|lister| proximity.of(lister).any(|n| n == point)));
         }
         let all: usize = (0..points.len()).map(|point| reversed.of(point).count()).sum();
-        assert_eq!(all, 200 * NEIGHBOURS);
+        assert_eq!(all, 200 * TUNING.neighbours);
     }
 
     #[test]

@@ -9,15 +9,20 @@ use super::samples::Samples;
 use visage_geometry::Vector3;
 use visage_geometry::progress::{Canceled, Progress};
 
-/// The least radius of the fit for plain mean curvature, in sample spacings: some 50 neighbours.
-const FIT_RADIUS_IN_SPACINGS: f64 = 4.0;
-/// Where the points are sparser than their cells, the radius grows until this many neighbours are usual.
-const USUAL_NEIGHBOURS: usize = 24;
-/// With fewer neighbours than this the six coefficients are guesswork.
-const LEAST_NEIGHBOURS: u32 = 10;
-
-/// The least share of a diagonal entry that may be left to a pivot; sums in f32 leave some 1e-6 of nothing.
-const LEAST_PIVOT: f64 = 1e-5;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// The least radius of the fit for plain mean curvature, in sample spacings: some 50 neighbours.
+        fit_radius_in_spacings: f64 = 4.0,
+        /// Where the points are sparser than their cells, the radius grows until this many neighbours are usual.
+        usual_neighbours: usize = 24,
+        /// With fewer neighbours than this the six coefficients are guesswork.
+        least_neighbours: u32 = 10,
+        /// The least share of a diagonal entry that may be left to a pivot; sums in f32 leave some 1e-6 of nothing.
+        least_pivot: f64 = 1e-5,
+        /// The usual number of blocks.
+        usual_blocks: usize = 20,
+    }
+}
 
 /// Principal curvatures, one over length; convex positive, `k1 >= k2`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -51,7 +56,7 @@ impl QuadricFit {
         );
         let factor = matrix.cholesky()?;
         // what is left of a diagonal entry when the others are taken out: only rounding, if they determine it
-        let left = |k: usize| factor.l_dirty()[(k, k)].powi(2) > LEAST_PIVOT * matrix[(k, k)];
+        let left = |k: usize| factor.l_dirty()[(k, k)].powi(2) > TUNING.least_pivot * matrix[(k, k)];
         if !(0..6).all(left) {
             return None;
         }
@@ -96,13 +101,11 @@ pub struct Neighbours {
 }
 
 const LANES: usize = 4;
-/// The usual number of blocks.
-const USUAL_BLOCKS: usize = 20;
 
 impl Neighbours {
     /// None yet; `unit` is the greatest radius that they will be fitted with.
     pub fn new(unit: f64) -> Neighbours {
-        Neighbours { unit, per_unit: 1.0 / unit, count: 0, blocks: Vec::with_capacity(USUAL_BLOCKS) }
+        Neighbours { unit, per_unit: 1.0 / unit, count: 0, blocks: Vec::with_capacity(TUNING.usual_blocks) }
     }
 
     /// The neighbours of sample `index` within `radius`. Those whose normals look the other way belong to another sheet and
@@ -176,14 +179,15 @@ pub fn fitted_normal(samples: &Samples, grid: &CellGrid, index: usize, radius: f
 
 /// Mean curvature at every sample; 0 where too few neighbours are.
 pub fn mean_curvatures(samples: &Samples, progress: &Progress) -> Result<Vec<f64>, Canceled> {
-    let radius = neighbour_radius(&samples.points, FIT_RADIUS_IN_SPACINGS * samples.spacing, USUAL_NEIGHBOURS);
+    let radius =
+        neighbour_radius(&samples.points, TUNING.fit_radius_in_spacings * samples.spacing, TUNING.usual_neighbours);
     let grid = CellGrid::new(&samples.points, 0.5 * radius);
     (0..samples.points.len())
         .into_par_iter()
         .map(|index| {
             progress.check()?;
             let fit = Neighbours::around(samples, &grid, index, radius).fit(radius);
-            let curvature = if fit.neighbours >= LEAST_NEIGHBOURS { fit.principal() } else { None };
+            let curvature = if fit.neighbours >= TUNING.least_neighbours { fit.principal() } else { None };
             Ok(curvature.map_or(0.0, |c| 0.5 * (c.k1 + c.k2)))
         })
         .collect()

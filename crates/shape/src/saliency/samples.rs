@@ -29,13 +29,19 @@ pub(super) struct Gathered {
     pub cell_of: Vec<u32>,
 }
 
-/// Pieces of a face are no longer than this, in cells: some four of them meet in a cell.
-const PIECE_IN_CELLS: f64 = 0.5;
-/// All faces together are cut into about so many pieces at most. Every face that is no sliver has enough of them: no
-/// level is asked for where the surface would pass through more cells than a few of these for each.
-const ALL_PIECES: f64 = 3e7;
-/// No face is cut into more rows, or a row into more pieces: such a face is larger than any grid that is asked for.
-const MOST_PIECES: f64 = 4096.0;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// Pieces of a face are no longer than this, in cells: some four of them meet in a cell.
+        piece_in_cells: f64 = 0.5,
+        /// All faces together are cut into about so many pieces at most. Every face that is no sliver has enough of them: no
+        /// level is asked for where the surface would pass through more cells than a few of these for each.
+        all_pieces: f64 = 3e7,
+        /// No face is cut into more rows, or a row into more pieces: such a face is larger than any grid that is asked for.
+        most_pieces: f64 = 4096.0,
+        /// Marks the key of a cell's second sample; the three coordinates take 21 bits each.
+        second: u64 = 1 << 63,
+    }
+}
 
 impl Samples {
     /// Samples of a mesh by area: large faces are cut into pieces, so faces and vertices of any size do. Normals are
@@ -50,7 +56,7 @@ impl Samples {
         let mut cells = Cells::new(spacing, mesh.bounds());
         let touches = |face: &[u32; 3]| face.iter().any(|&v| keep(&mesh.vertices[v as usize]));
         let touching = || mesh.faces.iter().enumerate().filter(|(_, face)| touches(face)).map(|(index, _)| index);
-        let longest = PIECE_IN_CELLS * spacing;
+        let longest = TUNING.piece_in_cells * spacing;
         let (mut pieces, mut area) = (0.0, 0.0);
         for index in touching() {
             let double_area = mesh.area_normal(index).norm();
@@ -59,7 +65,7 @@ impl Samples {
                 pieces += Pieces::of(&mesh.corners(index), 0.5 * double_area, longest).count();
             }
         }
-        let most = if pieces > ALL_PIECES { ALL_PIECES / area } else { f64::INFINITY };
+        let most = if pieces > TUNING.all_pieces { TUNING.all_pieces / area } else { f64::INFINITY };
         for index in touching() {
             let across = mesh.area_normal(index);
             let double_area = across.norm();
@@ -133,9 +139,6 @@ pub(super) fn gather(points: &[Point3], normals: &[Vector3], areas: &[f64], spac
     Gathered { samples: cells.finish(), cell_of }
 }
 
-/// Marks the key of a cell's second sample; the three coordinates take 21 bits each.
-const SECOND: u64 = 1 << 63;
-
 /// Sums of the points in each cell.
 pub(super) struct Cells {
     spacing: f64,
@@ -174,7 +177,7 @@ impl Cells {
         let key = x | y << 21 | z << 42;
         let mut slot = self.slot(key, normal);
         if self.sums[slot as usize].first_normal.dot(normal) < 0.0 {
-            slot = self.slot(key | SECOND, normal);
+            slot = self.slot(key | TUNING.second, normal);
         }
         let sum = &mut self.sums[slot as usize];
         sum.position += offset * area;
@@ -249,7 +252,7 @@ struct Pieces {
 
 /// Pieces no longer than `longest` along an extent.
 fn pieces_along(extent: f64, longest: f64) -> f64 {
-    (extent / longest).ceil().clamp(1.0, MOST_PIECES)
+    (extent / longest).ceil().clamp(1.0, TUNING.most_pieces)
 }
 
 impl Pieces {

@@ -14,37 +14,44 @@ use visage_geometry::normals::least_spread;
 use visage_geometry::progress::{Canceled, Progress};
 use visage_geometry::{Point3, Vector3};
 
-/// Places at which the skin is measured, and about how many points are looked at in all.
-const PLACES: usize = 400;
-const LOOKED_AT: usize = 200_000;
-/// A place is measured within a radius of so many cells at first, and more until the skin looks thin in it.
-const FIRST_RADIUS_IN_CELLS: f64 = 2.0;
-const GROWTH: f64 = 1.5;
-const MOST_GROWTHS: usize = 4;
-/// A skin thinner than this share of the radius is a surface there (a quadric through a ball of points leaves 0.4).
-const THIN: f64 = 0.15;
-/// With fewer points than this a place says nothing: six of them are taken up by the quadric.
-const LEAST_POINTS: usize = 18;
-/// The median of what is normally distributed, in standard deviations.
-const MEDIAN_OF_NORMAL: f64 = 0.6745;
-
-/// Skins thinner than this share of a cell are averaged by the cells, of sparse clouds and of dense ones: these have a
-/// few points of all kinds of error, each of which makes a sample of its own.
-const AVERAGED_BY_CELLS: [f64; 2] = [0.25, 0.05];
-/// The surface is averaged over such a radius that what is left of the noise is this share of it: a slope of 3 degrees.
-const RESOLVED_SLOPE: f64 = 0.05;
-/// The variance of a quadric's height in the middle of weighted neighbours, in that of their mean if all counted alike.
-const VARIANCE_OF_FIT: f64 = 6.0;
-/// The radius is at least this many thicknesses, or the neighbours would not be those of a surface.
-const LEAST_RADIUS_IN_THICKNESSES: f64 = 3.0;
-/// With fewer neighbours than this a sample is a speck off the surface.
-const LEAST_NEIGHBOURS: usize = 9;
-
-/// Where surfaces have this many points a cell, all their cells are taken, and a sample with fewer others than this
-/// within two cells (a plane has some twelve) is a speck, such as depth cameras see between near and far.
-const POINTS_A_CELL: f64 = 2.0;
-const LEAST_AROUND: usize = 6;
-const AROUND_IN_CELLS: f64 = 2.0;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// Places at which the skin is measured.
+        places: usize = 400,
+        /// Points that are looked at in all, about.
+        looked_at: usize = 200_000,
+        /// A place is measured within a radius of so many cells at first, and more until the skin looks thin in it.
+        first_radius_in_cells: f64 = 2.0,
+        /// The radius grows by this factor,
+        growth: f64 = 1.5,
+        /// so often at most.
+        most_growths: usize = 4,
+        /// A skin thinner than this share of the radius is a surface there (a quadric through a ball of points leaves 0.4).
+        thin: f64 = 0.15,
+        /// With fewer points than this a place says nothing: six of them are taken up by the quadric.
+        least_points: usize = 18,
+        /// The median of what is normally distributed, in standard deviations.
+        median_of_normal: f64 = 0.6745,
+        /// Skins thinner than this share of a cell are averaged by the cells, of sparse clouds and of dense ones: these have a
+        /// few points of all kinds of error, each of which makes a sample of its own.
+        averaged_by_cells: [f64; 2] = [0.25, 0.05],
+        /// The surface is averaged over such a radius that what is left of the noise is this share of it: a slope of 3 degrees.
+        resolved_slope: f64 = 0.05,
+        /// The variance of a quadric's height in the middle of weighted neighbours, in that of their mean if all counted alike.
+        variance_of_fit: f64 = 6.0,
+        /// The radius is at least this many thicknesses, or the neighbours would not be those of a surface.
+        least_radius_in_thicknesses: f64 = 3.0,
+        /// With fewer neighbours than this a sample is a speck off the surface.
+        least_neighbours: usize = 9,
+        /// Where surfaces have this many points a cell, all their cells are taken, and a sample with fewer others than this
+        /// within two cells (a plane has some twelve) is a speck, such as depth cameras see between near and far.
+        points_a_cell: f64 = 2.0,
+        /// Samples with fewer others around are specks.
+        least_around: usize = 6,
+        /// Around: within so many cells.
+        around_in_cells: f64 = 2.0,
+    }
+}
 
 /// What is known of a cloud's skin.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -58,11 +65,11 @@ pub struct Skin {
 impl Skin {
     /// Measures the skin of a cloud whose finest cells of interest have edge `cell`; `None` where too few places tell.
     pub fn of(points: &[Point3], cell: f64, progress: &Progress) -> Result<Option<Skin>, Canceled> {
-        let stride = points.len().div_ceil(LOOKED_AT).max(1);
+        let stride = points.len().div_ceil(TUNING.looked_at).max(1);
         let some: Vec<Point3> = points.iter().step_by(stride).copied().collect();
-        let first = FIRST_RADIUS_IN_CELLS * cell;
+        let first = TUNING.first_radius_in_cells * cell;
         let grid = CellGrid::new(&some, first);
-        let places: Vec<&Point3> = some.iter().step_by(some.len().div_ceil(PLACES).max(1)).collect();
+        let places: Vec<&Point3> = some.iter().step_by(some.len().div_ceil(TUNING.places).max(1)).collect();
         let measured: Vec<Skin> = places
             .par_iter()
             .map(|place| {
@@ -87,18 +94,18 @@ impl Skin {
 
     /// Whether a surface takes all cells of that edge which it passes through.
     fn is_dense(&self, cell: f64) -> bool {
-        self.density * cell * cell >= POINTS_A_CELL
+        self.density * cell * cell >= TUNING.points_a_cell
     }
 
     /// The radius over which a surface is to be averaged; `None` where cells of that edge do it.
     pub fn radius(&self, cell: f64) -> Option<f64> {
-        if self.thickness <= AVERAGED_BY_CELLS[usize::from(self.is_dense(cell))] * cell {
+        if self.thickness <= TUNING.averaged_by_cells[usize::from(self.is_dense(cell))] * cell {
             return None;
         }
-        // thickness * sqrt(VARIANCE_OF_FIT / (pi radius^2 density)) = RESOLVED_SLOPE * radius
-        let noise = self.thickness * (VARIANCE_OF_FIT / (std::f64::consts::PI * self.density)).sqrt();
-        let resolved = (noise / RESOLVED_SLOPE).sqrt();
-        Some(resolved.max(LEAST_RADIUS_IN_THICKNESSES * self.thickness).max(FIRST_RADIUS_IN_CELLS * cell))
+        // thickness * sqrt(TUNING.variance_of_fit / (pi radius^2 density)) = TUNING.resolved_slope * radius
+        let noise = self.thickness * (TUNING.variance_of_fit / (std::f64::consts::PI * self.density)).sqrt();
+        let resolved = (noise / TUNING.resolved_slope).sqrt();
+        Some(resolved.max(TUNING.least_radius_in_thicknesses * self.thickness).max(TUNING.first_radius_in_cells * cell))
     }
 }
 
@@ -107,7 +114,7 @@ pub fn without_specks(samples: Samples, skin: &Skin, progress: &Progress) -> Res
     if !skin.is_dense(samples.spacing) {
         return Ok(samples);
     }
-    let reach = AROUND_IN_CELLS * samples.spacing;
+    let reach = TUNING.around_in_cells * samples.spacing;
     let grid = CellGrid::new(&samples.points, reach);
     let is_kept: Vec<bool> = samples
         .points
@@ -117,7 +124,7 @@ pub fn without_specks(samples: Samples, skin: &Skin, progress: &Progress) -> Res
             let mut around = 0;
             grid.for_each_within(point, reach, |_, _| around += 1);
             // it finds itself
-            Ok(around > LEAST_AROUND)
+            Ok(around > TUNING.least_around)
         })
         .collect::<Result<_, Canceled>>()?;
     Ok(samples.kept(&is_kept))
@@ -126,17 +133,17 @@ pub fn without_specks(samples: Samples, skin: &Skin, progress: &Progress) -> Res
 /// The skin at a place: the smallest ball around it in which the points lie in a layer.
 fn measured_at(points: &[Point3], grid: &CellGrid, place: &Point3, first: f64) -> Option<Skin> {
     let mut radius = first;
-    for _ in 0..MOST_GROWTHS {
+    for _ in 0..TUNING.most_growths {
         let mut near = Vec::new();
         grid.for_each_within(place, radius, |index, _| near.push(points[index] - place));
-        if near.len() >= LEAST_POINTS
+        if near.len() >= TUNING.least_points
             && let Some(thickness) = thickness(&near, radius)
-            && thickness < THIN * radius
+            && thickness < TUNING.thin * radius
         {
             let area = std::f64::consts::PI * radius * radius;
             return Some(Skin { thickness, density: near.len() as f64 / area });
         }
-        radius *= GROWTH;
+        radius *= TUNING.growth;
     }
     None
 }
@@ -153,7 +160,7 @@ fn thickness(offsets: &[Vector3], radius: f64) -> Option<f64> {
         offsets.iter().map(|offset| (offset.dot(&normal) - row(offset).dot(&coefficients)).abs()).collect();
     let middle = off.len() / 2;
     let freedom = (offsets.len() as f64 / (offsets.len() as f64 - 6.0)).sqrt();
-    Some(*off.select_nth_unstable_by(middle, f64::total_cmp).1 / MEDIAN_OF_NORMAL * freedom)
+    Some(*off.select_nth_unstable_by(middle, f64::total_cmp).1 / TUNING.median_of_normal * freedom)
 }
 
 /// The unit normal of weighted points.
@@ -230,7 +237,7 @@ fn middle(point: &Point3, normal: &Vector3, skin: &Samples, grid: &CellGrid, rad
             near.push((skin.points[index] - point, weight));
         }
     });
-    if near.len() < LEAST_NEIGHBOURS {
+    if near.len() < TUNING.least_neighbours {
         return None;
     }
     let mut up = plane(near.iter().copied());

@@ -84,7 +84,7 @@ pub enum StandardError {
     InLine,
     /// There is too little surface around the triangle.
     #[error(
-        "the surface around the landmarks gives {points} points for the dense check; at least {LEAST_POINTS} are needed"
+        "the surface around the landmarks gives {points} points for the dense check; at least {} are needed", TUNING.least_points
     )]
     TooSmallRegion {
         /// How many it gives.
@@ -108,26 +108,32 @@ impl From<DescribeError> for StandardError {
     }
 }
 
-/// Landmarks span at least this share of the diagonal.
-const LEAST_SIZE_OF_DIAGONAL: f64 = 0.05;
-/// A landmark is on the surface if it is this near to it, in sizes of the triangle.
-const ON_SURFACE: f64 = 0.15;
-/// Curvature is measured at these lengths, of that of the face on its triangle: the first that shows the corners.
-const FEATURE_SCALES: [f64; 4] = [1.0, 0.7, 0.5, 1.4];
-/// The operator finds a landmark's cap or pit within this, in feature lengths.
-const CORNER_REACH: f64 = 0.4;
-/// Corners less far from lying in a line are no triangle.
-const LEAST_FATNESS: f64 = 0.25;
-/// The most triangles of a class, and the most landmarks they are chosen from.
-const MOST_TRIANGLES: usize = 3;
-const MOST_CORNERS: usize = 8;
-/// The dense region reaches this far around each corner, in sizes of the first triangle.
-const REGION_REACH: f64 = 0.75;
-/// Spacing of the points it is chosen from, mm on the standard.
-const REGION_SPACING_MM: f64 = 3.0;
-/// Points of the dense region: as many as the face's, and no fewer than that.
-const REGION_POINTS: usize = faces::template::TEMPLATE_POINTS;
-const LEAST_POINTS: usize = 120;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// Landmarks span at least this share of the diagonal.
+        least_size_of_diagonal: f64 = 0.05,
+        /// A landmark is on the surface if it is this near to it, in sizes of the triangle.
+        on_surface: f64 = 0.15,
+        /// Curvature is measured at these lengths, of that of the face on its triangle: the first that shows the corners.
+        feature_scales: [f64; 4] = [1.0, 0.7, 0.5, 1.4],
+        /// The operator finds a landmark's cap or pit within this, in feature lengths.
+        corner_reach: f64 = 0.4,
+        /// Corners less far from lying in a line are no triangle.
+        least_fatness: f64 = 0.25,
+        /// The most triangles of a class, and the most landmarks they are chosen from.
+        most_triangles: usize = 3,
+        /// The most landmarks that these are chosen from.
+        most_corners: usize = 8,
+        /// The dense region reaches this far around each corner, in sizes of the first triangle.
+        region_reach: f64 = 0.75,
+        /// Spacing of the points it is chosen from, mm on the standard.
+        region_spacing_mm: f64 = 3.0,
+        /// Points of the dense region: as many as the face's, and no fewer than that.
+        region_points: usize = faces::template::TEMPLATE_POINTS,
+        /// Fewer points are no region.
+        least_points: usize = 120,
+    }
+}
 
 /// See [`Standard::annotated`].
 pub(super) fn annotated(
@@ -143,7 +149,7 @@ pub(super) fn annotated(
     // the box that a search goes by lies along the principal axes
     let diagonal = faces::checked_bounds(&faces::in_own_frame(surface).0)?.diagonal();
     let size = spread(annotation);
-    if size < LEAST_SIZE_OF_DIAGONAL * diagonal {
+    if size < TUNING.least_size_of_diagonal * diagonal {
         return Err(StandardError::TooClose { percent: 100.0 * size / diagonal });
     }
     let prepared = faces::Prepared::new(surface, diagonal, progress)?;
@@ -199,7 +205,7 @@ fn spread(annotation: &Annotation) -> f64 {
 
 fn check_on_surface(surface: &SampledSurface, annotation: &Annotation, size: f64) -> Result<(), StandardError> {
     for landmark in &annotation.landmarks {
-        let reach = ON_SURFACE * size;
+        let reach = TUNING.on_surface * size;
         let samples = surface.sampled_around(&landmark.place, 2.0 * reach, 0.2 * reach);
         let distance = |p: &Point3| (p - landmark.place).norm();
         let nearest = samples.points.iter().map(distance).fold(f64::INFINITY, f64::min);
@@ -230,7 +236,7 @@ fn seen(
 ) -> Result<Sight, StandardError> {
     let choices = choices(annotation);
     let mut best: Option<Sight> = None;
-    for factor in FEATURE_SCALES {
+    for factor in TUNING.feature_scales {
         progress.check()?;
         let expected = factor * INNER_EYE_DISTANCE_MM * size / FaceStandard::face_size();
         let spacing = spacing_of(expected);
@@ -260,7 +266,7 @@ fn corners_at(level: &Level, choices: &[(&Landmark, Option<CornerKind>)], sign: 
         let kinds = [CornerKind::Cap, CornerKind::Pit].into_iter().filter(|kind| wanted.is_none_or(|w| w == *kind));
         let all = kinds.flat_map(|kind| kind.places(&places).iter().map(move |place| (kind, place)));
         let distance = |place: &Place| (place.point - landmark.place).norm();
-        let near = all.filter(|(_, place)| distance(place) < CORNER_REACH * level.expected);
+        let near = all.filter(|(_, place)| distance(place) < TUNING.corner_reach * level.expected);
         let (kind, place) = near.min_by(|a, b| distance(a.1).total_cmp(&distance(b.1)))?;
         Some(Corner {
             name: landmark.name.clone(),
@@ -286,7 +292,7 @@ fn finished(
     let size = triangles.first().ok_or(StandardError::InLine)?.detected().size();
     let scale = size / FaceStandard::face_size();
     let (points, normals) = region(surface, &triangles, size, sight.sign);
-    if points.len() < LEAST_POINTS {
+    if points.len() < TUNING.least_points {
         return Err(StandardError::TooSmallRegion { points: points.len() });
     }
     let origin = Point3::from(points.iter().map(|p| p.coords).sum::<Vector3>() / points.len() as f64);
@@ -316,12 +322,12 @@ fn finished(
 fn triangles(corners: &[Corner]) -> Vec<SelectiveTriangle> {
     let mut strongest: Vec<&Corner> = corners.iter().collect();
     strongest.sort_by(|a, b| b.strength.total_cmp(&a.strength));
-    strongest.truncate(MOST_CORNERS);
+    strongest.truncate(TUNING.most_corners);
     // in the order in which they were named
     let kept: Vec<&Corner> = corners.iter().filter(|corner| strongest.iter().any(|s| s.name == corner.name)).collect();
     let mut found: Vec<(f64, SelectiveTriangle)> = faces::judgement::triples(&kept)
         .map(|corners| SelectiveTriangle { corners: corners.map(Corner::clone) })
-        .filter(|triangle| triangle.fatness() >= LEAST_FATNESS)
+        .filter(|triangle| triangle.fatness() >= TUNING.least_fatness)
         .map(|triangle| {
             let area = triangle.fatness() * triangle.detected().size().powi(2);
             let strength: f64 = triangle.corners.iter().map(|corner| corner.strength.min(3.0)).product();
@@ -329,7 +335,7 @@ fn triangles(corners: &[Corner]) -> Vec<SelectiveTriangle> {
         })
         .collect();
     found.sort_by(|a, b| b.0.total_cmp(&a.0));
-    found.into_iter().take(MOST_TRIANGLES).map(|(_, triangle)| triangle).collect()
+    found.into_iter().take(TUNING.most_triangles).map(|(_, triangle)| triangle).collect()
 }
 
 /// Points of the surface around the corners with outward normals, spread as widely as any prefix of them can be.
@@ -342,14 +348,14 @@ fn region(
     let corners: Vec<Point3> = triangles.iter().flat_map(|t| t.detected().corners).collect();
     let center = triangles.first().map_or(Point3::origin(), |t| Triangle::center(&t.detected()));
     let farthest = corners.iter().map(|c| (c - center).norm()).fold(0.0, f64::max);
-    let reach = REGION_REACH * size;
+    let reach = TUNING.region_reach * size;
     let samples =
-        surface.sampled_around(&center, farthest + reach, REGION_SPACING_MM * size / FaceStandard::face_size());
+        surface.sampled_around(&center, farthest + reach, TUNING.region_spacing_mm * size / FaceStandard::face_size());
     let is_near = |p: &Point3| corners.iter().any(|c| (p - c).norm() < reach);
     let kept = (0..samples.points.len()).filter(|&k| is_near(&samples.points[k]) && samples.normals[k].norm() > 0.5);
     let (points, normals): (Vec<Point3>, Vec<Vector3>) =
         kept.map(|k| (samples.points[k], samples.normals[k] * sign)).unzip();
-    spread_points(&points, REGION_POINTS).into_iter().map(|k| (points[k], normals[k])).unzip()
+    spread_points(&points, TUNING.region_points).into_iter().map(|k| (points[k], normals[k])).unzip()
 }
 
 /// Farthest-point order, ties by index, beginning with the point farthest from the middle.

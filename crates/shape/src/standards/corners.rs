@@ -62,22 +62,28 @@ pub struct TriangleCandidate {
     pub cost: f64,
 }
 
-/// The most triangles that are kept of one scale level and side.
-const MOST_PER_LEVEL: usize = 12;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// The most triangles that are kept of one scale level and side.
+        most_per_level: usize = 12,
+        /// A usual deviation of the matching error, RMS mm on the standard; twice it along each axis is no candidate.
+        rms_spread_mm: f64 = 4.0,
+        /// A triangle with a larger error is no candidate.
+        most_rms_mm: f64 = 14.0,
+        /// Of 1 - cos of the angle between a corner's normal and the standard's, mean over the corners.
+        normal_spread: f64 = 0.08,
+        /// Of the logarithm of a corner's curvature.
+        log_strength_spread: f64 = 0.5,
+        /// Where the mean of the corners' normals has less than this share along the triangle's normal, it does not tell which
+        /// side is outside: both are tried.
+        least_facing: f64 = 0.35,
+    }
+}
+
 /// A triangle's size relative to what its scale level expects.
 const SIZES: std::ops::RangeInclusive<f64> = 0.72..=1.4;
 /// The lengths of single sides relative to that: only a quick way to leave triangles out.
 const SIDES: std::ops::RangeInclusive<f64> = 0.5..=2.0;
-/// A usual deviation of the matching error, RMS mm on the standard; twice it along each axis is no candidate.
-const RMS_SPREAD_MM: f64 = 4.0;
-const MOST_RMS_MM: f64 = 14.0;
-/// Of 1 - cos of the angle between a corner's normal and the standard's, mean over the corners.
-const NORMAL_SPREAD: f64 = 0.08;
-/// Of the logarithm of a corner's curvature.
-const LOG_STRENGTH_SPREAD: f64 = 0.5;
-/// Where the mean of the corners' normals has less than this share along the triangle's normal, it does not tell which
-/// side is outside: both are tried.
-const LEAST_FACING: f64 = 0.35;
 
 impl SelectiveTriangle {
     /// The triangle as it was annotated.
@@ -98,7 +104,7 @@ impl SelectiveTriangle {
     /// Whether the corners' normals tell which side of the triangle is outside.
     pub fn has_side(&self) -> bool {
         let mean = self.mean_normal();
-        self.detected().normal(&mean).dot(&mean) > LEAST_FACING
+        self.detected().normal(&mean).dot(&mean) > TUNING.least_facing
     }
 
     /// A direction on the outer side; where the normals don't tell, the side from which the corners run
@@ -131,7 +137,7 @@ impl SelectiveTriangle {
             }
         }
         found.sort_by(|a: &TriangleCandidate, b| a.cost.total_cmp(&b.cost));
-        found.truncate(MOST_PER_LEVEL);
+        found.truncate(TUNING.most_per_level);
         found
     }
 
@@ -156,7 +162,7 @@ impl SelectiveTriangle {
         let (standard, standard_outward) = (self.detected(), self.outward());
         let error = triangle.shape(outward).matching_error(&standard.shape(&standard_outward), standard.size());
         let rms = error / 3f64.sqrt();
-        if rms > MOST_RMS_MM {
+        if rms > TUNING.most_rms_mm {
             return None;
         }
         let rotation = triangle.rotation_onto(outward, &standard, &standard_outward);
@@ -164,7 +170,11 @@ impl SelectiveTriangle {
         let turned: f64 = pairs().map(|(place, corner)| 1.0 - (rotation * place.normal).dot(&corner.normal)).sum();
         // curvature times length: what counts is the triangle's own size, not the level's expectation
         let bent = pairs().map(|(place, corner)| (place.strength * size / corner.strength).ln().powi(2)).sum::<f64>();
-        let terms = [rms / RMS_SPREAD_MM, turned / 3.0 / NORMAL_SPREAD, (bent / 3.0).sqrt() / LOG_STRENGTH_SPREAD];
+        let terms = [
+            rms / TUNING.rms_spread_mm,
+            turned / 3.0 / TUNING.normal_spread,
+            (bent / 3.0).sqrt() / TUNING.log_strength_spread,
+        ];
         Some(terms.iter().map(|term| term * term).sum::<f64>().sqrt())
     }
 }

@@ -7,10 +7,14 @@ pub const DEFAULT_LIMIT_MM: f64 = crate::faces::judgement::RESIDUAL_AT_HALF_MM;
 pub const NOTHING_FOUND_MM: f64 = 20.0;
 /// Learned limits stay within this range: below, noise decides; above, the surface is not there.
 const LIMITS_MM: std::ops::RangeInclusive<f64> = 0.5..=8.0;
-/// With examples of one kind alone the limit keeps this factor from the nearest of them.
-const MARGIN: f64 = 1.2;
-/// How fast the score falls where the residual grows by the limit: the face's slope, free of scale.
-const SLOPE: f64 = 9.25;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// With examples of one kind alone the limit keeps this factor from the nearest of them.
+        margin: f64 = 1.2,
+        /// How fast the score falls where the residual grows by the limit: the face's slope, free of scale.
+        slope: f64 = 9.25,
+    }
+}
 
 /// Where a class ends, and what that rests on.
 #[derive(Debug, Clone, PartialEq)]
@@ -55,7 +59,7 @@ pub fn learn(positives: &[f64], negatives: &[f64]) -> Learned {
 impl Learned {
     /// How surely a model with this residual is of the class, in [0, 1]: 0.5 at the limit.
     pub fn score(&self, residual_mm: f64) -> f64 {
-        1.0 / (1.0 + (SLOPE * (residual_mm / self.limit_mm - 1.0)).exp())
+        1.0 / (1.0 + (TUNING.slope * (residual_mm / self.limit_mm - 1.0)).exp())
     }
 }
 
@@ -64,8 +68,8 @@ fn limit(positives: &[f64], negatives: &[f64]) -> f64 {
     let best = negatives.iter().copied().reduce(f64::min);
     let limit = match (worst, best) {
         (None, None) => DEFAULT_LIMIT_MM,
-        (Some(worst), None) => DEFAULT_LIMIT_MM.max(MARGIN * worst),
-        (None, Some(best)) => DEFAULT_LIMIT_MM.min(best / MARGIN),
+        (Some(worst), None) => DEFAULT_LIMIT_MM.max(TUNING.margin * worst),
+        (None, Some(best)) => DEFAULT_LIMIT_MM.min(best / TUNING.margin),
         (Some(worst), Some(best)) if worst < best => (worst * best).sqrt(),
         (Some(_), Some(_)) => least_errors(positives, negatives),
     };

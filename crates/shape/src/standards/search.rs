@@ -31,11 +31,24 @@ pub struct Found {
     pub matching_error_mm: f64,
 }
 
-/// Feature lengths where a unit is unknown, as multiples of the standard's own share of its bounding box: from a part of
-/// a larger thing to a close-up.
-const LEVELS_OF_SHARE: [f64; 6] = [0.42, 0.56, 0.75, 1.0, 1.33, 1.77];
-/// The same where both units are known, as multiples of the true length.
-const LEVELS_OF_TRUE_SIZE: [f64; 5] = [0.6, 0.8, 1.0, 1.25, 1.6];
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// Feature lengths where a unit is unknown, as multiples of the standard's own share of its bounding box: from a part of
+        /// a larger thing to a close-up.
+        levels_of_share: [f64; 6] = [0.42, 0.56, 0.75, 1.0, 1.33, 1.77],
+        /// The same where both units are known, as multiples of the true length.
+        levels_of_true_size: [f64; 5] = [0.6, 0.8, 1.0, 1.25, 1.6],
+        /// How many get it.
+        candidates: usize = 6,
+        /// A first look this many times worse than the best gets none.
+        hopeless: f64 = 1.8,
+        /// The spacing of the closer look's samples, and how far beyond the region they reach, mm on the standard.
+        fine_spacing_mm: f64 = 3.0,
+        /// How far beyond the region they reach, mm on the standard.
+        fine_margin_mm: f64 = 25.0,
+    }
+}
+
 /// Where both units are known, a model of the class has this size relative to the standard.
 const TRUE_SIZES: std::ops::RangeInclusive<f64> = 0.5..=2.0;
 /// The first look, on the level's samples.
@@ -56,13 +69,6 @@ const SECOND_LOOK: Search = Search {
     kept_share: 0.9,
     rigid_rounds: 30,
 };
-/// How many get it.
-const CANDIDATES: usize = 6;
-/// A first look this many times worse than the best gets none.
-const HOPELESS: f64 = 1.8;
-/// The spacing of the closer look's samples, and how far beyond the region they reach, mm on the standard.
-const FINE_SPACING_MM: f64 = 3.0;
-const FINE_MARGIN_MM: f64 = 25.0;
 
 /// A candidate, and what its triangle was like.
 #[derive(Debug, Clone, Copy)]
@@ -97,10 +103,10 @@ pub(super) fn find(
     let sought = Sought { standard, template: standard.template(), reach_mm };
     let true_scale = standard.true_scale().zip(unit.in_mm()).map(|(standard, mm)| standard / mm);
     let lengths: Vec<f64> = match true_scale {
-        Some(scale) => LEVELS_OF_TRUE_SIZE.iter().map(|factor| factor * standard.expected_mm * scale).collect(),
+        Some(scale) => TUNING.levels_of_true_size.iter().map(|factor| factor * standard.expected_mm * scale).collect(),
         None => {
             let share = standard.share_of_diagonal * surface.bounds.diagonal();
-            LEVELS_OF_SHARE.iter().map(|factor| factor * share).collect()
+            TUNING.levels_of_share.iter().map(|factor| factor * share).collect()
         }
     };
     let mut found = Vec::new();
@@ -163,7 +169,7 @@ impl Sought<'_> {
         progress: &Progress,
     ) -> Result<Option<Found>, Canceled> {
         let corners: Vec<Point3> = self.standard.triangles.iter().flat_map(|t| t.detected().corners).collect();
-        let kept = distinct(found, &corners, CANDIDATES, HOPELESS);
+        let kept = distinct(found, &corners, TUNING.candidates, TUNING.hopeless);
         let mut best: Option<StandardCandidate> = None;
         for place in &kept {
             progress.check()?;
@@ -181,8 +187,8 @@ impl Sought<'_> {
     fn second_look(&self, surface: &SampledSurface, place: &StandardCandidate) -> StandardCandidate {
         let Candidate { fit, sign } = &place.candidate;
         let pose = &fit.pose;
-        let spacing = FINE_SPACING_MM * pose.scale;
-        let reach = (self.reach_mm + FINE_MARGIN_MM) * pose.scale;
+        let spacing = TUNING.fine_spacing_mm * pose.scale;
+        let reach = (self.reach_mm + TUNING.fine_margin_mm) * pose.scale;
         let samples = surface.sampled_around(&pose.point(&Point3::origin()), reach, spacing);
         let grid = CellGrid::new(&samples.points, 2.0 * spacing);
         let target = Target { samples: &samples, grid: &grid, sign: *sign };
