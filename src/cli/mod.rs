@@ -1,4 +1,4 @@
-//! The commands of the binary.
+//! The commands of the binary. A new one is a file here, a variant of `Command`, and its arm where that is run.
 
 #![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used))]
 

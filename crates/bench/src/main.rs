@@ -1,4 +1,5 @@
-//! Experiments that show what visage is worth, to be repeated by anyone. Never shipped; nothing depends on it.
+//! Experiments that show what visage is worth, to be repeated by anyone. Never shipped; nothing depends on it. A new one is a file
+//! here, a variant of `Bench`, and its arm in `main`.
 
 #![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used))]
 

@@ -2,7 +2,7 @@
 //! integers ([`super::trimmed_lower_bound`]).
 
 use super::trimmed_lower_bound::{LANES, Reach, Shift, capped_square, capped_squares};
-use visage_shape::faces::dense::{DenseSignature, KEPT_SHARE, LEAST_COMMON, STEP_MM, UNSEEN};
+use visage_shape::faces::dense_signature::{DenseSignature, KEPT_SHARE, LEAST_COMMON, STEP_MM, UNSEEN};
 use visage_shape::faces::template::TEMPLATE_POINTS;
 
 /// Heights, made positive, padded to whole vector registers; the height 0 where there is none.

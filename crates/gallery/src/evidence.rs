@@ -147,9 +147,9 @@ impl Evidence {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use visage_shape::faces::dense_fit::Fit;
     use visage_shape::faces::signature::example::example;
     use visage_shape::faces::standard;
-    use visage_shape::faces::verification::Fit;
 
     fn evidence(seed: f64, count: usize, method: MatchMethod, threshold: Option<f64>) -> Evidence {
         Evidence::new(&example(seed, count), &standard::face(), method, threshold)

@@ -7,7 +7,7 @@ use super::dense_rows::{DenseProbe, DenseRows};
 use super::partial_distance::{PartialDistances, PartialProbe};
 use super::pca_code::{GistProbe, PcaCodes};
 use super::trimmed_lower_bound::Reach;
-use visage_shape::faces::dense::DenseSignature;
+use visage_shape::faces::dense_signature::DenseSignature;
 
 /// A model is known here by its number, counted from the surest face.
 #[derive(Debug, Default)]
@@ -90,7 +90,7 @@ mod tests {
             let height = |point: usize| 20.0 * (0.1 * f64::from(k) * (1.0 + point as f64 / 50.0)).sin();
             let holed = |point: usize| holed && (40..60).contains(&point);
             DenseSignature::from_bytes(std::array::from_fn(|point| match holed(point) {
-                true => visage_shape::faces::dense::UNSEEN.cast_unsigned(),
+                true => visage_shape::faces::dense_signature::UNSEEN.cast_unsigned(),
                 false => (height(point).round() as i8).cast_unsigned(),
             }))
         };

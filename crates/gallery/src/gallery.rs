@@ -11,8 +11,8 @@ use rayon::prelude::*;
 
 use super::indexed_model::{self, IndexedModel};
 use super::live_segment::LiveSegment;
+use super::merged_ranking;
 use super::probe::Probe;
-use super::ranking;
 use super::segment::{Kept, Segment};
 use super::triangle_query::TriangleQuery;
 use super::{Match, MatchMethod, ModelId, TopK};
@@ -87,7 +87,7 @@ impl Gallery {
     pub fn by_standard(&self, standard: &str, method: MatchMethod, top_k: &TopK) -> Option<Vec<Match>> {
         standard::by_name(standard)?;
         let threshold = top_k.threshold.unwrap_or(judgement::MATCH_SCORE);
-        let ranked = ranking::ranked(&self.segments, indexed_model::slot(method), top_k.after)
+        let ranked = merged_ranking::ranked(&self.segments, indexed_model::slot(method), top_k.after)
             .take_while(|(_, standing)| !top_k.only_matches || standing.score >= threshold)
             .filter(|(id, _)| (top_k.accepts)(*id));
         Some(ranked.take(top_k.limit).map(|(id, standing)| standing.answer(id, threshold)).collect())

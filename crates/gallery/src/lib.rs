@@ -9,16 +9,17 @@
 //! assert_eq!(found[0].model_id, 7, "a model is most like itself");
 //! ```
 //!
-//! - [`gallery`]: which models there are, their ranking against each standard, the three kinds of query
+//! - [`gallery`]: which models there are, their ranking against each standard (`by_standard`; scores are made by
+//!   `visage_shape::faces::judgement`), the three kinds of query
 //! - `top_k`, [`catalogue`]: which part of a ranking is asked for; filters by label, time, unit, source
 //! - [`evidence`]: the figures behind a verdict, landmarks, the reason for a no
-//! - `segment`, `live_segment`: some of the models, packed and indexed; [`merge`]: how segments grow; `ranking`: their rankings as one
+//! - `segment`, `live_segment`: some of the models, packed and indexed; [`merge`]: how segments grow; `merged_ranking`: their rankings as one
 //! - `indexed_model`: one model made ready; `outline`: its triangles' corners
 //! - [`triangles`]: a model's triangles as points of Kendall's sphere
 //! - [`triangle_index`]: those points of many models in one static tree; `triangle_query`: a bare triangle in every way
 //!   it may be met
 //! - `probe`: the search for the models that look like a probe; `likeness`: what that means, put together of profiles,
-//!   `dense_rows` and `region_likeness`; `scan`, `face_order`: what rules out most models before that, by their `pca_code`,
+//!   `dense_rows` and `region_likeness`; `probe_pass`, `face_order`: what rules out most models before that, by their `pca_code`,
 //!   their `partial_distance` and a `trimmed_lower_bound` of it
 //! - `best`: the best few so far
 //! - [`measures`]: how well a ranking tells two classes apart
@@ -34,14 +35,14 @@ mod likeness;
 mod live_segment;
 pub mod measures;
 pub mod merge;
+mod merged_ranking;
 mod outline;
 mod partial_distance;
 mod pca_basis;
 mod pca_code;
 mod probe;
-mod ranking;
+mod probe_pass;
 mod region_likeness;
-mod scan;
 mod segment;
 mod top_k;
 pub mod triangle_index;

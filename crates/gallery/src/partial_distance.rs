@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::dense_rows::DenseRows;
 use super::pca_code::SAMPLE;
 use super::trimmed_lower_bound::{Reach, Shift, capped_squares};
-use visage_shape::faces::dense::{DenseSignature, UNSEEN};
+use visage_shape::faces::dense_signature::{DenseSignature, UNSEEN};
 use visage_shape::faces::template::TEMPLATE_POINTS;
 
 /// How many points.

@@ -6,7 +6,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-use visage_shape::faces::dense::{DenseSignature, UNSEEN};
+use visage_shape::faces::dense_signature::{DenseSignature, UNSEEN};
 use visage_shape::faces::template::TEMPLATE_POINTS;
 
 /// Numbers of a PCA code.

@@ -16,7 +16,7 @@ use rayon::prelude::*;
 
 use super::dense_rows::DenseRows;
 use super::pca_basis::{Code, Frame, SIZE};
-use visage_shape::faces::dense::{DenseSignature, KEPT_SHARE, LEAST_COMMON, STEP_MM, UNSEEN};
+use visage_shape::faces::dense_signature::{DenseSignature, KEPT_SHARE, LEAST_COMMON, STEP_MM, UNSEEN};
 use visage_shape::faces::template::TEMPLATE_POINTS;
 
 /// Fewer signatures are gone through without.

@@ -1,6 +1,6 @@
 //! The search for the stored models that look like a probe most; what that means is told in [`super::likeness`].
 //!
-//! It goes over everything by what is cheap and measures only what that leaves ([`super::scan`]). Of what is not told by
+//! It goes over everything by what is cheap and measures only what that leaves ([`super::probe_pass`]). Of what is not told by
 //! dense signatures alone the most that the score can be is told by the profiles; it is looked at from the top, and only
 //! there triangles are compared. So the answer is that of measuring all.
 

@@ -5,7 +5,7 @@
 //! points only. It is exact where all points are summed and the ceiling is the least square left out, so a ceiling that
 //! fits the reach rules out nearly all there is to rule out.
 
-use visage_shape::faces::dense::{KEPT_SHARE, STEP_MM};
+use visage_shape::faces::dense_signature::{KEPT_SHARE, STEP_MM};
 
 /// Heights of a vector register.
 pub(super) const LANES: usize = 16;

@@ -11,6 +11,9 @@
 //! - `extract`, `conditions`, `idempotency`, `cursor`, `state`: parts of requests, repeated requests, where the next page
 //!   of a list begins, what handlers share
 //! - `access_log`: a line a request
+//!
+//! A new resource is a file here with its routes and a line in `router`; what can be done with it is a use case of
+//! `visage_service::app`, and what is kept of it a trait of `visage_service::storage::database`.
 
 #![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used))]
 

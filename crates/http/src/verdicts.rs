@@ -13,7 +13,7 @@ use visage_domain::{ModelRecord, StandardRecord, StoredVerdict};
 use visage_gallery::{Comparison, Evidence, Reason, SAME_PERSON_MM};
 use visage_geometry::Point3;
 use visage_service::app::standards;
-use visage_shape::faces::{FaceStandard, MatchMethod, Signature, judge, judgement, standard, verification};
+use visage_shape::faces::{FaceStandard, MatchMethod, Signature, dense_fit, judge, judgement, standard};
 use visage_shape::standards::Found;
 use visage_shape::standards::limit::{self, Learned};
 
@@ -277,7 +277,7 @@ impl ExplanationView {
             thresholds: Thresholds {
                 score: threshold,
                 dense_residual_mm: judgement::RESIDUAL_AT_HALF_MM,
-                coverage: verification::LEAST_OBSERVED,
+                coverage: dense_fit::LEAST_OBSERVED,
                 triangle_cost: judgement::COST_AT_HALF,
                 sum_of_distances_mm: judgement::THRES_FT_MM,
                 signature_distance_mm: SAME_PERSON_MM,

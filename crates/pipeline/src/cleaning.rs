@@ -1,4 +1,4 @@
-//! Scans before registration without what is not the object.
+//! Scans before registration are left without what is not the object, and what was left out is counted for the report.
 
 use rayon::prelude::*;
 

@@ -1,4 +1,8 @@
-//! Scans to model to signature, stage by stage: the whole path, free of files, clocks and HTTP.
+//! Scans to model to signature, stage by stage: the whole path, free of files, clocks and HTTP. [`run_from`] is the order of stages.
+//!
+//! - before registration: `ready` (scans as the registration wants them), `copies` of one scan, `cleaning`, `still` (scans that
+//!   were all taken from one place), `start` (what is known of poses), `convention` (how they are meant), `hints`
+//! - after it: `supports` (what was cleaned away votes), `surface` (cloud and mesh), [`report`]
 
 mod cleaning;
 mod convention;

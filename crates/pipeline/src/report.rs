@@ -1,4 +1,4 @@
-//! The `result` part of a model's report: the registration's, with what the pipeline knows of the scans.
+//! The whole `result` part of a model's report: the registration's, with what the pipeline knows of the scans.
 
 use std::collections::BTreeMap;
 

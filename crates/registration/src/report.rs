@@ -1,4 +1,6 @@
-//! What a registration says of itself: the `result` part of a model's report.
+//! What a registration says of itself: its share of `result` in a model's report. What placement says is in
+//! [`crate::global::report`], of the mesh in `visage_surface`, the whole `result` in `visage_pipeline::report`, and `run` (seconds,
+//! memory, host) where jobs write their files, in `visage_service`.
 //!
 //! Lengths carry the scans' unit; those that end in `_spacings` are divided by the common spacing.
 

@@ -11,7 +11,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 
-use visage::faces::dense::{DenseSignature, UNSEEN};
+use visage::faces::dense_signature::{DenseSignature, UNSEEN};
 use visage::faces::detection::{Detection, FoundFace};
 use visage::faces::template::TEMPLATE_POINTS;
 use visage::faces::{self, ShapeProfile, Signature, Size, TriangleCandidate};

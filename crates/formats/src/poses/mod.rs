@@ -1,5 +1,6 @@
 //! Pose files: which scan stands where. Kinds of files share their endings, so they are told apart by their content:
-//! [`KINDS`] is the list of them.
+//! [`KINDS`] (`kinds.rs`) is the list of them. A new kind is a file here and an entry there; one with an ending of its own is also a
+//! `Format` here, with its entry in `FORMATS`.
 
 mod colmap;
 mod conf;

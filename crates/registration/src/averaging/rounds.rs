@@ -6,7 +6,7 @@ use super::agreement::agree;
 use super::recipe::{Agreement, Level, Reach, Recipe, StopRule, TrimRule};
 use crate::outcome::{MethodOptions, Outcome, PairOutcome, Round, largest_turn};
 use crate::overlap::overlaps;
-use crate::pairwise::threshold::{adaptive_threshold, array_threshold};
+use crate::pairwise::convergence_threshold::{adaptive_threshold, array_threshold};
 use crate::pairwise::trimmed_icp::{IcpOptions, Trim, trimmed_icp};
 use crate::view::View;
 use crate::view::{common_spacing, largest_radius};

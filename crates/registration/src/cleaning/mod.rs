@@ -1,4 +1,4 @@
-//! What of a scan is not the object: the turntable, floor or wall about it ([`support_plane`]) and points far off ([`outliers`]).
+//! What of a set of scans is not the object, as all of them together decide: the turntable, floor or wall about it ([`support_plane`]) and points far off ([`outliers`]).
 //!
 //! Each scan is looked at alone, since poses are not known yet; then the set has its say: what stands about an object
 //! stands about it in many scans, while a flat part of the object looks like a floor from a few sides at most. In doubt

@@ -2,7 +2,6 @@
 
 use rayon::prelude::*;
 
-use super::alignment::align;
 use super::coarse_set::CoarseSet;
 use super::coarse_view::CoarseView;
 use super::component::Component;
@@ -11,6 +10,7 @@ use super::contact::contact;
 use super::merge_evidence::MergeEvidence;
 use super::pair_hypothesis::{self, PairHypothesis};
 use super::slippage::can_slip;
+use super::surfel_icp::align;
 use super::verification::verify;
 use visage_geometry::Motion;
 use visage_geometry::progress::{Canceled, Progress};

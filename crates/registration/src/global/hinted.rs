@@ -5,7 +5,6 @@
 //! ones are, and may be joined on half the evidence.
 
 use super::agglomerative::{Agglomeration, agglomerate, implied, measure_all, touching};
-use super::alignment::align;
 use super::coarse_set::CoarseSet;
 use super::coarse_view::CoarseView;
 use super::component::Component;
@@ -17,6 +16,7 @@ use super::merge_evidence::MergeEvidence;
 use super::pair_hypothesis::PairHypothesis;
 use super::rotation_search::rotation_search;
 use super::slippage::can_slip;
+use super::surfel_icp::align;
 use super::verification::verify;
 use crate::hinted::{Hinted, PickedPair};
 use visage_geometry::Motion;

@@ -7,12 +7,12 @@
 use rayon::prelude::*;
 
 use super::agglomerative::{self, measure, touching};
-use super::alignment::align_onto;
 use super::coarse_set::CoarseSet;
 use super::component::Component;
 use super::consensus::alike;
 use super::pair_hypothesis::PairHypothesis;
 use super::slippage::can_slip;
+use super::surfel_icp::align_onto;
 use super::verification::verify;
 use visage_geometry::Motion;
 use visage_geometry::progress::{Canceled, Progress};

@@ -2,11 +2,10 @@
 //!
 //! Each scan is thinned to oriented surfels that are described once ([`coarse_view`], [`descriptor`]). Of each pair the
 //! surfels that look alike are matched ([`matching`]), motions that many matches agree on are found ([`consensus`]), refined
-//! onto the surface ([`alignment`]) and asked whether the surfaces bear them out ([`verification`]). Components of views then
+//! onto the surface ([`surfel_icp`]) and asked whether the surfaces bear them out ([`verification`]). Components of views then
 //! grow by the best pairs that all their views bear out ([`agglomerative`]).
 
 pub mod agglomerative;
-pub mod alignment;
 pub mod alternatives;
 pub mod coarse_set;
 pub mod coarse_view;
@@ -35,6 +34,7 @@ pub mod rotation_search;
 pub mod scan_set;
 pub mod sensor_side;
 pub mod slippage;
+pub mod surfel_icp;
 pub mod verification;
 pub mod votes;
 
@@ -283,7 +283,7 @@ fn refined_motions(
     let is_same = |other: &Motion, motion: &Motion| consensus::alike(other, motion, b.radius, 2.0 * edge);
     let mut refined: Vec<Motion> = Vec::new();
     for motion in proposed {
-        let motion = alignment::align(a, b, &motion, edge);
+        let motion = surfel_icp::align(a, b, &motion, edge);
         let is_known = known.iter().any(|hypothesis| is_same(&hypothesis.i_from_j, &motion));
         if !is_known && !refined.iter().any(|other| is_same(other, &motion)) {
             refined.push(motion);

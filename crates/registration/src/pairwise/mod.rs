@@ -1,7 +1,9 @@
-//! Plain ICP and trimmed ICP of exactly two scans.
+//! ICP of one pair of scans: [`trimmed_icp`], the adaptive threshold that ends it ([`convergence_threshold`], [P1], [P2]), the
+//! closed-form fit ([`rigid_fit`]). `averaging` runs it on all pairs; alone, of exactly two scans, it is the methods `icp` and
+//! `tricp`.
 
+pub mod convergence_threshold;
 pub mod rigid_fit;
-pub mod threshold;
 pub mod trimmed_icp;
 
 use rayon::prelude::*;

@@ -9,7 +9,8 @@
 //! - [`data_folder`]: both backends in one folder, taken into use
 //! - `conformance`: what every backend has to keep, as tests that take any of them
 //!
-//! A new backend is a folder here that implements one of the traits, and a test that runs it through `conformance`.
+//! A new backend is a folder here that implements one of the traits, a test that runs it through `conformance`, and a place where
+//! it is opened, as `data_folder` does for both of today.
 
 #![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used))]
 

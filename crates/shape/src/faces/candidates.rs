@@ -1,6 +1,6 @@
 //! First fits that may be looked at again, and which of them are worth it.
 
-use super::verification::Fit;
+use super::dense_fit::Fit;
 use visage_geometry::Point3;
 
 visage_geometry::tuning! {

@@ -4,7 +4,8 @@
 use rayon::prelude::*;
 
 use super::candidates::Candidate;
-use super::dense::DenseSignature;
+use super::dense_fit::{Fit, KEPT_SHARE, RIGID_PROPORTIONS, Search};
+use super::dense_signature::DenseSignature;
 use super::landmarks::Landmarks;
 use super::levels::{Level, sampled_levels};
 use super::refinement::{GOOD_ENOUGH_MM, Refinement};
@@ -13,7 +14,6 @@ use super::similarity::Similarity;
 use super::standard::{FaceStandard, INNER_EYE_DISTANCE_MM};
 use super::template;
 use super::triangle_candidates::{TriangleCandidate, candidates};
-use super::verification::{Fit, KEPT_SHARE, RIGID_PROPORTIONS, Search};
 use crate::saliency::{Samples, Side};
 use visage_geometry::progress::{Canceled, Progress};
 use visage_geometry::{Motion, Unit};

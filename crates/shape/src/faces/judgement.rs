@@ -1,11 +1,11 @@
 //! Is it of the standard's class? The verdict on a signature, by either method.
 
-use super::alignment::sum_of_distances;
+use super::dense_fit::Fit;
 use super::signature::Signature;
 use super::standard::FaceStandard;
+use super::sum_of_distances::sum_of_distances;
 use super::triangle::Triangle;
 use super::triangle_candidates::Cost;
-use super::verification::Fit;
 use visage_geometry::{Point3, Vector3};
 
 /// How a model is judged against a standard.

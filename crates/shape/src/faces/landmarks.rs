@@ -1,9 +1,9 @@
 //! The landmarks of a face: carried over by the fitted standard, then moved to where the surface itself shows them.
 
+use super::dense_fit::Placement;
 use super::lower_face;
 use super::modes::{self, LANDMARKS};
 use super::target::Target;
-use super::verification::Placement;
 use crate::saliency::Samples;
 use visage_geometry::{Point3, Vector3};
 

@@ -3,12 +3,12 @@
 
 use super::candidates::Candidate;
 use super::caps_and_pits::{Features, Places, features, features_where, places};
+use super::dense_fit::{Placement, Search, fit_pose, score};
 use super::modes::Weights;
 use super::sampled_surface::SampledSurface;
 use super::similarity::Similarity;
 use super::target::Target;
 use super::template::Template;
-use super::verification::{Placement, Search, fit_pose, score};
 use crate::saliency::{CellGrid, Samples};
 use visage_geometry::Point3;
 use visage_geometry::progress::{Canceled, Progress};

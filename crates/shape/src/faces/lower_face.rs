@@ -1,8 +1,8 @@
 //! Mouth corners and chin. They lie outside of the fitted region, since every expression moves them; the carried
 //! places only say where to look on the surface itself.
 
+use super::dense_fit::Placement;
 use super::target::Target;
-use super::verification::Placement;
 use crate::saliency::quadric::Neighbours;
 use visage_geometry::{Point3, Vector3};
 

@@ -1,13 +1,18 @@
-//! Facial triangles, standards and signatures. Pure.
+//! Facial triangles, standards and signatures. Pure. [`describe`] makes a model's [`Signature`].
 //!
-//! [`describe`] makes a model's [`Signature`]: its salient regions, for the paper's literal triangle matching,
-//! and its facial triangles ([`detection`]), whose corners have roles by curvature class.
+//! - the paper's: [`triangle`] (shape, and the matching error E_FT), [`judgement`] (Algorithm 2 and the verdict), [`standard`] (FT_S),
+//!   [`mod@sum_of_distances`] (the distance of Table 3)
+//! - finding a face: [`caps_and_pits`] of the curvature, [`triangle_candidates`] by cost, `levels` of scale, [`detection`] over all of
+//!   them, `candidates` and `refinement`: which places get a closer look
+//! - the dense fit: [`dense_fit`] of a [`template`] ([`relief`], [`modes`], [`spline`]) on a [`target`], by a [`similarity`]
+//! - what is kept: [`signature`], [`dense_signature`] (whose face is it), [`landmarks`] and [`lower_face`]
+//! - before all that: [`mod@cleaned`], [`sampled_surface`]
 
-pub mod alignment;
 pub(crate) mod candidates;
 pub mod caps_and_pits;
 pub mod cleaned;
-pub mod dense;
+pub mod dense_fit;
+pub mod dense_signature;
 pub mod detection;
 pub mod judgement;
 pub mod landmarks;
@@ -23,22 +28,22 @@ pub mod signature;
 pub mod similarity;
 pub mod spline;
 pub mod standard;
+pub mod sum_of_distances;
 pub mod target;
 pub mod template;
 pub mod triangle;
 pub mod triangle_candidates;
-pub mod verification;
 
 pub use crate::saliency::ShapeProfile;
-pub use alignment::sum_of_distances;
 pub use cleaned::LeftOut;
-pub use dense::DenseSignature;
+pub use dense_signature::DenseSignature;
 use detection::Detection;
 pub use judgement::{MatchMethod, Verdict, judge};
 pub use landmarks::Landmarks;
 use sampled_surface::{Form, SampledSurface};
 pub use signature::{Signature, SignatureError, SignatureSummary, Size};
 pub use standard::FaceStandard;
+pub use sum_of_distances::sum_of_distances;
 pub use triangle::{Shape, Triangle};
 pub use triangle_candidates::{Cost, TriangleCandidate};
 

@@ -2,7 +2,8 @@
 //! best place what can be read off the surface.
 
 use super::candidates::{Candidate, distinct};
-use super::dense::DenseSignature;
+use super::dense_fit::{Fit, PROPORTION_WEIGHT, Search};
+use super::dense_signature::DenseSignature;
 use super::detection::{FoundFace, MOST_SAMPLES, is_true_size};
 use super::landmarks;
 use super::levels::look;
@@ -12,7 +13,6 @@ use super::similarity::Similarity;
 use super::standard::FaceStandard;
 use super::target::Target;
 use super::template::{self, TEMPLATE_POINTS};
-use super::verification::{Fit, PROPORTION_WEIGHT, Search};
 use crate::saliency::{CellGrid, Samples};
 use visage_geometry::progress::{Canceled, Progress};
 use visage_geometry::{Point3, Unit, Vector3};

@@ -3,13 +3,13 @@
 pub mod example;
 
 use super::cleaned::LeftOut;
-use super::dense::DenseSignature;
+use super::dense_fit::Fit;
+use super::dense_signature::DenseSignature;
 use super::detection::{Detection, FoundFace};
 use super::landmarks::Landmarks;
 use super::modes::{LANDMARKS, MODES, Weights};
 use super::similarity::Similarity;
 use super::triangle_candidates::TriangleCandidate;
-use super::verification::Fit;
 use crate::saliency::{Region, ShapeProfile};
 use visage_geometry::{Motion, Point3, Unit, Vector3};
 

@@ -6,13 +6,13 @@ use rayon::prelude::*;
 use super::Standard;
 use super::corners::{SelectiveTriangle, TriangleCandidate};
 use crate::faces::candidates::{Candidate, distinct};
+use crate::faces::dense_fit::{KEPT_SHARE, PROPORTION_WEIGHT, RIGID_PROPORTIONS, Search};
 use crate::faces::detection::MOST_SAMPLES;
 use crate::faces::levels::{Level, look, sampled_levels};
 use crate::faces::sampled_surface::SampledSurface;
 use crate::faces::similarity::Similarity;
 use crate::faces::target::Target;
 use crate::faces::template::Template;
-use crate::faces::verification::{KEPT_SHARE, PROPORTION_WEIGHT, RIGID_PROPORTIONS, Search};
 use crate::saliency::{CellGrid, Side};
 use visage_geometry::progress::{Canceled, Progress};
 use visage_geometry::{Point3, Unit};
@@ -23,7 +23,7 @@ pub struct Found {
     /// Where the standard lies in the model.
     pub pose: Similarity,
     /// What is left between the region and the surface; see
-    /// [`Fit::residual_mm`](crate::faces::verification::Fit::residual_mm).
+    /// [`Fit::residual_mm`](crate::faces::dense_fit::Fit::residual_mm).
     pub residual_mm: f64,
     /// The share of the region that could be seen.
     pub observed: f64,

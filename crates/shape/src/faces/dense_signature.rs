@@ -1,10 +1,10 @@
 //! The dense signature: who is it? The height of the face over the plain standard, point by point.
 
+use super::dense_fit::Placement;
 use super::modes::Weights;
 use super::similarity::Similarity;
 use super::target::Target;
 use super::template::{Shaped, TEMPLATE_POINTS, Template};
-use super::verification::Placement;
 use visage_geometry::{Point3, Vector3};
 
 /// Heights in steps of 0.1 mm on the standard, at the template's points; [`UNSEEN`] where there is no surface.
