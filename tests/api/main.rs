@@ -1,6 +1,7 @@
 //! The service over real connections, with algorithms that do what a test tells them; `binary` starts the program itself.
 
 mod additions;
+mod archives;
 mod binary;
 mod common;
 mod conditions;

@@ -151,15 +151,12 @@ impl Folder {
         self.shown.join(name).display().to_string()
     }
 
-    /// The files that may be scans, and the scans in them: hidden ones are none, such as the `._scan.ply` that a Mac
-    /// leaves beside a scan. Files that may be anything (`.csv`) are scans where there is nothing better.
+    /// The files that may be scans, and the scans in them.
     fn scans(&self) -> impl Iterator<Item = &Listed> {
+        let names: Vec<&str> = self.files.iter().map(|listed| listed.file.as_str()).collect();
+        let are_scans = formats::scan_files(&names);
         let is_depth = self.depth.is_some();
-        let may_be = move |listed: &&Listed| {
-            is_depth || formats::check_name(&listed.file).is_ok() && !listed.file.starts_with('.')
-        };
-        let has_sure = self.files.iter().filter(may_be).any(|listed| is_depth || !formats::is_common(&listed.file));
-        self.files.iter().filter(may_be).filter(move |listed| !has_sure || !formats::is_common(&listed.file))
+        self.files.iter().zip(are_scans).filter(move |(_, is_scan)| is_depth || *is_scan).map(|(listed, _)| listed)
     }
 
     fn names(&self) -> impl Iterator<Item = &str> {
