@@ -16,6 +16,7 @@ mod models;
 mod pressure;
 mod queries;
 mod recovery;
+mod renditions;
 mod scan_sets;
 mod slow;
 mod standards;

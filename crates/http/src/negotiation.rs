@@ -97,7 +97,9 @@ mod tests {
 
     fn of(format: Option<&str>, accept: &[&'static str]) -> Result<Chosen<u8>, Code> {
         let mut headers = HeaderMap::new();
-        accept.iter().for_each(|value| drop(headers.append(header::ACCEPT, value.parse().expect("a header"))));
+        for value in accept {
+            headers.append(header::ACCEPT, value.parse().expect("a header"));
+        }
         choose(OFFERS, format, &headers).map_err(|problem| problem.code())
     }
 

@@ -57,6 +57,8 @@ schemas! {
     Corners = list(list(number(), 3), 3);
     /// Places by name; right and left are the subject's own.
     Landmarks = map(list(number(), 3));
+    /// Units of length by scan name.
+    ScanUnits = map(text().enum_values(Some(["mm", "cm", "m", "in"])));
     /// Motions by scan name, 4x4, row-major, each from its scan to the world; null for a scan without a place.
     Poses = map(OneOfBuilder::new().item(list(list(number(), 4), 4)).item(null()));
 }

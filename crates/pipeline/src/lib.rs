@@ -10,6 +10,7 @@ mod start;
 mod still;
 mod supports;
 mod surface;
+pub mod units;
 
 use std::collections::BTreeMap;
 
@@ -136,6 +137,7 @@ pub fn run_from(
         .filter_map(|(readied, name)| readied.doubt(name, unit.name()))
         .map(Finding::doubt)
         .collect();
+    findings.extend(units::suspects(&views, &names, &registered.result.placed, unit));
     findings.extend(holders.into_iter().map(|(all, part)| merged_cloud(&names[all], &names[part])));
     let said = setting.hinted(&names, &views);
     let relative = |i: usize, j: usize| registered.placement.relative(&registered.result, &views, i, j);
@@ -195,6 +197,7 @@ pub fn run_from(
         hints: said,
         pose_convention: convention,
         pose_notes: Vec::new(),
+        unit_notes: Vec::new(),
     };
     let cloud = merged.map(|(cloud, _)| cloud).filter(|_| options.cloud);
     let mut outcome = RegisteredModel { poses, matrices, report, cloud, mesh, signature };
