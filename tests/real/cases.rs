@@ -332,7 +332,7 @@ fn every_case_gives_what_it_is_to_give() {
             Look::Poses(file) => check_poses(&folder, file),
             Look::Register(arguments, expected) => expected(&register(&folder, arguments)),
             Look::Face(files, expected) => files.iter().for_each(|file| check_face(&folder, file, *expected)),
-            Look::Elsewhere(_) => {}
+            Look::Elsewhere(test) => println!("{name}: see {test}"),
         });
         let begin = std::time::Instant::now();
         // one that is wrong does not hide the others
