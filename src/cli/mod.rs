@@ -2,6 +2,7 @@
 
 #![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used))]
 
+mod convert;
 pub mod demo;
 mod doctor;
 mod healthcheck;
@@ -27,6 +28,8 @@ enum Command {
     Serve(serve::ServeArgs),
     /// Register the scans of a folder, without a server.
     Register(register::RegisterArgs),
+    /// Write a scan, a model or poses in another format.
+    Convert(convert::ConvertArgs),
     /// Show everything on code-made scans: server, uploads, jobs, queries.
     Demo(demo::DemoArgs),
     /// Look whether a data folder is sound, and say what to do where it isn't.
@@ -47,6 +50,7 @@ pub fn main() -> ExitCode {
     let done = match command {
         Command::Serve(args) => serve::run(args),
         Command::Register(args) => register::run(args),
+        Command::Convert(args) => convert::run(args),
         Command::Demo(args) => demo::run(args),
         Command::Doctor(args) => doctor::run(args),
         Command::Openapi => openapi::run(),

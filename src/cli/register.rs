@@ -3,10 +3,11 @@
 mod depth_folder;
 mod folder;
 mod options;
+mod others;
+mod out_folder;
 mod pose_files;
 mod textures;
 mod unfolded;
-mod units;
 mod unpacked;
 
 use std::collections::BTreeMap;
@@ -22,7 +23,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use self::depth_folder::DepthFolder;
 use self::folder::Folder;
 use self::options::Given;
-use self::units::Settled;
+use self::others::Others;
 use self::unpacked::Unpacked;
 use crate::app::tracker::Tracker;
 use crate::domain::asset::Asset;
@@ -31,7 +32,7 @@ use crate::formats::{self, Dropped, ReadLimits, Reading, poses::PoseFile};
 use crate::geometry::{PoseConvention, Unit};
 use crate::jobs::artifacts::{RunFacts, add_readings, write_assets};
 use crate::pipeline::report::{LeftOutReport, ModelReport, ScanReport};
-use crate::pipeline::{self, Hints, NamedScan, PipelineError, RegisteredModel, Start};
+use crate::pipeline::{self, Hints, NamedScan, PipelineError, RegisteredModel, Start, units};
 use crate::progress::{Progress, Stage};
 use crate::registration::global::report::ComponentReport;
 use crate::registration::quality::{Quality, Verdict};
@@ -54,10 +55,16 @@ pub struct RegisterArgs {
     unit: Option<Unit>,
     #[command(flatten)]
     options: Given<Options>,
+    /// The unit of a scan that is in another one than the rest, such as scan_00.ply=m; may be given several times
+    #[arg(long, value_name = "SCAN=UNIT", value_parser = unit_of)]
+    unit_of: Vec<(String, Unit)>,
+    #[command(flatten)]
+    others: Others,
     /// Add scans to a finished model: its folder (or its file of poses); the poses in it stay as they are
     #[arg(long, value_name = "MODEL")]
     add_to: Option<PathBuf>,
-    /// What you say of the scans where machines can't tell, JSON: picked points, pairs that overlap, regions to use or leave
+    /// What you say of the scans where machines can't tell, JSON: picked points, pairs that overlap, regions to use or leave,
+    /// units
     #[arg(long, value_name = "FILE")]
     hints: Option<PathBuf>,
     #[arg(long, help = format!("The folder to write {} to; made if it isn't there", results()))]
@@ -85,7 +92,8 @@ pub fn run(args: RegisterArgs) -> anyhow::Result<()> {
     });
     let progress = Progress::new(tracker.clone(), Arc::new(AtomicBool::new(false)));
 
-    folder::make_out(&args.out, &args.path)?;
+    out_folder::make_out(&args.out, &args.path)?;
+    args.others.check(&args.path)?;
     let archive = is_archive(&args.path);
     let archive = archive.then(|| Unpacked::new(&args.path, &args.out, &ReadLimits::default())).transpose()?;
     let mut folder = match &archive {
@@ -115,7 +123,7 @@ pub fn run(args: RegisterArgs) -> anyhow::Result<()> {
     let pose_notes = poses.as_ref().map(PoseFile::notes).unwrap_or_default();
     notes.extend(pose_notes.iter().cloned());
     if args.scans.is_none() && args.poses.is_none() {
-        notes.extend(folder.not_read(found.as_deref()));
+        notes.extend(folder.passed_over(found.as_deref()));
     }
     let mut of_files =
         if poses.is_none() && base.is_none() { folder.unfolded().poses(&names) } else { BTreeMap::new() };
@@ -124,33 +132,39 @@ pub fn run(args: RegisterArgs) -> anyhow::Result<()> {
     }
     check_depth_unit(&folder, args.unit)?;
     notes.iter().for_each(|note| eprintln!("note: {note}"));
-    let hints = args.hints.as_deref().map(read_hints).transpose()?.unwrap_or_default();
-    let mut read = pool.install(|| read_scans(&folder, &names, &progress))?;
+    let mut hints = args.hints.as_deref().map(read_hints).transpose()?.unwrap_or_default();
+    hints.units.extend(args.unit_of);
+    let read = pool.install(|| read_scans(&folder, &names, &progress))?;
     let declared: Vec<_> = names.iter().map(String::as_str).zip(read.iter().map(|reading| reading.unit)).collect();
     // depth images are in metres whatever is said of them
     let given = args.unit.filter(|_| folder.depth().is_none());
-    let Settled { unit, factors, notes } = units::settle(given, &declared);
-    notes.iter().for_each(|note| eprintln!("note: {note}"));
-    for ((name, reading), factor) in names.iter().zip(&mut read).zip(factors) {
-        units::scale(reading, factor);
+    let settled = units::settle(given, &declared, &hints.units).map_err(with_hint)?;
+    settled.notes.iter().for_each(|note| eprintln!("note: {note}"));
+    for (name, factor) in names.iter().zip(&settled.factors) {
         if let Some(pose) = of_files.get_mut(name) {
-            pose.translation.vector *= factor;
+            pose.translation.vector *= *factor;
         }
     }
-    let dropped: BTreeMap<String, Dropped> =
-        names.iter().cloned().zip(read.iter_mut().map(|reading| std::mem::take(&mut reading.dropped))).collect();
-    let named = |(name, reading): (&String, Reading)| NamedScan { name: name.clone(), surface: reading.surface };
-    let scans = names.iter().zip(read).map(named).collect();
-    let start = Start {
+    let mut dropped: BTreeMap<String, Dropped> = BTreeMap::new();
+    let mut scans: Vec<NamedScan> = Vec::with_capacity(read.len());
+    for (name, reading) in names.iter().zip(read) {
+        dropped.insert(name.clone(), reading.dropped);
+        scans.push(NamedScan { name: name.clone(), surface: reading.surface });
+    }
+    let mut start = Start {
         other_conventions: poses.as_ref().map(|file| file.other_conventions).unwrap_or_default(),
         poses: poses.as_ref().map_or(of_files, PoseFile::to_map),
         scales: poses.map(|file| file.scales).unwrap_or_default(),
         base: base.map(|file| file.matrices).unwrap_or_default(),
         hints,
     };
+    settled.apply(&mut scans, &mut start);
+    let kept = args.others.wants_scans().then(|| scans.clone());
     let mut outcome =
-        pool.install(|| pipeline::run_from(scans, &start, unit, options, &progress)).map_err(with_hint)?;
+        pool.install(|| pipeline::run_from(scans, &start, settled.unit, options, &progress)).map_err(with_hint)?;
     add_readings(&mut outcome.report, &dropped, &pose_notes);
+    let more = args.others.write(&outcome, kept.unwrap_or_default(), settled.unit, &args.out)?;
+    settled.undo(&names, &mut outcome);
 
     progress.report(Stage::Storing, 0.0);
     let facts = || {
@@ -159,7 +173,14 @@ pub fn run(args: RegisterArgs) -> anyhow::Result<()> {
     };
     write_assets(&outcome, facts, |asset, content| write(&args.out.join(&*asset.name()), content))?;
     bar.finish_and_clear();
+    more.iter().for_each(|note| eprintln!("note: {note}"));
     summarise(&outcome, &args.out)
+}
+
+/// What `--unit-of` says.
+fn unit_of(text: &str) -> Result<(String, Unit), String> {
+    let (scan, unit) = text.rsplit_once('=').ok_or("give the name of a scan, =, and its unit: scan_00.ply=m")?;
+    Ok((scan.to_owned(), unit.parse()?))
 }
 
 /// Whether a path is that of an archive to be unfolded.
@@ -178,7 +199,7 @@ fn check_depth_unit(folder: &Folder, given: Option<Unit>) -> anyhow::Result<()> 
 
 fn read_poses(path: &Path) -> anyhow::Result<PoseFile> {
     if path.is_dir() {
-        return folder::read_matrices(path);
+        return pose_files::read_matrices(path);
     }
     let bytes = std::fs::read(path).with_context(|| format!("reading {}", path.display()))?;
     let name = path.file_name().unwrap_or_default().to_string_lossy();
@@ -188,7 +209,8 @@ fn read_poses(path: &Path) -> anyhow::Result<PoseFile> {
 /// Reads hints.
 fn read_hints(path: &Path) -> anyhow::Result<Hints> {
     let bytes = std::fs::read(path).with_context(|| format!("reading {}", path.display()))?;
-    let remedy = r#"give {"points": [...], "overlaps": [...], "regions": [...]} as docs/API.md describes it"#;
+    let remedy =
+        r#"give {"points": [...], "overlaps": [...], "regions": [...], "units": {...}} as docs/API.md describes it"#;
     serde_json::from_slice(&bytes).with_context(|| format!("{} holds no hints; {remedy}", path.display()))
 }
 

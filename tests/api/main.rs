@@ -1,6 +1,7 @@
 //! The service over real connections, with algorithms that do what a test tells them; `binary` starts the program itself.
 
 mod additions;
+mod archives;
 mod binary;
 mod common;
 mod conditions;
@@ -15,6 +16,7 @@ mod models;
 mod pressure;
 mod queries;
 mod recovery;
+mod renditions;
 mod scan_sets;
 mod slow;
 mod standards;

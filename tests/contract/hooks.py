@@ -130,6 +130,10 @@ IDS = {
     "getModelConf": lambda: {"id": world().registered},
     "getModelReport": lambda: {"id": world().registered},
     "getModelFile": lambda: {"id": world().registered, "file": "cloud.ply"},
+    "getModelCloud": lambda: {"id": world().registered},
+    "getModelMesh": lambda: {"id": world().registered},
+    "getModelPosesAs": lambda: {"id": world().registered},
+    "getModelScans": lambda: {"id": world().registered},
     "getStandard": lambda: {"name": world().standard},
     "deleteStandard": lambda: {"name": new_standard()},
     "markExamples": lambda: {"name": world().standard},
@@ -155,7 +159,8 @@ def options_of_scans(body):
     if isinstance(body.get("hints"), dict):
         # scans that are there, places on them, and one of two fields
         ball = {"sphere": {"center": [0.0, 0.0, 0.0], "radius": 1.0}}
-        body["hints"] = {"overlaps": [list(SCANS)], "regions": [{"scan": "south.obj", "leave": ball}]}
+        units = {"south.obj": "mm"}
+        body["hints"] = {"overlaps": [list(SCANS)], "regions": [{"scan": "south.obj", "leave": ball}], "units": units}
     options = body.get("options")
     if not isinstance(options, dict):
         return

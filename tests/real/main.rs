@@ -2,6 +2,7 @@
 //! `VISAGE_DATA=DIR cargo test --release --test real -- --ignored --nocapture [MODULE]`.
 
 mod additions;
+mod cases;
 mod faces;
 mod formats;
 mod global;

@@ -36,7 +36,7 @@ pub use owner::{Owner, WorkerId};
 pub use page::{Page, PageRequest};
 pub use queue::{Claimant, Finish, JobClaim, Room};
 pub use replay::{Replay, ReplayKey};
-pub use scan_set::{NewScanSet, PoseFile, PutScan, ScanRecord, ScanSetRecord, sort_naturally};
+pub use scan_set::{NewScanSet, PassedOver, PoseFile, PutScan, ScanRecord, ScanSetRecord, sort_naturally};
 pub use signature::{StoredContent, StoredSignature};
 pub use standard::{Examples, NewStandard, StandardRecord};
 pub use stored_file::{KnownFiles, LooseFile, StoredFile};

@@ -29,6 +29,15 @@ pub struct PoseFile {
     pub content: Vec<u8>,
 }
 
+/// A file that came with a scan set and was not kept.
+#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub struct PassedOver {
+    /// Its name, with that of the archive it was in.
+    pub file: String,
+    /// Why, in words that go on from "it".
+    pub why: String,
+}
+
 /// A scan set that is to be stored.
 #[derive(Debug, Clone)]
 pub struct NewScanSet {
@@ -42,6 +51,8 @@ pub struct NewScanSet {
     pub scans: Vec<ScanRecord>,
     /// Its initial poses.
     pub poses: Option<PoseFile>,
+    /// What came with it and was not kept.
+    pub passed_over: Vec<PassedOver>,
 }
 
 /// A stored scan set.
@@ -57,6 +68,8 @@ pub struct ScanSetRecord {
     pub scans: Vec<ScanRecord>,
     /// Its initial poses.
     pub poses: Option<PoseFile>,
+    /// What came with it and was not kept.
+    pub passed_over: Vec<PassedOver>,
 }
 
 /// What storing one scan did.

@@ -44,6 +44,7 @@ pub mod poses;
 mod precision;
 pub mod ptx;
 mod reading;
+mod several;
 pub mod stl;
 mod table;
 mod text;
@@ -51,12 +52,16 @@ pub mod threemf;
 mod unite;
 pub mod uos;
 pub mod vtk;
+pub mod written;
 
 pub use budget::ReadLimits;
 pub use number::{NoCoordinate, checked_coordinate};
+pub use poses::same_name;
 pub use reading::{DeclaredUnit, Dropped, Reading, ScanReading};
+pub use several::scan_names;
 pub use table::{
-    Content, Format, Reader, ScansReader, SurfaceReader, Writers, is_common, markdown, surface_endings, surface_names,
+    Content, Format, Reader, ScansReader, SurfaceReader, Writers, is_common, markdown, scan_files, surface_endings,
+    surface_names,
 };
 
 use visage_geometry::Surface;

@@ -37,6 +37,15 @@ pub fn unpacked<'a>(
     }
 }
 
+/// Packs a file. The same bytes always give the same: no time is noted.
+pub fn pack(bytes: &[u8]) -> Vec<u8> {
+    use std::io::Write;
+    let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::default());
+    // writing to memory can't fail
+    let written = encoder.write_all(bytes).and_then(|()| encoder.finish());
+    written.unwrap_or_default()
+}
+
 /// Unpacks a file, to at most `limit` bytes.
 pub(super) fn unpack(bytes: &[u8], limit: u64) -> Result<Vec<u8>, FormatError> {
     let too_many = |found| FormatError::TooManyBytes { what: "unpacked, it has", found, limit };

@@ -7,7 +7,7 @@ use super::colors::Channels;
 use super::points::{COLOR, INTENSITY, Layout, NORMAL, Points, SLOTS, X};
 use super::table::{BYTES, Content, Format, Reader, Writers};
 use super::text::{TextLines, has_fraction, numbers, words};
-use super::{FormatError, ReadLimits, ScanReading, checked_coordinate, quote, text_start};
+use super::{DeclaredUnit, FormatError, ReadLimits, ScanReading, checked_coordinate, quote, text_start};
 use visage_geometry::se3::nearest_motion;
 use visage_geometry::{Motion, Point3, RangeGrid};
 
@@ -41,7 +41,10 @@ pub fn read(bytes: &[u8], limits: &ReadLimits) -> Result<Vec<ScanReading>, Forma
     let mut empty = Vec::new();
     while let Some(line) = file.lines.next_filled() {
         match file.scan(line)? {
-            Some(scan) => scans.push(scan),
+            Some(mut scan) => {
+                scan.reading.unit = Some(DeclaredUnit::METRE);
+                scans.push(scan);
+            }
             None => empty.push(scans.len() + empty.len() + 1),
         }
     }

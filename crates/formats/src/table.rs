@@ -149,6 +149,15 @@ pub fn is_common(name: &str) -> bool {
     COMMON.contains(&&*extension(packed::inner_name(name).unwrap_or(name)))
 }
 
+/// Which of the files of a folder are scans, by their names: hidden ones are none, such as the `._scan.ply` that a Mac leaves
+/// beside a scan, and files that may be anything (`.csv`) are some where there is nothing better.
+pub fn scan_files(names: &[&str]) -> Vec<bool> {
+    let is_hidden = |name: &str| name.split('/').any(|part| part.starts_with('.'));
+    let may_be = |name: &str| super::check_name(name).is_ok() && !is_hidden(name);
+    let has_sure = names.iter().any(|name| may_be(name) && !is_common(name));
+    names.iter().map(|name| may_be(name) && (!has_sure || !is_common(name))).collect()
+}
+
 /// Endings (lower case, no dot) of the files that are read as scans or models.
 pub fn surface_endings() -> Vec<&'static str> {
     Format::surfaces().flat_map(|format| format.endings.iter().copied()).collect()
@@ -240,6 +249,21 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn files_that_may_be_anything_are_scans_where_there_are_no_others() {
+        let chosen = |names: &[&'static str]| {
+            let are_scans = scan_files(names);
+            names
+                .iter()
+                .copied()
+                .zip(are_scans)
+                .filter_map(|(name, is_scan)| is_scan.then_some(name))
+                .collect::<Vec<_>>()
+        };
+        assert_eq!(chosen(&["a.ply", "set/._a.ply", ".b/a.ply", "t.csv", "c.jpg"]), ["a.ply"]);
+        assert_eq!(chosen(&["t.csv.gz", "._a.ply", "c.jpg"]), ["t.csv.gz"]);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! What speaks for and against a model: the figures behind a verdict, its landmarks, and the reason for a no.
 
-use visage_geometry::Point3;
+use visage_geometry::{Point3, Unit};
 use visage_shape::faces::modes::LANDMARKS;
 use visage_shape::faces::{self, FaceStandard, MatchMethod, Signature, Verdict, judgement};
 
@@ -85,6 +85,8 @@ pub struct Evidence {
     pub landmarks: Vec<(&'static str, Point3)>,
     /// How many triangles there were to choose from.
     pub candidates: usize,
+    /// That the unit given makes the model too small or too large for the standard, in words, if so.
+    pub size_in_doubt: Option<String>,
 }
 
 impl Evidence {
@@ -107,6 +109,7 @@ impl Evidence {
             method,
             verdict,
             threshold,
+            size_in_doubt: size_in_doubt(signature, standard),
             landmarks: landmarks.map(|places| LANDMARKS.into_iter().zip(places).collect()).unwrap_or_default(),
             candidates: match method {
                 MatchMethod::Literal => judgement::triples(&signature.regions().collect::<Vec<_>>()).count(),
@@ -144,10 +147,45 @@ impl Evidence {
     }
 }
 
+/// The diagonals of things that hold what a standard is of, in sizes of its triangle: from a mask to a bust.
+const SIZES: std::ops::Range<f64> = 2.0..20.0;
+/// A scene may be larger than what is looked for in it, but not so much.
+const LARGEST: f64 = 400.0;
+
+/// What is wrong with the size of a model in its unit, if in another unit it would be that of what is looked for.
+fn size_in_doubt(signature: &Signature, standard: &FaceStandard) -> Option<String> {
+    let mm = signature.unit_mm()?;
+    let size = standard.annotated.size();
+    let of = |mm: f64| signature.diagonal() * mm / size;
+    if (SIZES.start..LARGEST).contains(&of(mm)) {
+        return None;
+    }
+    let units = [Unit::Mm, Unit::Cm, Unit::M, Unit::In];
+    let (other, other_mm) =
+        units.iter().filter_map(|unit| Some((unit, unit.in_mm()?))).find(|(_, mm)| SIZES.contains(&of(*mm)))?;
+    Some(format!(
+        "in the unit given it is {} large, in {} it would be {}: is the unit right?",
+        length(signature.diagonal() * mm),
+        other.name(),
+        length(signature.diagonal() * other_mm)
+    ))
+}
+
+/// A length in words, for people.
+fn length(mm: f64) -> String {
+    match mm {
+        mm if mm < 10.0 => format!("{mm:.2} mm"),
+        mm if mm < 10_000.0 => format!("{mm:.0} mm"),
+        mm => format!("{:.0} m", mm / 1000.0),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use visage_shape::faces::dense_fit::Fit;
+    use visage_shape::faces::Size;
+    use visage_shape::faces::detection::Detection;
     use visage_shape::faces::signature::example::example;
     use visage_shape::faces::standard;
 
@@ -163,6 +201,24 @@ mod tests {
         assert_eq!(face.landmarks.len(), LANDMARKS.len());
         assert_eq!(face.landmarks[4].0, "nose_tip");
         assert_eq!(face.candidates, 1);
+    }
+
+    #[test]
+    fn a_size_that_another_unit_would_explain_is_said() {
+        let standard = standard::face();
+        let of = |diagonal: f64, unit: Unit| {
+            let size = Size { origin: Point3::origin(), diagonal, radius: diagonal / 4.0, unit };
+            size_in_doubt(&Signature::new(&size, &[], &Detection { candidates: Vec::new(), face: None }), &standard)
+        };
+        let found = of(0.3, Unit::Mm).expect("a head in metres");
+        assert_eq!(found, "in the unit given it is 0.30 mm large, in m it would be 300 mm: is the unit right?");
+        assert!(
+            of(300.0, Unit::M)
+                .expect("a head in millimetres")
+                .starts_with("in the unit given it is 300 m large, in mm")
+        );
+        assert_eq!((of(300.0, Unit::Mm), of(0.3, Unit::M), of(0.3, Unit::Unknown)), (None, None, None));
+        assert_eq!((of(1.8, Unit::M), of(8.0, Unit::M)), (None, None), "a person, and a room");
     }
 
     #[test]

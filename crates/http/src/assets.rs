@@ -16,6 +16,7 @@ use super::responses;
 use super::schemas::{FileContent, Poses, SurfaceFile};
 use super::state::AppState;
 use visage_domain::asset::Asset;
+use visage_service::storage::AssetReader;
 
 /// How much is read from disk at a time.
 const CHUNK: usize = 256 << 10;
@@ -124,7 +125,7 @@ pub async fn get_surface(
 }
 
 /// Any file of a model, whole or a part of it.
-async fn send(
+pub(super) async fn send(
     state: AppState,
     id: &str,
     asset: &str,
@@ -138,42 +139,85 @@ async fn send(
     };
     let known = state.context.database.assets(id).await?;
     let record = known.into_iter().find(|record| record.name == asset).ok_or_else(missing)?;
-    let etag = ETag::of_checksum(&record.checksum);
-    conditions.check_match(Some(&etag))?;
-    let mut answer = HeaderMap::from_iter([etag.header()?]);
-    answer.insert(header::ACCEPT_RANGES, HeaderValue::from_static("bytes"));
-    // the content under an address never changes, but deleting must be seen: always ask again
-    answer.insert(header::CACHE_CONTROL, HeaderValue::from_static("private, no-cache"));
-    if conditions.knows(&etag) {
-        return Ok((StatusCode::NOT_MODIFIED, answer).into_response());
-    }
-    answer.insert(header::CONTENT_TYPE, HeaderValue::from_static(media_type(&record.name)));
-    // an upload of somebody else's must never be run as a page
-    answer.insert(header::X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff"));
-    let mut file = state.context.objects.open_asset(id, &record).await?.ok_or_else(missing)?;
-    let wanted = headers
-        .get(header::RANGE)
-        .filter(|_| headers.get(header::IF_RANGE).is_none_or(|known| etag.is_given_by(known)))
-        .and_then(|range| range.to_str().ok());
-    let (status, first, length) = match wanted.map_or(Wanted::All, |range| parse_range(range, record.bytes)) {
-        Wanted::All => (StatusCode::OK, 0, record.bytes),
-        Wanted::Part { first, last } => {
-            answer.insert(header::CONTENT_RANGE, content_range(&format!("{first}-{last}"), record.bytes)?);
-            (StatusCode::PARTIAL_CONTENT, first, last - first + 1)
-        }
-        Wanted::Nothing => {
-            let problem = Problem::new(
-                Code::RangeNotSatisfiable,
-                format!("{} has {} bytes", record.name, record.bytes),
-                "ask for a range within the file",
-            );
-            return Err(problem.header(header::CONTENT_RANGE, content_range("*", record.bytes)?));
-        }
+    let delivery = Delivery {
+        etag: ETag::of_checksum(&record.checksum),
+        media_type: media_type(&record.name),
+        name: record.name.clone(),
+        by_accept: false,
     };
-    answer.insert(header::CONTENT_LENGTH, length.into());
-    file.seek(std::io::SeekFrom::Start(first)).await.map_err(Problem::internal)?;
-    let body = Body::from_stream(ReaderStream::with_capacity(file.take(length), CHUNK));
-    Ok((status, answer, body).into_response())
+    if let Some(unchanged) = delivery.unchanged(conditions)? {
+        return Ok(unchanged.into_response());
+    }
+    let file = state.context.objects.open_asset(id, &record).await?.ok_or_else(missing)?;
+    delivery.send(record.bytes, file, conditions, headers).await
+}
+
+/// A file on its way to a client.
+pub(super) struct Delivery {
+    /// What it is called.
+    pub name: String,
+    /// Its tag.
+    pub etag: ETag,
+    /// The media type that it is sent as.
+    pub media_type: &'static str,
+    /// Whether `Accept` has a say in what is sent.
+    pub by_accept: bool,
+}
+
+impl Delivery {
+    fn headers(&self) -> Result<HeaderMap, Problem> {
+        let mut answer = HeaderMap::from_iter([self.etag.header()?]);
+        answer.insert(header::ACCEPT_RANGES, HeaderValue::from_static("bytes"));
+        // the content under an address never changes, but deleting must be seen: always ask again
+        answer.insert(header::CACHE_CONTROL, HeaderValue::from_static("private, no-cache"));
+        if self.by_accept {
+            answer.insert(header::VARY, HeaderValue::from_static("accept"));
+        }
+        Ok(answer)
+    }
+
+    /// The answer to a client that knows the content; an error for one that wants another.
+    pub fn unchanged(&self, conditions: &Conditions) -> Result<Option<(StatusCode, HeaderMap)>, Problem> {
+        conditions.check_match(Some(&self.etag))?;
+        conditions.knows(&self.etag).then(|| Ok((StatusCode::NOT_MODIFIED, self.headers()?))).transpose()
+    }
+
+    /// Sends it, whole or a part of it.
+    pub async fn send(
+        self,
+        bytes: u64,
+        mut file: Box<dyn AssetReader>,
+        conditions: &Conditions,
+        headers: &HeaderMap,
+    ) -> Result<Response, Problem> {
+        if let Some(unchanged) = self.unchanged(conditions)? {
+            return Ok(unchanged.into_response());
+        }
+        let mut answer = self.headers()?;
+        answer.insert(header::CONTENT_TYPE, HeaderValue::from_static(self.media_type));
+        // an upload of somebody else's must never be run as a page
+        answer.insert(header::X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff"));
+        let wanted = headers
+            .get(header::RANGE)
+            .filter(|_| headers.get(header::IF_RANGE).is_none_or(|known| self.etag.is_given_by(known)))
+            .and_then(|range| range.to_str().ok());
+        let (status, first, length) = match wanted.map_or(Wanted::All, |range| parse_range(range, bytes)) {
+            Wanted::All => (StatusCode::OK, 0, bytes),
+            Wanted::Part { first, last } => {
+                answer.insert(header::CONTENT_RANGE, content_range(&format!("{first}-{last}"), bytes)?);
+                (StatusCode::PARTIAL_CONTENT, first, last - first + 1)
+            }
+            Wanted::Nothing => {
+                let detail = format!("{} has {bytes} bytes", self.name);
+                let problem = Problem::new(Code::RangeNotSatisfiable, detail, "ask for a range within the file");
+                return Err(problem.header(header::CONTENT_RANGE, content_range("*", bytes)?));
+            }
+        };
+        answer.insert(header::CONTENT_LENGTH, length.into());
+        file.seek(std::io::SeekFrom::Start(first)).await.map_err(Problem::internal)?;
+        let body = Body::from_stream(ReaderStream::with_capacity(file.take(length), CHUNK));
+        Ok((status, answer, body).into_response())
+    }
 }
 
 fn content_range(range: &str, bytes: u64) -> Result<HeaderValue, Problem> {

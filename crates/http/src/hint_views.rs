@@ -1,10 +1,12 @@
 //! Hints as the contract describes them.
 
+use std::collections::BTreeMap;
+
 use serde::Deserialize;
 use utoipa::ToSchema;
 
 use super::problem::{Code, Problem};
-use super::schemas::{NamedPair, PickedPair, Point};
+use super::schemas::{NamedPair, PickedPair, Point, ScanUnits};
 use visage_pipeline::Hints;
 
 /// What a person says of the scans where machines can't tell. Everything is in the scans' own frames and unit.
@@ -21,6 +23,9 @@ pub struct HintsView {
     /// Parts of scans to use or to leave out.
     #[schema(required = false, max_items = 1000)]
     regions: Vec<RegionHintView>,
+    /// The units of scans that are in another one than the set, by name: their lengths are converted.
+    #[schema(required = false, value_type = ScanUnits)]
+    units: BTreeMap<String, String>,
 }
 
 /// Places that were picked in two scans.
@@ -131,6 +136,7 @@ mod tests {
                 {"scan": "a.ply", "use": {"box": {"min": [0, 0, 0], "max": [1, 1, 1]}}},
                 {"scan": "a.ply", "leave": {"sphere": {"center": [0, 0, 0], "radius": 1}}},
             ],
+            "units": {"b.ply": "m"},
         });
         let hints = serde_json::to_value(parse(whole).expect("hints")).expect("plain data");
         assert_eq!(stated::<HintsView>(), fields(&hints));

@@ -43,7 +43,7 @@ pub struct NewJobBody {
 #[serde(deny_unknown_fields)]
 #[expect(dead_code, reason = "only describes the form")]
 pub struct NewJobForm {
-    #[schema(schema_with = schemas::two_scans)]
+    #[schema(schema_with = schemas::scans_to_register)]
     scans: Vec<Vec<u8>>,
     /// The initial poses: a pose file of any kind. Scans without one are placed by their surface.
     #[schema(required = false, value_type = String, format = Binary)]

@@ -17,7 +17,7 @@ use super::scan_sets::parse_id as parse_scan_set_id;
 use super::state::{AppState, deleted, uninterrupted};
 use super::upload::{self, Form, FormRules};
 use super::verdicts::{self, VerdictView};
-use super::{assets, cursor, describe, names, reading_view, responses};
+use super::{assets, cursor, describe, names, reading_view, renditions, responses};
 use visage_domain::asset::Asset;
 use visage_domain::{AssetRecord, ModelFilter, ModelId, ModelRecord, NewModel};
 use visage_formats::Reading;
@@ -26,7 +26,12 @@ use visage_service::app::models::{self, Upload};
 use visage_service::storage::DatabaseError;
 
 pub(super) const TAG: &str = "models";
-const RULES: FormRules = FormRules { files: &["model"], most_files: 1, texts: &["label", "name", "unit"] };
+const RULES: FormRules = FormRules {
+    files: &["model"],
+    most_files: 1,
+    file_name: names::surface_file_name,
+    texts: &["label", "name", "unit"],
+};
 /// What `GET /v1/models/{id}` shows of a report; a larger one has to be fetched as a file.
 const LARGEST_REPORT: u64 = 16 << 20;
 
@@ -39,6 +44,10 @@ pub fn router() -> OpenApiRouter<AppState> {
         .routes(routes!(assets::get_conf))
         .routes(routes!(assets::get_report))
         .routes(routes!(assets::get_surface))
+        .routes(routes!(renditions::get_cloud))
+        .routes(routes!(renditions::get_mesh))
+        .routes(routes!(renditions::get_poses))
+        .routes(routes!(renditions::get_scans))
 }
 
 pub(super) fn parse_id(text: &str) -> Result<ModelId, Problem> {

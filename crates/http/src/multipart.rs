@@ -13,6 +13,7 @@ use bytes::Bytes;
 use futures_util::Stream;
 
 use super::body::{broken, cause};
+use super::disposition;
 use super::problem::{Code, Problem};
 
 /// The most bytes of a part's head, and of what comes before the first part: heads have a few hundred.
@@ -65,8 +66,9 @@ impl Part {
     }
 
     /// The name of its file, if it has one.
-    pub fn file_name(&self) -> Option<&str> {
-        self.0.file_name()
+    pub fn file_name(&self) -> Option<String> {
+        let header = self.0.headers().get(header::CONTENT_DISPOSITION).map(|value| value.as_bytes());
+        disposition::file_name(header, self.0.file_name())
     }
 
     /// More of its content; `None` at its end.

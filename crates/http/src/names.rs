@@ -33,6 +33,32 @@ pub fn file_name(name: &str) -> Result<String, Problem> {
     Ok(name.to_owned())
 }
 
+/// The name of a scan: a file name, or the path of a file from some folder on, since scans of several folders may have the
+/// same file names. Its ending tells a format that is read here.
+pub fn scan_name(name: &str) -> Result<String, Problem> {
+    let name = path_name(name)?;
+    surface_format(&name)?;
+    Ok(name)
+}
+
+/// The name of a file with scans in it: a scan, or an archive of a set.
+pub fn scans_file_name(name: &str) -> Result<String, Problem> {
+    if visage_formats::archive::is_archive(name) { file_name(name) } else { scan_name(name) }
+}
+
+/// The path of a file from some folder on: plain file names parted by slashes, no folder of it hidden.
+fn path_name(name: &str) -> Result<String, Problem> {
+    let (folders, file) = name.rsplit_once('/').map_or((None, name), |(folders, file)| (Some(folders), file));
+    file_name(file)?;
+    let parts = || folders.into_iter().flat_map(|folders| folders.split('/'));
+    let is_plain = |part: &str| !part.starts_with('.') && file_name(part).is_ok();
+    if name.len() > LONGEST_FILE_NAME || !parts().all(is_plain) {
+        let detail = format!("the file name {name:?} is no path within a folder, or longer than 255 bytes");
+        return Err(Problem::new(Code::InvalidName, detail, "send a name such as scan01.ply or front/scan01.ply"));
+    }
+    Ok(name.to_owned())
+}
+
 /// The file name of a scan or model, whose ending tells a format that is read here.
 pub fn surface_file_name(name: &str) -> Result<String, Problem> {
     let name = file_name(name)?;
@@ -79,6 +105,19 @@ mod tests {
         for name in ["", ".", "..", "../a.ply", "/etc/passwd", "a\\b.ply", "a\0.ply", "a\n.ply", " a.ply", &long] {
             assert_eq!(file_name(name).expect_err(name).code(), Code::InvalidName);
         }
+    }
+
+    #[test]
+    fn scans_may_be_in_folders_but_not_outside() {
+        for name in ["a.ply", "front/a.ply", "x/y z/a.E57", "..ply"] {
+            assert_eq!(scan_name(name).expect("a scan"), name);
+        }
+        let long = format!("{}/a.ply", "x".repeat(250));
+        for name in ["/a.ply", "../a.ply", "x/../a.ply", "x//a.ply", "./a.ply", ".x/a.ply", "x /a.ply", "x/", &long] {
+            assert_eq!(scan_name(name).expect_err(name).code(), Code::InvalidName, "{name}");
+        }
+        assert_eq!(scans_file_name("set.tar.gz").expect("an archive"), "set.tar.gz");
+        assert_eq!(scan_name("set.zip").expect_err("no scan").code(), Code::UnsupportedFormat);
     }
 
     #[test]

@@ -50,11 +50,13 @@ codes! {
     ForeignHost = "foreign_host", FORBIDDEN, "the request is meant for another host";
     ForeignOrigin = "foreign_origin", FORBIDDEN, "the request comes from a page of another origin";
     NotFound = "not_found", NOT_FOUND, "there is no such resource";
+    NotAcceptable = "not_acceptable", NOT_ACCEPTABLE, "there is no such representation of it";
     MethodNotAllowed = "method_not_allowed", METHOD_NOT_ALLOWED, "the resource does not know this method";
     UploadStalled = "upload_stalled", REQUEST_TIMEOUT, "the body came too slowly or not to its end";
     InUse = "in_use", CONFLICT, "an unfinished job needs it";
     DuplicateStandard = "duplicate_standard", CONFLICT, "a standard has this name already";
     BuiltIn = "built_in", CONFLICT, "what is built in can't be changed";
+    ScanChanged = "scan_changed", CONFLICT, "a scan is not the one that the model was made of";
     WrongStatus = "wrong_status", CONFLICT, "the job's status does not allow this";
     RequestInProgress = "request_in_progress", CONFLICT, "the same request is being worked on";
     PreconditionFailed = "precondition_failed", PRECONDITION_FAILED, "the resource is not as If-Match or If-None-Match wants it";
@@ -160,6 +162,12 @@ impl Problem {
     /// Names the scan concerned.
     pub fn scan(mut self, name: impl Into<String>) -> Self {
         self.0.scan = Some(name.into());
+        self
+    }
+
+    /// Says otherwise what went wrong.
+    pub fn detail(mut self, detail: String) -> Self {
+        self.0.detail = detail;
         self
     }
 

@@ -26,11 +26,13 @@ problem_responses! {
     BadRequest = "400", "The request can't be read (`malformed_request`, `digest_mismatch`).";
     /// 404
     NotFound = "404", "There is no such resource (`not_found`).";
+    /// 406
+    NotAcceptable = "406", "There is no such format, or it can't hold this (`not_acceptable`); `hint` lists what there is.";
     /// 408
     Stalled = "408", "The body came too slowly or not to its end (`upload_stalled`).";
     /// 409
     Conflict = "409", "An unfinished job, its status or a request in progress forbids it (`in_use`, `wrong_status`, \
-                       `request_in_progress`).";
+                       `request_in_progress`, `scan_changed`).";
     /// 412
     OtherState = "412", "The resource is not as `If-Match` or `If-None-Match` wants it (`precondition_failed`).";
     /// 413

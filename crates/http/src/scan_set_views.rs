@@ -7,7 +7,7 @@ use super::names;
 use super::problem::Problem;
 use super::reading_view::ReadingView;
 use super::schemas::{self, ScanName, ShortText};
-use visage_domain::{NewScanSet, PoseFile, ScanRecord, ScanSetId, ScanSetRecord};
+use visage_domain::{NewScanSet, PassedOver, PoseFile, ScanRecord, ScanSetId, ScanSetRecord};
 use visage_geometry::Unit;
 use visage_service::jobs::admission::{self, PoseFit};
 
@@ -71,7 +71,7 @@ impl NewScanSetBody {
         let id = ScanSetId::new();
         let name = self.name.map(|name| names::text("name", &name)).transpose()?;
         let name = name.unwrap_or_else(|| format!("scan set {id}"));
-        Ok(NewScanSet { id, name, unit: self.unit.into(), scans: Vec::new(), poses: None })
+        Ok(NewScanSet { id, name, unit: self.unit.into(), scans: Vec::new(), poses: None, passed_over: Vec::new() })
     }
 }
 
@@ -167,6 +167,24 @@ impl PosesView {
     }
 }
 
+/// A file that came in an archive and was not kept.
+#[derive(Debug, Clone, Serialize, ToSchema)]
+#[schema(as = PassedOver)]
+pub struct PassedOverView {
+    /// Which one.
+    #[schema(example = "readme.md in set.zip")]
+    pub file: String,
+    /// Why: "it ...".
+    #[schema(example = "is no scan, and no file of poses that is used")]
+    pub why: String,
+}
+
+impl PassedOverView {
+    fn of(passed: &PassedOver) -> Self {
+        PassedOverView { file: passed.file.clone(), why: passed.why.clone() }
+    }
+}
+
 /// A scan set.
 #[derive(Debug, Clone, Serialize, ToSchema)]
 #[schema(as = ScanSet)]
@@ -182,6 +200,8 @@ pub struct ScanSetView {
     pub scans: Vec<ScanView>,
     /// Its initial poses; null if there are none.
     pub poses: Option<PosesView>,
+    /// Files that came in archives and were not kept.
+    pub passed_over: Vec<PassedOverView>,
     /// When it was created.
     #[schema(format = DateTime)]
     pub created_at: String,
@@ -216,15 +236,22 @@ pub fn address(id: ScanSetId) -> String {
 impl ScanSetView {
     /// A stored scan set.
     pub fn of(set: &ScanSetRecord) -> Self {
-        Self::new(set.id, &set.name, set.unit, &set.scans, set.poses.as_ref())
+        Self::new(set.id, &set.name, set.unit, &set.scans, set.poses.as_ref(), &set.passed_over)
     }
 
     /// A scan set that is about to be stored.
     pub fn of_new(set: &NewScanSet) -> Self {
-        Self::new(set.id, &set.name, set.unit, &set.scans, set.poses.as_ref())
+        Self::new(set.id, &set.name, set.unit, &set.scans, set.poses.as_ref(), &set.passed_over)
     }
 
-    fn new(id: ScanSetId, name: &str, unit: Unit, scans: &[ScanRecord], poses: Option<&PoseFile>) -> Self {
+    fn new(
+        id: ScanSetId,
+        name: &str,
+        unit: Unit,
+        scans: &[ScanRecord],
+        poses: Option<&PoseFile>,
+        passed_over: &[PassedOver],
+    ) -> Self {
         let names: Vec<&str> = scans.iter().map(|scan| scan.name.as_str()).collect();
         ScanSetView {
             id: id.to_string(),
@@ -232,6 +259,7 @@ impl ScanSetView {
             unit: unit.into(),
             scans: scans.iter().map(ScanView::of).collect(),
             poses: poses.map(|file| PosesView::held(&names, file)),
+            passed_over: passed_over.iter().map(PassedOverView::of).collect(),
             created_at: id.created_at().to_string(),
             links: ScanSetLinks::of(id),
         }

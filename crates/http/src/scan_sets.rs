@@ -15,9 +15,10 @@ use super::idempotency::{Attempt, Created};
 use super::problem::Problem;
 use super::scan_set_views::{NewScanSetBody, ScanSetForm, ScanSetList, ScanSetView};
 use super::state::{AppState, deleted, uninterrupted};
-use super::upload::{self, CheckedScan, Form, FormRules};
+use super::upload::{self, Form, FormRules};
 use super::{cursor, names, poses, reading_view, responses, scans};
 use visage_domain::{FileId, NewScanSet, PoseFile, ScanRecord, ScanSetId, sort_naturally};
+use visage_service::app::arrival::{self, CheckedScan};
 use visage_service::app::scan_sets::{self, ReceivedScans};
 use visage_service::jobs::admission::{self, PoseFit};
 use visage_service::storage::DatabaseError;
@@ -42,7 +43,7 @@ pub(super) fn parse_id(text: &str) -> Result<ScanSetId, Problem> {
 }
 
 pub(super) fn form_rules(state: &AppState, texts: &'static [&'static str]) -> FormRules {
-    FormRules { files: &["scans"], most_files: state.limits().scans_per_set, texts }
+    FormRules { files: &["scans"], most_files: state.limits().scans_per_set, file_name: names::scans_file_name, texts }
 }
 
 /// Store a scan set that is empty yet.
@@ -81,7 +82,8 @@ async fn create(
 
 /// Store a scan set with its scans and poses, in one form.
 ///
-/// The scans are streamed to disk and checked one by one: either all are kept or none.
+/// The scans are streamed to disk and checked one by one: either all are kept or none. Archives are unpacked, and each scan of a
+/// file that holds several is one of the set; what of an archive is not kept stands in `passed_over`.
 #[utoipa::path(
     post, path = "/v1/scan-sets/upload", tag = TAG, operation_id = "uploadScanSet",
     params(IdempotencyHeader),
@@ -144,20 +146,25 @@ pub(super) async fn from_form(state: &AppState, mut form: Form) -> Result<(NewSc
         name: part.file_name.unwrap_or_else(|| "poses".to_owned()),
         content: part.content.to_vec(),
     });
-    if let Some(poses) = &poses {
-        let names: Vec<&str> = form.files.iter().map(|file| file.name.as_str()).collect();
-        fit_poses(&names, poses)?;
-    }
+    let files = std::mem::take(&mut form.files);
+    let arrival = arrival::take_in(&state.context, &state.checks, files, poses.is_some()).await?;
     let mut scans = Vec::new();
     let mut files = Vec::new();
-    for checked in upload::check_scans(state, std::mem::take(&mut form.files)).await? {
+    for checked in arrival.scans {
+        names::scan_name(&checked.file.name)?;
         let record = record_of(&checked);
         files.push((record.file_id, checked.file.staged));
         scans.push(record);
     }
     sort_naturally(&mut scans);
+    let poses = poses.or(arrival.poses);
+    if let Some(poses) = &poses {
+        let names: Vec<&str> = scans.iter().map(|scan| scan.name.as_str()).collect();
+        fit_poses(&names, poses)?;
+    }
     let id = ScanSetId::new();
-    Ok((NewScanSet { id, name: name.unwrap_or_else(|| format!("scan set {id}")), unit, scans, poses }, files))
+    let name = name.unwrap_or_else(|| format!("scan set {id}"));
+    Ok((NewScanSet { id, name, unit, scans, poses, passed_over: arrival.passed_over }, files))
 }
 
 /// Holds a pose file against scans; one that fits none of them is refused, unless there are no scans yet.

@@ -14,7 +14,8 @@ use super::schemas::{FileContent, ScanName};
 use super::state::{AppState, deleted, uninterrupted};
 use super::upload::{self, UploadedFile};
 use super::{digest, names, responses};
-use visage_domain::{PutScan, ScanSetId};
+use visage_domain::{PutScan, ScanSetId, ScanSetRecord};
+use visage_formats::same_name;
 use visage_service::app::scan_sets;
 
 /// What a body is held against, as the contract describes it.
@@ -37,7 +38,7 @@ struct DigestHeader {
 #[utoipa::path(
     put, path = "/v1/scan-sets/{id}/scans/{name}", tag = TAG, operation_id = "putScan",
     params(("id" = String, Path, format = "uuid", description = "The scan set."),
-           ("name" = ScanName, Path, description = "The scan's file name; its ending tells the format."),
+           ("name" = ScanName, Path, description = "The scan's file name, or its path with slashes as %2F; its ending tells the format."),
            DigestHeader, ConditionHeaders),
     request_body(content = inline(FileContent), content_type = "application/octet-stream",
                  description = "The file itself."),
@@ -57,14 +58,15 @@ pub(super) async fn put_scan(
     request: Request,
 ) -> Result<Response, Problem> {
     let id = parse_id(&id)?;
-    let name = names::surface_file_name(&name)?;
+    let name = names::scan_name(&name)?;
     // before megabytes are sent in vain
-    conditions.check(scan_tag(&state, id, &name).await?.as_ref())?;
+    let set = state.context.database.scan_set(id).await?;
+    check_name(&set, &name)?;
+    conditions.check(tag_in(&set, &name).as_ref())?;
     let headers = request.headers().clone();
     let (staged, digests) = upload::receive_body(&state, &name, request).await?;
     digest::check(&headers, &name, &digests)?;
-    let mut checked = upload::check_scans(&state, vec![UploadedFile { name, staged }]).await?;
-    let checked = checked.pop().ok_or_else(|| Problem::internal("a checked scan vanished"))?;
+    let checked = upload::check_scan(&state, UploadedFile { name, staged }).await?;
     uninterrupted(async move {
         let _turn = conditions.turn(&state).await;
         conditions.check(scan_tag(&state, id, &checked.file.name).await?.as_ref())?;
@@ -79,10 +81,21 @@ pub(super) async fn put_scan(
     .await
 }
 
+/// Refuses a name that is not that of a scan, but that some system takes for one.
+fn check_name(set: &ScanSetRecord, name: &str) -> Result<(), Problem> {
+    let names = || set.scans.iter().map(|scan| scan.name.as_str());
+    let alike =
+        names().find(|other| same_name(other) == same_name(name)).filter(|_| names().all(|other| other != name));
+    alike.map_or(Ok(()), |other| Err(Problem::duplicate(other, name)))
+}
+
 /// The tag of the scan of this name, if the set has one.
 async fn scan_tag(state: &AppState, set: ScanSetId, name: &str) -> Result<Option<ETag>, Problem> {
-    let set = state.context.database.scan_set(set).await?;
-    Ok(set.scans.iter().find(|scan| scan.name == name).map(|scan| ETag::of_checksum(&scan.checksum)))
+    Ok(tag_in(&state.context.database.scan_set(set).await?, name))
+}
+
+fn tag_in(set: &ScanSetRecord, name: &str) -> Option<ETag> {
+    set.scans.iter().find(|scan| scan.name == name).map(|scan| ETag::of_checksum(&scan.checksum))
 }
 
 /// Take one scan out of a scan set.

@@ -7,7 +7,9 @@ use utoipa::openapi::schema::{AdditionalProperties, ArrayBuilder, ObjectBuilder,
 use utoipa::openapi::{KnownFormat, OneOfBuilder, RefOr, Schema, SchemaFormat, Type};
 use utoipa::{PartialSchema, ToSchema};
 
+use super::renditions;
 use visage_domain::asset::Asset;
+use visage_formats::written::Written;
 use visage_formats::{surface_endings, surface_names};
 
 macro_rules! schemas {
@@ -30,12 +32,21 @@ macro_rules! schemas {
 schemas! {
     /// A file, byte by byte.
     FileContent = file();
-    /// A plain file name (no folders, no control characters, no blank at either end) whose ending tells the format.
+    /// A file name whose ending tells the format, or the path of such a file from a folder on (no control characters, no blank at
+    /// either end of a part, no hidden folders).
     ScanName = text().pattern(Some(scan_name_pattern())).max_length(Some(255)).examples(["bun045.ply"]);
     /// A name or label: one line, not blank.
     ShortText = text().pattern(Some(short_text_pattern())).min_length(Some(1)).max_length(Some(200));
     /// A file that holds the surface of a model.
     SurfaceFile = text().enum_values(Some(Asset::surface_names())).examples([Asset::Cloud.name()]);
+    /// A format that clouds are written in, by its ending.
+    CloudFormat = text().enum_values(Some(Written::Cloud.endings()));
+    /// A format that meshes are written in, by its ending.
+    MeshFormat = text().enum_values(Some(Written::Mesh.endings()));
+    /// A format that poses are written in, by its ending, or `matrices`.
+    PosesFormat = text().enum_values(Some(renditions::names_of_poses()));
+    /// What placed scans are written as, by its ending.
+    ScansFormat = text().enum_values(Some(renditions::names_of_scans()));
     /// x, y and z.
     Point = list(number(), 3);
     /// A place in two scans: first in the one, then in the other.
@@ -46,6 +57,8 @@ schemas! {
     Corners = list(list(number(), 3), 3);
     /// Places by name; right and left are the subject's own.
     Landmarks = map(list(number(), 3));
+    /// Units of length by scan name.
+    ScanUnits = map(text().enum_values(Some(["mm", "cm", "m", "in"])));
     /// Motions by scan name, 4x4, row-major, each from its scan to the world; null for a scan without a place.
     Poses = map(OneOfBuilder::new().item(list(list(number(), 4), 4)).item(null()));
 }
@@ -55,16 +68,24 @@ pub fn choice(words: Vec<&'static str>, about: &str) -> RefOr<Schema> {
     text().enum_values(Some(words)).description(Some(about)).build().into()
 }
 
+/// What may be sent as the part `scans` of a form.
+fn about_scans() -> String {
+    format!(
+        "The scans: {} files, each with a name of its own; E57 and PTX files may hold several. Or archives (.zip, .tar, .tar.gz, \
+         .tgz) of a whole set: scans or depth images with their intrinsics, and poses.",
+        surface_names()
+    )
+}
+
 /// The part `scans` of a form that may have none.
 pub fn scans() -> Schema {
-    let about = format!("The scans: {} files, each with a name of its own.", surface_names());
-    ArrayBuilder::new().items(file()).description(Some(about)).build().into()
+    ArrayBuilder::new().items(file()).description(Some(about_scans())).build().into()
 }
 
 /// The part `scans` of a form that is to be registered.
-pub fn two_scans() -> Schema {
-    let about = format!("The scans: {} files, at least two, each with a name of its own.", surface_names());
-    ArrayBuilder::new().items(file()).min_items(Some(2)).description(Some(about)).build().into()
+pub fn scans_to_register() -> Schema {
+    let about = format!("{} At least two scans in all.", about_scans());
+    ArrayBuilder::new().items(file()).min_items(Some(1)).description(Some(about)).build().into()
 }
 
 /// A file with the surface of a model.
@@ -107,12 +128,13 @@ fn map(value: impl Into<RefOr<Schema>>) -> ObjectBuilder {
         .additional_properties(Some(AdditionalProperties::RefOr(value.into())))
 }
 
-/// `names::surface_file_name` as a regular expression of ECMA 262; a test holds them against each other.
+/// `names::scan_name` as a regular expression of ECMA 262; a test holds them against each other.
 fn scan_name_pattern() -> String {
     let either = |c: char| format!("[{}{}]", c.to_ascii_lowercase(), c.to_ascii_uppercase());
     let endings: Vec<String> = surface_endings().iter().map(|ending| ending.chars().map(either).collect()).collect();
     let plain = r"/\\\u0000-\u001f\u007f-\u009f";
-    format!(r"^([^\s{plain}][^{plain}]*)?\.({})(\.[gG][zZ])?$", endings.join("|"))
+    let folder = format!(r"[^\s.{plain}]([^{plain}]*[^\s{plain}])?/");
+    format!(r"^({folder})*([^\s{plain}][^{plain}]*)?\.({})(\.[gG][zZ])?$", endings.join("|"))
 }
 
 /// `names::text` as a regular expression of ECMA 262.
@@ -127,7 +149,7 @@ mod tests {
     use super::*;
 
     /// Names at the borders of the rules, and inside.
-    const NAMES: [&str; 29] = [
+    const NAMES: [&str; 38] = [
         "a.ply",
         "A.PLY",
         "a.b.pcd",
@@ -149,6 +171,15 @@ mod tests {
         ".",
         "..",
         "x/a.ply",
+        "x y/.z.ply",
+        "x/y/.ply",
+        "/a.ply",
+        "x//a.ply",
+        "../a.ply",
+        "x/../a.ply",
+        ".x/a.ply",
+        "x /a.ply",
+        " x/a.ply",
         "x\\a.ply",
         " a.ply",
         "\u{2003}a.ply",
@@ -163,10 +194,10 @@ mod tests {
     fn scan_names_are_told_as_they_are_checked() {
         let pattern = regex::Regex::new(&scan_name_pattern()).expect("a regular expression");
         for name in NAMES {
-            assert_eq!(pattern.is_match(name), names::surface_file_name(name).is_ok(), "{name:?}");
+            assert_eq!(pattern.is_match(name), names::scan_name(name).is_ok(), "{name:?}");
         }
-        assert!(names::surface_file_name(&format!("{}.ply", "x".repeat(251))).is_ok());
-        assert!(names::surface_file_name(&format!("{}.ply", "x".repeat(252))).is_err());
+        assert!(names::scan_name(&format!("{}.ply", "x".repeat(251))).is_ok());
+        assert!(names::scan_name(&format!("{}.ply", "x".repeat(252))).is_err());
     }
 
     #[test]

@@ -31,6 +31,7 @@ const TAG: &str = "standards";
 const RULES: FormRules = FormRules {
     files: &["model"],
     most_files: 1,
+    file_name: names::surface_file_name,
     texts: &["name", "unit", "landmarks", "triangle", "positive", "negative"],
 };
 /// The longest name.

@@ -22,6 +22,8 @@ pub struct AppState {
     pub context: ServiceContext,
     /// Bounds how many files are in memory to be checked.
     pub checks: Arc<Semaphore>,
+    /// Bounds how many files are in memory to be written in another format.
+    pub conversions: Arc<Semaphore>,
     /// Bounds how many models are described for requests at a time.
     pub describing: Turns,
     /// What of requests may be in memory while they arrive.
@@ -42,6 +44,7 @@ impl AppState {
         let limits = &context.config.limits;
         AppState {
             checks: Arc::new(Semaphore::new(limits.concurrent_checks.max(1))),
+            conversions: Arc::new(Semaphore::new(limits.concurrent_conversions.max(1))),
             describing: Turns::new(limits.concurrent_describing),
             buffers: Room::budget(limits.buffered_bytes),
             hosts,

@@ -1,6 +1,7 @@
 //! What the database, the files and the memory say, as problems.
 
 use super::problem::{Code, Problem};
+use visage_service::app::arrival::ArrivalError;
 use visage_service::jobs::memory::TooLarge;
 use visage_service::storage::inventory::StorageError;
 use visage_service::storage::{DatabaseError, ObjectError};
@@ -78,6 +79,24 @@ impl From<StorageError> for Problem {
     }
 }
 
+impl From<ArrivalError> for Problem {
+    fn from(error: ArrivalError) -> Self {
+        match error {
+            ArrivalError::Unreadable { ref file, error: ref found, .. } => {
+                Problem::unreadable(file, found).detail(error.to_string())
+            }
+            ArrivalError::TooManyScans { .. } => {
+                let hint = "send fewer, in sets of their own; GET /v1/info states the limits";
+                Problem::new(Code::TooManyScans, error.to_string(), hint)
+            }
+            ArrivalError::Duplicate { first, second } => Problem::duplicate(&first, &second),
+            ArrivalError::Objects(error) => error.into(),
+            ArrivalError::Ended(error) => Problem::internal(error),
+            ArrivalError::Closed(error) => Problem::internal(error),
+        }
+    }
+}
+
 impl From<TooLarge> for Problem {
     fn from(error: TooLarge) -> Self {
         Problem::new(Code::TooLittleMemory, error.to_string(), TooLarge::HINT)
@@ -85,6 +104,15 @@ impl From<TooLarge> for Problem {
 }
 
 impl Problem {
+    /// Two scans of one set have names that are the same, or that some system takes for one.
+    pub fn duplicate(first: &str, second: &str) -> Self {
+        let detail = match first == second {
+            true => format!("two files are named {second}"),
+            false => format!("the names {first} and {second} differ only in upper case or in how accents are written"),
+        };
+        Problem::new(Code::DuplicateScan, detail, "give each scan a name of its own").scan(second)
+    }
+
     fn storage_full(error: &str) -> Self {
         tracing::error!("the disk is full: {error}");
         let hint = "delete what is not needed, or ask the operator for space; then repeat the request";

@@ -10,8 +10,9 @@ use super::multipart::{Part, Parts};
 use super::names;
 use super::problem::{Code, Problem};
 use super::state::{AppState, blocking};
-use visage_formats::{Dropped, Reading};
+use visage_formats::{Reading, same_name};
 use visage_geometry::Surface;
+use visage_service::app::arrival::CheckedScan;
 use visage_service::config::Limits;
 use visage_service::storage::{StagedFile, StagedWriter};
 
@@ -25,18 +26,14 @@ pub struct FormRules {
     pub files: &'static [&'static str],
     /// The most files in all.
     pub most_files: usize,
+    /// Which names they may have.
+    pub file_name: fn(&str) -> Result<String, Problem>,
     /// Parts that are kept in memory: text, and pose files.
     pub texts: &'static [&'static str],
 }
 
-/// A file on disk that belongs nowhere yet.
-#[derive(Debug)]
-pub struct UploadedFile {
-    /// The user's name for it: plain.
-    pub name: String,
-    /// Its content.
-    pub staged: StagedFile,
-}
+/// A file on disk that belongs nowhere yet; its name is checked.
+pub use visage_service::app::arrival::ReceivedFile as UploadedFile;
 
 /// A part that is kept in memory.
 #[derive(Debug)]
@@ -104,10 +101,9 @@ async fn read_part(
             let detail = format!("at most {} file(s) may be sent as {part}", rules.most_files);
             return Err(Problem::new(Code::TooManyScans, detail, "send fewer files; GET /v1/info states the limits"));
         }
-        let name = names::surface_file_name(field.file_name().unwrap_or_default())?;
-        if form.files.iter().any(|file| file.name == name) {
-            let detail = format!("two files are named {name}");
-            return Err(Problem::new(Code::DuplicateScan, detail, "give each scan a name of its own").scan(name));
+        let name = (rules.file_name)(&field.file_name().unwrap_or_default())?;
+        if let Some(other) = form.files.iter().find(|file| same_name(&file.name) == same_name(&name)) {
+            return Err(Problem::duplicate(&other.name, &name));
         }
         let staged = receive_part(state, &name, field).await?;
         form.note(&part, &name, &staged.checksum);
@@ -183,7 +179,7 @@ async fn append(
 
 async fn read_text(limits: &Limits, part: &str, mut field: Part, room: &mut Room) -> Result<TextPart, Problem> {
     let limit = if part == "poses" { limits.pose_file_bytes } else { limits.text_bytes };
-    let file_name = field.file_name().map(names::file_name).transpose()?;
+    let file_name = field.file_name().map(|name| names::file_name(&name)).transpose()?;
     let mut content = Vec::new();
     while let Some(chunk) = field.chunk().await? {
         if content.len() + chunk.len() > limit {
@@ -235,22 +231,8 @@ pub async fn unpacked(state: &AppState, file: UploadedFile) -> Result<UploadedFi
     Ok(UploadedFile { name: inner, staged: writer.finish().await? })
 }
 
-/// A scan that was read and can be kept.
-#[derive(Debug)]
-pub struct CheckedScan {
-    /// Its file.
-    pub file: UploadedFile,
-    /// Its points.
-    pub points: u64,
-    /// What of the file was not taken.
-    pub dropped: Dropped,
-}
-
-/// Checks received scans.
-pub async fn check_scans(state: &AppState, files: Vec<UploadedFile>) -> Result<Vec<CheckedScan>, Problem> {
-    let checks = files.into_iter().map(|file| async {
-        let (file, Reading { surface, dropped, .. }) = read(state, file).await?;
-        Ok(CheckedScan { file, points: surface.cloud.len() as u64, dropped })
-    });
-    futures_util::future::try_join_all(checks).await
+/// Checks a received scan.
+pub async fn check_scan(state: &AppState, file: UploadedFile) -> Result<CheckedScan, Problem> {
+    let (file, Reading { surface, dropped, .. }) = read(state, file).await?;
+    Ok(CheckedScan { file, points: surface.cloud.len() as u64, dropped })
 }

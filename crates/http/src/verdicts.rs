@@ -32,9 +32,12 @@ pub struct ReasonView {
     pub text: String,
 }
 
-impl From<Reason> for ReasonView {
-    fn from(reason: Reason) -> Self {
-        ReasonView { code: reason.code().to_owned(), text: reason.to_string() }
+impl ReasonView {
+    /// A reason, and what else speaks for another unit, if what it rests on is there.
+    pub fn of(reason: Reason, evidence: Option<&Evidence>) -> Self {
+        let doubt = evidence.and_then(|evidence| evidence.size_in_doubt.as_deref());
+        let text = doubt.map_or_else(|| reason.to_string(), |doubt| format!("{reason}; {doubt}"));
+        ReasonView { code: reason.code().to_owned(), text }
     }
 }
 
@@ -91,7 +94,7 @@ impl VerdictView {
             coverage: verdict.fit.map(|fit| fit.observed),
             triangle: verdict.triangle.map(|corners| corners.map(|corner| corner.coords.as_slice().to_vec()).to_vec()),
             landmarks: places(&evidence.landmarks),
-            reason: evidence.reason().map(ReasonView::from),
+            reason: evidence.reason().map(|reason| ReasonView::of(reason, Some(evidence))),
         }
     }
 }
@@ -156,9 +159,9 @@ impl ReasonView {
     fn of_class(learned: &Learned, looked_at: Result<Option<&Found>, &str>, score: f64, threshold: f64) -> Self {
         let residual_mm = match looked_at {
             Err(text) => return ReasonView { code: "undescribable".to_owned(), text: text.to_owned() },
-            Ok(None) => return Reason::NoSurface.into(),
+            Ok(None) => return ReasonView::of(Reason::NoSurface, None),
             Ok(Some(_)) if score >= judgement::MATCH_SCORE => {
-                return Reason::BelowThreshold { score, threshold }.into();
+                return ReasonView::of(Reason::BelowThreshold { score, threshold }, None);
             }
             Ok(Some(found)) => found.residual_mm,
         };

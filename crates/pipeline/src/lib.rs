@@ -1,7 +1,8 @@
 //! Scans to model to signature, stage by stage: the whole path, free of files, clocks and HTTP. [`run_from`] is the order of stages.
 //!
 //! - before registration: `ready` (scans as the registration wants them), `copies` of one scan, `cleaning`, `still` (scans that
-//!   were all taken from one place), `start` (what is known of poses), `convention` (how they are meant), `hints`
+//!   were all taken from one place), `start` (what is known of poses), [`units`] (of the set, and who
+//!   seems to be in another), `convention` (how they are meant), `hints`
 //! - after it: `supports` (what was cleaned away votes), `surface` (cloud and mesh), [`report`]
 
 mod cleaning;
@@ -14,6 +15,7 @@ mod start;
 mod still;
 mod supports;
 mod surface;
+pub mod units;
 
 use std::collections::BTreeMap;
 
@@ -140,6 +142,7 @@ pub fn run_from(
         .filter_map(|(readied, name)| readied.doubt(name, unit.name()))
         .map(Finding::doubt)
         .collect();
+    findings.extend(units::suspects(&views, &names, &registered.result.placed, unit));
     findings.extend(holders.into_iter().map(|(all, part)| merged_cloud(&names[all], &names[part])));
     let said = setting.hinted(&names, &views);
     let relative = |i: usize, j: usize| registered.placement.relative(&registered.result, &views, i, j);
@@ -199,6 +202,7 @@ pub fn run_from(
         hints: said,
         pose_convention: convention,
         pose_notes: Vec::new(),
+        unit_notes: Vec::new(),
     };
     let cloud = merged.map(|(cloud, _)| cloud).filter(|_| options.cloud);
     let mut outcome = RegisteredModel { poses, matrices, report, cloud, mesh, signature };

@@ -29,6 +29,10 @@ pub struct ModelReport {
     /// What was done to make the pose file fit.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub pose_notes: Vec<String>,
+    /// How the unit was found, and which scans were converted to it. Their poses hold the scale, so that they map the
+    /// scans as they are in the files.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub unit_notes: Vec<String>,
 }
 
 impl ModelReport {
@@ -193,7 +197,14 @@ impl ModelReport {
             alternatives: Vec::new(),
             groups: Vec::new(),
         };
-        ModelReport { registration, surface: None, hints: None, pose_convention: None, pose_notes: Vec::new() }
+        ModelReport {
+            registration,
+            surface: None,
+            hints: None,
+            pose_convention: None,
+            pose_notes: Vec::new(),
+            unit_notes: Vec::new(),
+        }
     }
 }
 

@@ -2,10 +2,12 @@
 //!
 //! Everything is in the scans' own frames and unit. It is checked without the scans, so that nonsense is refused at once.
 
+use std::collections::BTreeMap;
+
 use serde::{Deserialize, Serialize};
 
 use crate::pairwise::rigid_fit::RigidFit;
-use visage_geometry::{MAX_COORDINATE, Motion, Point3, Vector3};
+use visage_geometry::{MAX_COORDINATE, Motion, Point3, Unit, Vector3};
 
 /// A place in a scan's own frame.
 pub type Place = [f64; 3];
@@ -33,6 +35,9 @@ pub struct Hints {
     pub overlaps: Vec<[String; 2]>,
     /// Parts of scans to use or to leave out.
     pub regions: Vec<RegionHint>,
+    /// The units of scans that are in another one than the rest.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub units: BTreeMap<String, Unit>,
 }
 
 /// Places that were picked in two scans.
@@ -130,6 +135,13 @@ impl Hints {
                 return Err(HintError { scan: Some(a.clone()), message, remedy: "name two different scans" });
             }
         }
+        for (name, unit) in &self.units {
+            known(name, names)?;
+            if *unit == Unit::Unknown {
+                let message = format!("the hints say that the unit of {name} is unknown");
+                return Err(HintError { scan: Some(name.clone()), message, remedy: "say mm, cm, m or in" });
+            }
+        }
         self.points.iter().try_for_each(PickedPoints::check)?;
         self.regions.iter().try_for_each(|region| {
             known(&region.scan, names)?;
@@ -146,6 +158,30 @@ impl Hints {
             (only.is_empty() || only.iter().any(|region| region.holds(point)))
                 && !left.iter().any(|region| region.holds(point))
         })
+    }
+
+    /// Multiplies the lengths in what is said of places in a scan.
+    pub fn scale(&mut self, scan: &str, factor: f64) {
+        let scale = |place: &mut Place| place.iter_mut().for_each(|x| *x *= factor);
+        for picked in &mut self.points {
+            for (side, name) in [(0, &picked.a), (1, &picked.b)] {
+                if name == scan {
+                    picked.pairs.iter_mut().for_each(|pair| scale(&mut pair[side]));
+                }
+            }
+        }
+        for hint in self.regions.iter_mut().filter(|hint| hint.scan == scan) {
+            for region in hint.only.iter_mut().chain(&mut hint.leave) {
+                if let Some(Cuboid { min, max }) = &mut region.cuboid {
+                    scale(min);
+                    scale(max);
+                }
+                if let Some(Sphere { center, radius }) = &mut region.sphere {
+                    scale(center);
+                    *radius *= factor;
+                }
+            }
+        }
     }
 
     /// Lets what is said of `copy` be said of the scan `of`, which has the same points; `of_from_copy` maps the frame of

@@ -80,6 +80,8 @@ pub struct Limits {
     pub queued_jobs: usize,
     /// Uploads that are read and checked at the same time (each holds one file in memory).
     pub concurrent_checks: usize,
+    /// Files that are written in another format at the same time (each is in memory meanwhile).
+    pub concurrent_conversions: usize,
     /// Uploaded models and probes that are described at the same time (each is in memory meanwhile). With two or more,
     /// large ones leave one place to small ones.
     pub concurrent_describing: usize,
@@ -98,6 +100,7 @@ impl Default for Limits {
             points_per_scan: 20_000_000,
             queued_jobs: 100,
             concurrent_checks: 2,
+            concurrent_conversions: 1,
             concurrent_describing: 2,
             buffered_bytes: 64 << 20,
         }

@@ -1,6 +1,5 @@
-//! Which files of a folder are scans, and the folder for the results.
+//! Which files of a folder are scans.
 
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail, ensure};
@@ -9,24 +8,6 @@ use super::depth_folder::DepthFolder;
 use super::unfolded::Unfolded;
 use super::{textures, unpacked::Unpacked};
 use crate::formats::{self, FORMATS, Format, FormatError, ReadLimits, Reader, Reading, poses::PoseFile};
-
-/// Makes the folder for the results, and refuses one that can't be written or that holds the scans, before any work.
-pub fn make_out(out: &Path, scans: &Path) -> anyhow::Result<()> {
-    ensure!(
-        out.is_dir() || !out.exists(),
-        "--out {} is a file: give a folder, or the name of a new one",
-        out.display()
-    );
-    let is_same = |a: &Path, b: &Path| a.canonicalize().ok().zip(b.canonicalize().ok()).is_some_and(|(a, b)| a == b);
-    ensure!(
-        !is_same(out, scans),
-        "--out {} is the folder of the scans: the next run would take the results for scans; give another folder",
-        out.display()
-    );
-    std::fs::create_dir_all(out).with_context(|| format!("making {}", out.display()))?;
-    tempfile::tempfile_in(out).with_context(|| format!("writing to {}", out.display()))?;
-    Ok(())
-}
 
 /// A scan of a folder, or a file that is none.
 pub(super) struct Listed {
@@ -54,13 +35,22 @@ pub struct Folder {
     depth: Option<DepthFolder>,
     /// The scans of files that hold several.
     unfolded: Unfolded,
+    /// Folders in it that are not looked into.
+    folders: Vec<String>,
 }
 
 impl Folder {
-    /// Lists a folder.
+    /// Lists a folder; where it holds no scans itself, with the folders in it.
     pub fn list(path: &Path) -> anyhow::Result<Self> {
         let mut files = Vec::new();
-        list_into(path, "", false, &mut files)?;
+        let folders = list_into(path, "", false, &mut files)?;
+        let mut folder = Folder::of(path, path, files)?;
+        if folders.is_empty() || folder.scans().next().is_some() {
+            folder.folders = folders;
+            return Ok(folder);
+        }
+        let mut files = Vec::new();
+        list_into(path, "", true, &mut files)?;
         Folder::of(path, path, files)
     }
 
@@ -83,13 +73,15 @@ impl Folder {
             files: vec![listed],
             depth: None,
             unfolded: Unfolded::default(),
+            folders: Vec::new(),
         })
     }
 
     fn of(path: &Path, shown: &Path, mut files: Vec<Listed>) -> anyhow::Result<Self> {
         files.sort_by(|a, b| a.name.cmp(&b.name));
         let (path, shown) = (path.to_owned(), shown.to_owned());
-        let mut folder = Folder { path, shown, files, depth: None, unfolded: Unfolded::default() };
+        let unfolded = Unfolded::default();
+        let mut folder = Folder { path, shown, files, depth: None, unfolded, folders: Vec::new() };
         // the text files of a camera may be anything, too
         if folder.scans().all(|listed| formats::is_common(&listed.file)) {
             folder.depth = DepthFolder::find(&folder.path)?;
@@ -151,18 +143,16 @@ impl Folder {
         self.shown.join(name).display().to_string()
     }
 
-    /// The files that may be scans, and the scans in them: hidden ones are none, such as the `._scan.ply` that a Mac
-    /// leaves beside a scan. Files that may be anything (`.csv`) are scans where there is nothing better.
+    /// The files that may be scans, and the scans in them.
     fn scans(&self) -> impl Iterator<Item = &Listed> {
+        let names: Vec<&str> = self.files.iter().map(|listed| listed.file.as_str()).collect();
+        let are_scans = formats::scan_files(&names);
         let is_depth = self.depth.is_some();
-        let may_be = move |listed: &&Listed| {
-            is_depth || formats::check_name(&listed.file).is_ok() && !listed.file.starts_with('.')
-        };
-        let has_sure = self.files.iter().filter(may_be).any(|listed| is_depth || !formats::is_common(&listed.file));
-        self.files.iter().filter(may_be).filter(move |listed| !has_sure || !formats::is_common(&listed.file))
+        self.files.iter().zip(are_scans).filter(move |(_, is_scan)| is_depth || *is_scan).map(|(listed, _)| listed)
     }
 
-    fn names(&self) -> impl Iterator<Item = &str> {
+    /// The names of all files, and of the scans in them.
+    pub(super) fn names(&self) -> impl Iterator<Item = &str> {
         self.files.iter().map(|listed| listed.name.as_str())
     }
 
@@ -266,44 +256,71 @@ impl Folder {
         archive.map_or_else(String::new, |name| format!(", or give {name} itself"))
     }
 
-    /// What is not read of the folder when its scans are not chosen, in words: other formats, and poses, but for the
-    /// pose file that is used.
-    pub fn not_read(&self, used: Option<&str>) -> Vec<String> {
+    /// What is passed over of the folder when its scans are not chosen, with why, in words: other formats, what may be
+    /// anything, hidden files, folders, and poses, but for the pose file that is used.
+    pub fn passed_over(&self, used: Option<&str>) -> Vec<String> {
         if self.depth.is_some() {
             return Vec::new();
         }
-        let mut endings: BTreeMap<String, usize> = BTreeMap::new();
         let others: Vec<&str> = self.other_files().map(|(name, _)| name).filter(|name| Some(*name) != used).collect();
-        for name in others.iter().filter(|name| !name.starts_with('.') && name.contains('.') && !is_pose_file(name)) {
-            *endings.entry(formats::extension(name)).or_default() += 1;
-        }
         let mut notes = Vec::new();
         if let Some(poses) = others.iter().find(|name| used.is_none() && is_pose_file(name)) {
             notes.push(format!("{poses} is not used; give it with --poses if the scans are to start from it"));
         }
-        let count: usize = endings.values().sum();
-        if count > 0 {
-            let endings: Vec<&str> = endings.keys().map(String::as_str).collect();
-            notes.push(format!("{count} files are not read ({})", endings.join(", ")));
+        let is_hidden = |name: &str| name.split('/').any(|part| part.starts_with('.'));
+        let is_scan = |name: &str| formats::check_name(name).is_ok();
+        let of = |is_it: &dyn Fn(&str) -> bool| -> Vec<&str> {
+            let rest = others.iter().copied().filter(|name| name.contains('.') && !is_pose_file(name));
+            rest.filter(|name| is_it(name)).collect()
+        };
+        let groups = [
+            (of(&|name| is_hidden(name) && is_scan(name)), "hidden files are none of a set"),
+            (
+                of(&|name| !is_hidden(name) && is_scan(name)),
+                "they may be anything, and there are other scans (--scans takes them)",
+            ),
+            (of(&|name| !is_hidden(name) && !is_scan(name)), "their formats are not read"),
+        ];
+        for (names, why) in groups.iter().filter(|(names, _)| !names.is_empty()) {
+            notes.push(format!("{} files are passed over, since {why}: {}", names.len(), listed(names)));
+        }
+        if !self.folders.is_empty() {
+            let folders: Vec<&str> = self.folders.iter().map(String::as_str).collect();
+            let why = "since there are scans beside them";
+            notes.push(format!("{} folders are not looked into, {why}: {}", folders.len(), listed(&folders)));
         }
         notes
     }
 }
 
-/// Lists the files of a folder by their paths from it, and those of the folders in it.
-fn list_into(path: &Path, prefix: &str, with_folders: bool, files: &mut Vec<Listed>) -> anyhow::Result<()> {
+/// The first of some names.
+fn listed(names: &[&str]) -> String {
+    const MOST: usize = 5;
+    let dots = if names.len() > MOST { ", ..." } else { "" };
+    format!("{}{dots}", names[..names.len().min(MOST)].join(", "))
+}
+
+/// Lists the files of a folder by their paths from it, and those of the folders in it if they are wanted; gives the
+/// folders that are not looked into.
+fn list_into(path: &Path, prefix: &str, with_folders: bool, files: &mut Vec<Listed>) -> anyhow::Result<Vec<String>> {
+    let mut folders = Vec::new();
     let entries = std::fs::read_dir(path).with_context(|| format!("reading the folder {}", path.display()))?;
     for entry in entries {
         let entry = entry.with_context(|| format!("reading the folder {}", path.display()))?;
         let name = entry.file_name();
         let shown = format!("{prefix}{}", name.to_string_lossy());
+        // a link to a folder may lead around in a circle
+        let is_folder = entry.file_type().is_ok_and(|kind| kind.is_dir()) && !shown.starts_with('.');
         if entry.path().is_file() {
             files.push(Listed::file(shown, name.to_str().is_some()));
-        } else if with_folders && entry.path().is_dir() {
-            list_into(&entry.path(), &format!("{shown}/"), with_folders, files)?;
+        } else if is_folder && with_folders {
+            folders.extend(list_into(&entry.path(), &format!("{shown}/"), with_folders, files)?);
+        } else if is_folder {
+            folders.push(shown);
         }
     }
-    Ok(())
+    folders.sort();
+    Ok(folders)
 }
 
 /// Whether a file can't be anything but poses, by its ending. JSON may be anything.
@@ -311,23 +328,6 @@ fn is_pose_file(name: &str) -> bool {
     let is_of = |format: &&Format| format.endings.contains(&&*formats::extension(name));
     let of_poses = |format: &&&Format| matches!(format.reader, Reader::Poses(_)) && **format != &formats::poses::JSON;
     FORMATS.iter().filter(of_poses).any(is_of)
-}
-
-/// Files that hold one matrix are smaller.
-const MATRIX_BYTES: u64 = 16 << 10;
-
-/// The poses of a folder with one matrix file a scan.
-pub fn read_matrices(path: &Path) -> anyhow::Result<PoseFile> {
-    let folder = Folder::list(path)?;
-    let mut files = Vec::new();
-    for name in folder.names().filter(|name| !name.starts_with('.')) {
-        let file = path.join(name);
-        if file.metadata().is_ok_and(|data| data.len() <= MATRIX_BYTES) {
-            files.push((name, std::fs::read(&file).with_context(|| format!("reading {}", file.display()))?));
-        }
-    }
-    let files: Vec<(&str, &[u8])> = files.iter().map(|(name, bytes)| (*name, bytes.as_slice())).collect();
-    formats::poses::read_folder(&files).with_context(|| format!("reading the folder {}", path.display()))
 }
 
 #[cfg(test)]
@@ -352,7 +352,28 @@ mod tests {
         let list = Folder::list(folder.path()).expect("listed");
         assert_eq!(list.choose(None, None, None).expect("two scans"), ["a9.PCD", "a10.ply"]);
         assert_eq!(list.choose(Some("*"), None, None).expect("a glob").len(), 6, "all but the hidden ones");
-        assert_eq!(list.not_read(None), ["3 files are not read (csv, doc, jpg)"]);
+        let expected = [
+            "2 files are passed over, since hidden files are none of a set: ._a9.PCD, .b.ply",
+            "1 files are passed over, since they may be anything, and there are other scans (--scans takes them): d.csv",
+            "2 files are passed over, since their formats are not read: c.jpg, e.doc",
+        ];
+        assert_eq!(list.passed_over(None), expected);
+    }
+
+    #[test]
+    fn folders_are_looked_into_where_there_is_nothing_beside_them() {
+        let place = folder(&["readme.md"]);
+        for (sub, name) in [("front", "a.ply"), ("back/far", "a.ply"), (".git", "b.ply")] {
+            std::fs::create_dir_all(place.path().join(sub)).expect("made");
+            std::fs::write(place.path().join(sub).join(name), "").expect("written");
+        }
+        let list = Folder::list(place.path()).expect("listed");
+        assert_eq!(list.choose(None, None, None).expect("two"), ["back/far/a.ply", "front/a.ply"]);
+        std::fs::write(place.path().join("c.ply"), "").expect("written");
+        let list = Folder::list(place.path()).expect("listed");
+        assert_eq!(list.choose(None, None, None).expect("one"), ["c.ply"]);
+        let note = "2 folders are not looked into, since there are scans beside them: back, front";
+        assert_eq!(list.passed_over(None).last().map(String::as_str), Some(note));
     }
 
     #[test]
@@ -405,16 +426,6 @@ mod tests {
         assert!(error.contains("2 pose(s) for 3 scan(s)"), "{error}");
     }
 
-    #[test]
-    fn a_folder_of_matrices_is_a_pose_file() {
-        let folder = folder(&["a.ply", "b.ply", "._b.txt"]);
-        std::fs::write(folder.path().join("b_MATRIX.txt"), "1 0 0 4\n0 1 0 5\n0 0 1 6\n0 0 0 1\n").expect("written");
-        let poses = read_matrices(folder.path()).expect("one matrix");
-        let poses = Folder::list(folder.path()).expect("listed").fit(None, poses).expect("fits");
-        assert_eq!(poses.poses[0].0, "b.ply");
-        assert_eq!(poses.said, ["2 file(s) that hold no matrix are passed over, such as a.ply"]);
-    }
-
     #[cfg(target_os = "linux")]
     #[test]
     fn a_name_that_is_no_utf8_is_said() {
@@ -424,16 +435,5 @@ mod tests {
         std::fs::write(folder.path().join(name), "").expect("written");
         let error = Folder::list(folder.path()).expect("listed").choose(None, None, None).expect_err("refused");
         assert!(error.to_string().ends_with("is no UTF-8: rename the file"), "{error}");
-    }
-
-    #[test]
-    fn results_go_to_a_folder_of_their_own() {
-        let folder = folder(&["file"]);
-        let refused = |out: &Path| make_out(out, folder.path()).expect_err("refused").to_string();
-        assert!(refused(&folder.path().join("file")).ends_with("is a file: give a folder, or the name of a new one"));
-        assert!(refused(&folder.path().join(".")).contains("is the folder of the scans"));
-        assert!(refused(&folder.path().join("file/out")).starts_with("making "));
-        make_out(&folder.path().join("new/out"), folder.path()).expect("made");
-        assert!(folder.path().join("new/out").is_dir());
     }
 }

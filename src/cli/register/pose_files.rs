@@ -1,6 +1,8 @@
-//! The pose file that came with the scans of an archive.
+//! Pose files: the one that came with the scans of an archive, and folders with a file for each scan.
 
 use std::path::Path;
+
+use anyhow::Context;
 
 use super::folder::Folder;
 use crate::formats::poses::{self, PoseFile};
@@ -34,4 +36,39 @@ fn fitting(name: &str, path: &Path, scans: &[&str]) -> Option<PoseFile> {
     file.poses.retain(|(scan, _)| is_there(scan));
     file.scales.retain(|scan, _| is_there(scan));
     (!file.poses.is_empty()).then_some(file)
+}
+
+/// Files that hold one matrix are smaller.
+const MATRIX_BYTES: u64 = 16 << 10;
+
+/// The poses of a folder with one matrix file a scan.
+pub fn read_matrices(path: &Path) -> anyhow::Result<PoseFile> {
+    let folder = Folder::list(path)?;
+    let mut files = Vec::new();
+    for name in folder.names().filter(|name| !name.starts_with('.')) {
+        let file = path.join(name);
+        if file.metadata().is_ok_and(|data| data.len() <= MATRIX_BYTES) {
+            files.push((name, std::fs::read(&file).with_context(|| format!("reading {}", file.display()))?));
+        }
+    }
+    let files: Vec<(&str, &[u8])> = files.iter().map(|(name, bytes)| (*name, bytes.as_slice())).collect();
+    poses::read_folder(&files).with_context(|| format!("reading the folder {}", path.display()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_of_matrices_is_a_pose_file() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        for name in ["a.ply", "b.ply", "._b.txt"] {
+            std::fs::write(folder.path().join(name), "").expect("written");
+        }
+        std::fs::write(folder.path().join("b_MATRIX.txt"), "1 0 0 4\n0 1 0 5\n0 0 1 6\n0 0 0 1\n").expect("written");
+        let poses = read_matrices(folder.path()).expect("one matrix");
+        let poses = Folder::list(folder.path()).expect("listed").fit(None, poses).expect("fits");
+        assert_eq!(poses.poses[0].0, "b.ply");
+        assert_eq!(poses.said, ["2 file(s) that hold no matrix are passed over, such as a.ply"]);
+    }
 }

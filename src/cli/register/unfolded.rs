@@ -1,6 +1,6 @@
 //! Files that hold several scans (E57, PTX): each is a scan of its own, with the pose that its file gives it.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 
@@ -8,9 +8,6 @@ use rayon::prelude::*;
 
 use crate::formats::{self, ReadLimits, Reader, Reading, ScanReading};
 use crate::geometry::Motion;
-
-/// The longest name of a scan that is taken from its file, in bytes.
-const LONGEST_NAME: usize = 200;
 
 /// The scans of files that hold several, read and not asked for yet.
 #[derive(Default)]
@@ -39,28 +36,20 @@ impl Unfolded {
     }
 
     fn of(read: Vec<(&String, Vec<ScanReading>)>, others: &[&str]) -> Self {
-        let own = |scan: &ScanReading| scan.name.clone().filter(|name| is_plain(name));
-        let mut uses: BTreeMap<String, usize> = others.iter().map(|name| ((*name).to_owned(), 1)).collect();
-        let several = || read.iter().filter(|(_, scans)| scans.len() > 1);
-        several().flat_map(|(_, scans)| scans).filter_map(own).for_each(|name| *uses.entry(name).or_default() += 1);
-        let mut taken: BTreeSet<String> = uses.keys().cloned().collect();
+        let own =
+            |scans: &[ScanReading]| -> Vec<Option<String>> { scans.iter().map(|scan| scan.name.clone()).collect() };
+        let own: Vec<Vec<Option<String>>> = read.iter().map(|(_, scans)| own(scans)).collect();
+        let files: Vec<(&str, Vec<Option<&str>>)> = read
+            .iter()
+            .zip(&own)
+            .map(|((file, _), own)| (file.as_str(), own.iter().map(Option::as_deref).collect()))
+            .collect();
+        let names = formats::scan_names(&files, others);
         let mut unfolded = Unfolded::default();
         let mut readings = BTreeMap::new();
-        for (file, scans) in read {
+        for ((file, scans), names) in read.into_iter().zip(names) {
             let is_one = scans.len() == 1;
-            for (index, scan) in scans.into_iter().enumerate() {
-                let own = own(&scan).filter(|name| uses.get(name) == Some(&1));
-                let name = match own {
-                    _ if is_one => file.clone(),
-                    Some(name) => name,
-                    None => {
-                        let mut name = format!("{file}#{index}");
-                        while !taken.insert(name.clone()) {
-                            name.push('#');
-                        }
-                        name
-                    }
-                };
+            for (scan, name) in scans.into_iter().zip(names) {
                 let ScanReading { mut reading, world_from_scan, .. } = scan;
                 match world_from_scan {
                     // there is nothing in the file to which its place would matter
@@ -100,16 +89,6 @@ impl Unfolded {
         let several = by_file.into_iter().filter(|(_, names)| names.len() > 1);
         several.map(|(file, names)| format!("{file} holds {} scans: {}", names.len(), names.join(", "))).collect()
     }
-}
-
-/// Whether a name that a file gives to a scan can be that of a file, as the names of scans are.
-fn is_plain(name: &str) -> bool {
-    let is_odd = |sign: char| sign.is_control() || matches!(sign, '/' | '\\' | char::REPLACEMENT_CHARACTER);
-    !name.is_empty()
-        && name.len() <= LONGEST_NAME
-        && name.trim() == name
-        && !name.starts_with('.')
-        && !name.contains(is_odd)
 }
 
 #[cfg(test)]

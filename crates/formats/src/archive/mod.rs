@@ -5,12 +5,15 @@
 //! damaged, encrypted, or names two files alike is refused whole, since a set that lacks a scan is another set.
 
 mod tarred;
+mod writer;
 mod zipped;
 
 use std::collections::BTreeSet;
 use std::io::Read;
 
 use super::{FormatError, ReadLimits, packed, quote};
+
+pub use writer::ZipWriter;
 
 /// Bounds on what an archive may unpack to.
 #[derive(Debug, Clone, Copy)]

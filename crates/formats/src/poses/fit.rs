@@ -27,6 +27,12 @@ fn folded(name: &str) -> String {
     plain(name).to_lowercase()
 }
 
+/// What is the same for two names that some system takes for one: accents may stand in letters or behind them, and many
+/// disks don't tell upper case from lower case.
+pub fn same_name(name: &str) -> String {
+    composed(&composed(name).to_lowercase())
+}
+
 /// A folded name without its ending.
 fn without_ending(name: &str) -> String {
     let name = folded(name);

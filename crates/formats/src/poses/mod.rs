@@ -23,6 +23,7 @@ use visage_geometry::se3::{self, NearestMotion};
 use visage_geometry::{Motion, PoseConvention};
 
 pub use conf::write as write_conf;
+pub use fit::same_name;
 pub use json::{write as write_json, write_matrices};
 pub use kinds::{KINDS, Kind, markdown, remedy};
 pub use log::write as write_log;

@@ -4,7 +4,7 @@ use super::super::cursor;
 use super::super::model_views;
 use super::super::problem::Problem;
 use super::super::state::{AppState, blocking};
-use super::super::verdicts::{ExplanationView, VerdictView, places};
+use super::super::verdicts::{ExplanationView, ReasonView, VerdictView, places};
 use super::question::{Asked, ClassVerdict, GalleryQuestion, Verdict, unknown_standard};
 use super::views::{MatchView, QueryAnswer};
 use visage_domain::MatchedModel;
@@ -80,7 +80,7 @@ fn match_view(asked: &GalleryQuestion, found: &Match, model: MatchedModel) -> Ma
         coverage: fit.map(|fit| fit.observed),
         triangle: found.triangle.map(|corners| corners.map(|corner| corner.to_vec()).to_vec()),
         landmarks: evidence.as_ref().and_then(|evidence| places(&evidence.landmarks)),
-        reason: reason.map(Into::into),
+        reason: reason.map(|reason| ReasonView::of(reason, evidence.as_ref())),
         explain,
         href: model_views::address(model.id),
     }

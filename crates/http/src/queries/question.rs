@@ -23,6 +23,7 @@ use visage_shape::standards::{Found, Standard};
 pub const RULES: FormRules = FormRules {
     files: &["probe"],
     most_files: 1,
+    file_name: names::surface_file_name,
     texts: &["unit", "standard", "method", "limit", "threshold", "only_matches", "cursor", "filter", "explain"],
 };
 

@@ -1,6 +1,8 @@
 //! What the service can do, whoever asks for it: no HTTP, no SQL, no paths.
 //!
+//! - [`arrival`]: what a client sends becomes scans
 //! - [`scan_sets`], [`models`], [`standards`]: they come with their files, change, and go
+//! - [`renditions`]: what is stored in other formats
 //! - [`orders`]: jobs are ordered, stopped, tried again
 //! - [`queries`]: the gallery is asked
 //! - [`evaluations`]: how well the gallery's answers agree with its labels
@@ -11,6 +13,7 @@
 
 #![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used))]
 
+pub mod arrival;
 pub mod context;
 pub mod engine;
 pub mod evaluations;
@@ -19,6 +22,7 @@ pub mod models;
 pub mod monitor;
 pub mod orders;
 pub mod queries;
+pub mod renditions;
 pub mod scan_sets;
 pub mod standards;
 pub mod tracker;

@@ -85,7 +85,14 @@ mod tests {
     }
 
     fn set(scans: Vec<ScanRecord>) -> NewScanSet {
-        NewScanSet { id: ScanSetId::new(), name: "set".to_owned(), unit: Unit::Mm, scans, poses: None }
+        NewScanSet {
+            id: ScanSetId::new(),
+            name: "set".to_owned(),
+            unit: Unit::Mm,
+            scans,
+            poses: None,
+            passed_over: Vec::new(),
+        }
     }
 
     #[tokio::test]

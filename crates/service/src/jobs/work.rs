@@ -17,9 +17,10 @@ use crate::panics::panic_message;
 use crate::storage::{Database, DatabaseError, ObjectError, ObjectStore, StagedModel};
 use visage_domain::asset::Asset;
 use visage_domain::{AssetRecord, JobError, JobRecord, ModelId, NewModel, ScanRecord, ScanSetRecord, StoredFile};
-use visage_formats::Dropped;
+use visage_formats::{DeclaredUnit, Dropped};
+use visage_geometry::Unit;
 use visage_geometry::progress::{Canceled, Progress, Stage};
-use visage_pipeline::{NamedScan, PipelineError, RegisteredModel};
+use visage_pipeline::{NamedScan, PipelineError, RegisteredModel, units};
 use visage_shape::faces::Signature;
 
 /// Everything one job needs.
@@ -157,6 +158,9 @@ pub(super) fn pooled<T: Send>(
         .unwrap_or_else(|payload| Err(defect(format!("a stage ended in a panic: {}", panic_message(&*payload)))))
 }
 
+/// A scan, what of its file was not taken, and the unit that it declares.
+type Loaded = (NamedScan, Dropped, Option<DeclaredUnit>);
+
 impl Work {
     /// Does the job. A panic anywhere ends this job alone.
     pub(super) fn run(self) -> Result<Made, WorkError> {
@@ -164,14 +168,25 @@ impl Work {
     }
 
     fn make(&self) -> Result<Made, WorkError> {
-        let plan = self.plan()?;
-        let (scans, dropped): (Vec<_>, Vec<_>) = self.load(&plan.names)?.into_iter().unzip();
-        let dropped: BTreeMap<String, Dropped> = plan.names.iter().cloned().zip(dropped).collect();
-        let mut outcome = self.engine.register(scans, &plan.start, self.set.unit, &self.job.options, &self.progress)?;
+        let mut plan = self.plan()?;
+        let mut scans = Vec::new();
+        let mut dropped = BTreeMap::new();
+        let mut declared = Vec::new();
+        for (scan, of_scan, unit) in self.load(&plan.names)? {
+            dropped.insert(scan.name.clone(), of_scan);
+            declared.push(unit);
+            scans.push(scan);
+        }
+        let given = Some(self.set.unit).filter(|unit| *unit != Unit::Unknown);
+        let units: Vec<_> = plan.names.iter().map(String::as_str).zip(declared).collect();
+        let settled = units::settle(given, &units, &plan.start.hints.units)?;
+        settled.apply(&mut scans, &mut plan.start);
+        let mut outcome = self.engine.register(scans, &plan.start, settled.unit, &self.job.options, &self.progress)?;
+        settled.undo(&plan.names, &mut outcome);
         artifacts::add_readings(&mut outcome.report, &dropped, &plan.notes);
         self.progress.check()?;
         self.progress.report(Stage::Storing, 0.0);
-        self.keep(outcome)
+        self.keep(outcome, settled.unit)
     }
 
     /// What is registered, and from where. It was checked when the job was accepted; the set can't have changed since.
@@ -187,14 +202,15 @@ impl Work {
         })
     }
 
-    /// Reads the scans of these names, in their order; with what of their files was not taken.
-    fn load(&self, names: &[String]) -> Result<Vec<(NamedScan, Dropped)>, WorkError> {
+    /// Reads the scans of these names, in their order; with what of their files was not taken, and the units that they
+    /// declare.
+    fn load(&self, names: &[String]) -> Result<Vec<Loaded>, WorkError> {
         self.progress.report(Stage::Loading, 0.0);
         let stored: BTreeMap<&str, &ScanRecord> =
             self.set.scans.iter().map(|scan| (scan.name.as_str(), scan)).collect();
         let views: Vec<&ScanRecord> = names.iter().filter_map(|name| stored.get(name.as_str()).copied()).collect();
         let loaded = AtomicUsize::new(0);
-        let of_scans: Vec<Result<(NamedScan, Dropped), WorkError>> = views
+        let of_scans: Vec<Result<Loaded, WorkError>> = views
             .par_iter()
             .map(|scan| {
                 self.progress.check()?;
@@ -208,7 +224,7 @@ impl Work {
         of_scans.into_iter().collect()
     }
 
-    fn load_one(&self, scan: &ScanRecord) -> Result<(NamedScan, Dropped), WorkError> {
+    fn load_one(&self, scan: &ScanRecord) -> Result<Loaded, WorkError> {
         let bytes = self.objects.read_scan(self.set.id, scan.file_id)?;
         if blake3::hash(&bytes).to_hex().as_str() != scan.checksum {
             let message = format!("the stored file of scan {} is not what was uploaded", scan.name);
@@ -217,11 +233,11 @@ impl Work {
         let reading = visage_formats::read(&scan.name, &bytes, &self.limits.read_limits()).map_err(|error| {
             failed("unreadable_scan", error.to_string(), Some(scan.name.clone()), "upload a sound file of the scan")
         })?;
-        Ok((NamedScan { name: scan.name.clone(), surface: reading.surface }, reading.dropped))
+        Ok((NamedScan { name: scan.name.clone(), surface: reading.surface }, reading.dropped, reading.unit))
     }
 
     /// Writes the model's files and moves them to where they belong.
-    fn keep(&self, outcome: RegisteredModel) -> Result<Made, WorkError> {
+    fn keep(&self, outcome: RegisteredModel, unit: Unit) -> Result<Made, WorkError> {
         let staged = self.objects.stage_model()?;
         let mut assets = Vec::new();
         let run = || {
@@ -240,17 +256,17 @@ impl Work {
         let coming = [StoredFile::Model(id)];
         stored(&self.runtime, &self.progress, || self.database.expect_files(&coming))?;
         self.objects.keep_model(&staged, id)?;
-        Ok(Made { model: self.model(id, &outcome, assets), signature: outcome.signature })
+        Ok(Made { model: self.model(id, &outcome, unit, assets), signature: outcome.signature })
     }
 
-    fn model(&self, id: ModelId, outcome: &RegisteredModel, assets: Vec<AssetRecord>) -> NewModel {
+    fn model(&self, id: ModelId, outcome: &RegisteredModel, unit: Unit, assets: Vec<AssetRecord>) -> NewModel {
         let scanned: u64 = self.set.scans.iter().map(|scan| scan.points).sum();
         NewModel {
             id,
             origin: Some((self.job.id, self.set.id)),
             name: self.set.name.clone(),
             label: self.job.label.clone(),
-            unit: self.set.unit,
+            unit,
             points: outcome.cloud.as_ref().map_or(scanned, |merged| merged.cloud.len() as u64),
             quality: Some(outcome.report.registration.verdict.quality.name().to_owned()),
             assets,

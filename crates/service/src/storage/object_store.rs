@@ -64,6 +64,9 @@ pub trait ObjectStore: Debug + Send + Sync + 'static {
     /// The content of a file that has arrived. Blocks.
     fn read_staged(&self, file: &StagedFile) -> Result<Vec<u8>, ObjectError>;
 
+    /// Opens a file that has arrived, to be sent; what is open stays readable when its handle is dropped.
+    async fn open_staged(&self, file: &StagedFile) -> Result<Box<dyn AssetReader>, ObjectError>;
+
     /// A model in the making. Blocks.
     fn stage_model(&self) -> Result<StagedModel, ObjectError>;
 

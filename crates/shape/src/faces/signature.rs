@@ -203,6 +203,11 @@ impl Signature {
         f64::from(self.diagonal)
     }
 
+    /// Millimetres in one unit of the model; `None` if its unit is not known.
+    pub fn unit_mm(&self) -> Option<f64> {
+        (self.unit_mm > 0.0).then_some(f64::from(self.unit_mm))
+    }
+
     /// The root mean square distance of the surface from its centroid, in the model's unit: a measure of size that
     /// no turn changes.
     pub fn radius(&self) -> f64 {

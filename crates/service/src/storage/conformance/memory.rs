@@ -117,6 +117,10 @@ impl ObjectStore for MemoryObjects {
         staged.cloned().ok_or_else(|| missing("reading an uploaded file"))
     }
 
+    async fn open_staged(&self, file: &StagedFile) -> Result<Box<dyn AssetReader>, ObjectError> {
+        Ok(Box::new(Cursor::new(self.read_staged(file)?)))
+    }
+
     fn stage_model(&self) -> Result<StagedModel, ObjectError> {
         Ok(StagedModel::new(self.stage(), self.shared.clone()))
     }

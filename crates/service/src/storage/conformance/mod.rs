@@ -132,7 +132,8 @@ pub async fn scan_set(db: &dyn Database, names: &[&str]) -> ScanSetId {
         reading: None,
     };
     let (scans, unit) = (names.iter().map(scan).collect(), visage_geometry::Unit::Mm);
-    let set = NewScanSet { id: ScanSetId::new(), name: "set".to_owned(), unit, scans, poses: None };
+    let passed_over = Vec::new();
+    let set = NewScanSet { id: ScanSetId::new(), name: "set".to_owned(), unit, scans, poses: None, passed_over };
     db.create_scan_set(&set, None).await.expect("stored");
     set.id
 }

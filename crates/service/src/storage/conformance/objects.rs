@@ -14,6 +14,16 @@ async fn staged(objects: &dyn ObjectStore, content: &[u8]) -> StagedFile {
     writer.finish().await.expect("finished")
 }
 
+/// What of a staged file arrives whose handle is dropped once it is open.
+async fn sent_and_gone(objects: &dyn ObjectStore, content: &[u8]) -> Vec<u8> {
+    let file = staged(objects, content).await;
+    let mut reader = objects.open_staged(&file).await.expect("there");
+    drop(file);
+    let mut read = Vec::new();
+    reader.read_to_end(&mut read).await.expect("readable");
+    read
+}
+
 fn checksum(content: &[u8]) -> String {
     blake3::hash(content).to_hex().to_string()
 }
@@ -43,6 +53,7 @@ pub async fn a_scan_arrives_whole_and_goes_with_its_set(place: &impl ObjectPlace
         let upload = staged(objects.as_ref(), b"ten points").await;
         assert_eq!((upload.bytes, upload.checksum.clone()), (10, checksum(b"ten points")));
         assert_eq!(objects.read_staged(&upload).expect("there"), b"ten points");
+        assert_eq!(sent_and_gone(objects.as_ref(), b"a copy").await, b"a copy");
         assert!(!objects.listing().expect("listed").contains(&StoredFile::Scan(set, file)));
         objects.keep_scan(&upload, set, file).expect("kept");
         drop(upload);

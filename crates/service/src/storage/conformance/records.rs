@@ -113,7 +113,8 @@ pub async fn a_full_database_says_so_and_is_as_it_was(place: &impl DatabasePlace
     let db = place.open_full().await;
     let poses = PoseFile { name: "poses".to_owned(), content: vec![7; 100_000] };
     let (name, unit) = ("large".to_owned(), Unit::Mm);
-    let set = NewScanSet { id: ScanSetId::new(), name, unit, scans: Vec::new(), poses: Some(poses) };
+    let (scans, passed_over) = (Vec::new(), Vec::new());
+    let set = NewScanSet { id: ScanSetId::new(), name, unit, scans, poses: Some(poses), passed_over };
     for _ in 0..2 {
         let refused = db.create_scan_set(&set, None).await.expect_err("full");
         assert!(matches!(refused, DatabaseError::Full), "{refused}");

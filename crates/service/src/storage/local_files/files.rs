@@ -29,6 +29,11 @@ impl ObjectStore for LocalFiles {
         fs::read(self.staging.path(file.id())).map_err(doing("reading an uploaded file"))
     }
 
+    async fn open_staged(&self, file: &StagedFile) -> Result<Box<dyn AssetReader>, ObjectError> {
+        let opened = tokio::fs::File::open(self.staging.path(file.id())).await;
+        Ok(Box::new(opened.map_err(doing("opening what was written"))?))
+    }
+
     fn stage_model(&self) -> Result<StagedModel, ObjectError> {
         self.check_space("writing a model")?;
         let staged = StagedModel::new(self.staging.new_id(), self.staging.clone());

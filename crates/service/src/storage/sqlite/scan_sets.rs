@@ -19,6 +19,7 @@ row! {
         unit: String,
         poses_name: Option<String>,
         poses: Option<Vec<u8>>,
+        passed_over: Option<String>,
     }
 }
 
@@ -43,6 +44,12 @@ impl SetRow {
             unit: self.unit.parse().map_err(|reason: String| damaged("a unit", reason))?,
             scans,
             poses: self.poses_name.zip(self.poses).map(|(name, content)| PoseFile { name, content }),
+            passed_over: match self.passed_over {
+                Some(text) => {
+                    serde_json::from_str(&text).map_err(|e| damaged("what was passed over", e.to_string()))?
+                }
+                None => Vec::new(),
+            },
         })
     }
 }
@@ -181,12 +188,17 @@ fn not_found(id: ScanSetId) -> DatabaseError {
 
 /// Stores a scan set and its scans; part of a larger transaction.
 pub(super) async fn insert_set(db: &mut SqliteConnection, set: &NewScanSet) -> Result<(), DatabaseError> {
-    sqlx::query("INSERT INTO scan_set (id, name, unit, poses_name, poses) VALUES (?, ?, ?, ?, ?)")
+    let passed_over = match set.passed_over.as_slice() {
+        [] => None,
+        files => serde_json::to_string(files).ok(),
+    };
+    sqlx::query("INSERT INTO scan_set (id, name, unit, poses_name, poses, passed_over) VALUES (?, ?, ?, ?, ?, ?)")
         .bind(set.id.to_string())
         .bind(&set.name)
         .bind(set.unit.name())
         .bind(set.poses.as_ref().map(|poses| &poses.name))
         .bind(set.poses.as_ref().map(|poses| &poses.content))
+        .bind(passed_over)
         .execute(&mut *db)
         .await?;
     for scan in &set.scans {

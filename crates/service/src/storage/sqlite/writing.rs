@@ -150,6 +150,7 @@ mod tests {
             unit: Unit::Mm,
             scans: Vec::new(),
             poses: Some(poses),
+            passed_over: Vec::new(),
         }
     }
 
