@@ -51,6 +51,7 @@ pub mod threemf;
 mod unite;
 pub mod uos;
 pub mod vtk;
+mod weld;
 
 pub use budget::ReadLimits;
 pub use number::{NoCoordinate, checked_coordinate};
@@ -150,8 +151,22 @@ pub enum FormatError {
 impl FormatError {
     /// Shorthand for [`FormatError::Malformed`].
     pub(crate) fn malformed(place: impl Into<String>, problem: impl Into<String>, remedy: impl Into<String>) -> Self {
-        FormatError::Malformed { place: place.into(), problem: problem.into(), remedy: remedy.into() }
+        FormatError::Malformed { place: shown(place.into()), problem: shown(problem.into()), remedy: remedy.into() }
     }
+}
+
+/// A text for a message: what a parser says of a hostile file may repeat much of it.
+fn shown(text: String) -> String {
+    const MOST: usize = 400;
+    if text.len() <= MOST && !text.contains(char::is_control) {
+        return text;
+    }
+    let plain = text.chars().map(|c| if c.is_control() { char::REPLACEMENT_CHARACTER } else { c });
+    let mut short: String = plain.take(MOST).collect();
+    if short.chars().count() < text.chars().count() {
+        short.push_str("...");
+    }
+    short
 }
 
 /// A few bytes of hostile text, fit for a message: printable and short.
@@ -253,6 +268,14 @@ mod tests {
     fn quoted_bytes_are_short_and_printable() {
         assert_eq!(quote(b"a\x00\xff\n"), "\"a\\0\u{fffd}\\n\"");
         assert_eq!(quote(&[b'x'; 100]).len(), 24 + 2 + 3);
+    }
+
+    #[test]
+    fn messages_repeat_no_more_of_a_file_than_people_read() {
+        let error = FormatError::malformed("a\u{1b}[2J", "x".repeat(5000), "send another").to_string();
+        assert_eq!(error, format!("a\u{fffd}[2J: {}...; send another", "x".repeat(400)));
+        let (place, problem) = ("line 3", "\u{e9}".repeat(150));
+        assert_eq!(FormatError::malformed(place, &*problem, "r").to_string(), format!("{place}: {problem}; r"));
     }
 
     #[test]
