@@ -90,6 +90,7 @@ pub const FORMATS: &[&Format] = &[
     &poses::ALN,
     &poses::MLP,
     &poses::LOG,
+    &poses::UOS,
     &poses::TEXT,
 ];
 
@@ -224,11 +225,12 @@ pub fn check_name(name: &str) -> Result<&'static Format, FormatError> {
 /// Reads a scan or model, and says what of it was not taken; the extension of `name` is that of the format. The scans of
 /// a file that holds several become one surface, in the frame that they share.
 pub fn read(name: &str, bytes: &[u8], limits: &ReadLimits) -> Result<Reading, FormatError> {
-    let reader = check_name(name)?.reader;
-    let (name, bytes) = &packed::unpacked(name, bytes, limits)?;
-    match reader {
-        Reader::Surface(read) => read(bytes, limits),
-        _ => unite::unite(read_scans(name, bytes, limits)?, limits),
+    match check_name(name)?.reader {
+        Reader::Scans(_) => unite::unite(read_scans(name, bytes, limits)?, limits),
+        _ => {
+            let mut scans = read_scans(name, bytes, limits)?;
+            scans.pop().map_or_else(|| unite::unite(Vec::new(), limits), |scan| Ok(scan.reading))
+        }
     }
 }
 
@@ -236,11 +238,15 @@ pub fn read(name: &str, bytes: &[u8], limits: &ReadLimits) -> Result<Reading, Fo
 pub fn read_scans(name: &str, bytes: &[u8], limits: &ReadLimits) -> Result<Vec<ScanReading>, FormatError> {
     let reader = check_name(name)?.reader;
     let (_, bytes) = &packed::unpacked(name, bytes, limits)?;
-    match reader {
-        Reader::Surface(read) => read(bytes, limits).map(|reading| vec![reading.into()]),
-        Reader::Scans(read) => read(bytes, limits),
-        Reader::Poses(_) => Ok(Vec::new()),
+    let mut scans = match reader {
+        Reader::Surface(read) => vec![read(bytes, limits)?.into()],
+        Reader::Scans(read) => read(bytes, limits)?,
+        Reader::Poses(_) => Vec::new(),
+    };
+    for ScanReading { reading, .. } in &mut scans {
+        reading.dropped.notes.extend(precision::rounding(&reading.surface.cloud.points));
     }
+    Ok(scans)
 }
 
 /// The same without what was not taken.
