@@ -208,7 +208,7 @@ mod tests {
         for text in [
             "-0.123456                ",
             "-0                       ",
-            "12345678.1234567         ",
+            "12345678.123456          ",
             "0.                    ",
         ] {
             let found = plain(text.as_bytes()).map(|(value, length)| (value.to_bits(), length));

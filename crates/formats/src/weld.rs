@@ -9,7 +9,7 @@ use super::budget::Budget;
 use visage_geometry::Point3;
 
 /// The least slots.
-const LEAST: usize = 1 << 10;
+const LEAST: usize = 8;
 
 /// Finds vertices by their coordinates. Only their numbers are kept, each with half of its hash: coordinates are those of
 /// the points. The hash has a random seed: files can't be made to collide, and which vertex is found does not depend on it.
@@ -138,6 +138,6 @@ mod tests {
     #[test]
     fn what_it_takes_is_of_the_budget() {
         let mut budget = ReadLimits { max_points: 100, max_faces: 0, max_bytes: 0 }.budget();
-        assert!(Places::new(1, &mut budget).is_err());
+        assert!(Places::new(1000, &mut budget).is_err());
     }
 }
