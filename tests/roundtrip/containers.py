@@ -1,10 +1,11 @@
 """Round trips of E57, LAS, LAZ, GLB, glTF and 3MF with the libraries that others use.
 
-Each file is made by a library, converted by `cargo run -p visage-formats --example convert IN OUT` and read again by a library, and
-the other way round: coordinates are exact to the format's precision, colours exact, counts equal.
+Each file is made by a library, converted by `convert IN OUT` (an example of visage-formats) and read again by a library, and the
+other way round: coordinates are exact to the format's precision, colours exact, counts equal.
 
-    pip install numpy laspy[lazrs] pye57 trimesh pygltflib lxml networkx pillow plyfile
-    python tests/roundtrip/containers.py
+    pip install -r tests/roundtrip/requirements.txt
+    cargo build -p visage-formats --example convert
+    python tests/roundtrip/containers.py target/debug/examples/convert
 """
 
 import subprocess
@@ -19,13 +20,12 @@ import pygltflib
 import trimesh
 from plyfile import PlyData
 
-ROOT = Path(__file__).resolve().parents[2]
+CONVERT = Path(sys.argv[1]).resolve()
 COUNT = 5000
 
 
 def convert(source, target):
-    command = ["cargo", "run", "--quiet", "--release", "-p", "visage-formats", "--example", "convert", str(source), str(target)]
-    run = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    run = subprocess.run([CONVERT, source, target], capture_output=True, text=True)
     assert run.returncode == 0, f"{source.name} to {target.name}: {run.stderr}"
     return target
 

@@ -1,9 +1,10 @@
-"""Round trips of text and simple binary formats with Open3D, trimesh and NumPy, both ways.
+"""Round trips of text and simple binary formats with Open3D, MeshLab, trimesh and NumPy, both ways.
 
+    pip install -r tests/roundtrip/requirements.txt
     cargo build -p visage-formats --example convert
     python tests/roundtrip/formats.py target/debug/examples/convert
 
-Needs numpy, open3d, plyfile and trimesh. Files of each writer are read by `convert` and compared as PLY; files that
+Files of each writer are read by `convert` and compared as PLY; files that
 `convert` writes are read by each reader. Coordinates must agree to the format's precision, colours and counts exactly.
 """
 
@@ -16,6 +17,7 @@ import tempfile
 import numpy as np
 import open3d as o3d
 import plyfile
+import pymeshlab
 import trimesh
 
 CONVERT = pathlib.Path(sys.argv[1]).resolve()
@@ -78,11 +80,24 @@ def theirs(name, normals, colors):
     compare(name, points, found_normals if normals else None, found_colors if colors else None)
 
 
+def same_corners(corners, expected, name):
+    """Holds triangles, by the places of their corners, against the truth: vertices may have another order."""
+    order = lambda corners: corners[np.lexsort(np.round(corners.reshape(-1, 9), 4).T)]
+    corners, expected = np.asarray(corners, float), np.asarray(expected, float)
+    if corners.shape != expected.shape:
+        check(f"{name}: triangles", False, f"{corners.shape} is not {expected.shape}")
+        return
+    off = np.abs(order(corners) - order(expected)).max()
+    check(f"{name}: triangles", off < NEAR, f"off by {off}")
+
+
 def their_mesh(name):
     if convert(name, "out.ply"):
-        points, _, _, faces = of_ply("out.ply")
-        same = len(points) == len(SPHERE.vertices) and faces == len(SPHERE.faces)
-        check(f"{name}: mesh", same, f"{len(points)} {faces}")
+        ply = plyfile.PlyData.read(FOLDER / "out.ply")
+        points, _, _, _ = of_ply("out.ply")
+        check(f"{name}: vertices", len(points) == len(SPHERE.vertices), str(len(points)))
+        faces = np.stack(list(ply["face"].data["vertex_indices"]))
+        same_corners(points[faces], SPHERE.vertices[SPHERE.faces], name)
 
 
 def clouds_of_open3d():
@@ -137,11 +152,45 @@ def meshes():
         their_mesh(name)
     for ending in ["off", "obj", "stl", "ply"]:
         if convert("t.ply", f"ours.{ending}"):
-            for reader, faces in [
-                ("trimesh", len(trimesh.load(FOLDER / f"ours.{ending}", force="mesh").faces)),
-                ("open3d", len(o3d.io.read_triangle_mesh(str(FOLDER / f"ours.{ending}")).triangles)),
-            ]:
-                check(f"ours.{ending}: {reader}", faces == len(SPHERE.faces), str(faces))
+            path = str(FOLDER / f"ours.{ending}")
+            by_trimesh = trimesh.load(path, force="mesh")
+            same_corners(by_trimesh.triangles, SPHERE.triangles, f"ours.{ending} by trimesh")
+            by_open3d = o3d.io.read_triangle_mesh(path)
+            corners = np.asarray(by_open3d.vertices)[np.asarray(by_open3d.triangles)]
+            same_corners(corners, SPHERE.triangles, f"ours.{ending} by Open3D")
+            by_meshlab = pymeshlab.MeshSet()
+            by_meshlab.load_new_mesh(path)
+            mesh = by_meshlab.current_mesh()
+            same_corners(mesh.vertex_matrix()[mesh.face_matrix()], SPHERE.triangles, f"ours.{ending} by MeshLab")
+
+
+def files_of_meshlab():
+    """What MeshLab writes, with colours and normals of vertices where the format has them."""
+    colors = np.hstack([COLORS, np.full((len(COLORS), 1), 255)]) / 255
+    cloud = pymeshlab.MeshSet()
+    cloud.add_mesh(pymeshlab.Mesh(vertex_matrix=POINTS, v_normals_matrix=NORMALS, v_color_matrix=colors))
+    with_colors = {"save_vertex_normal": True, "save_vertex_color": True}
+    for name, options, normals, has_colors in [
+        ("m.ply", {"binary": True} | with_colors, True, True),
+        ("ma.ply", {"binary": False} | with_colors, True, True),
+        ("m.obj", with_colors, True, True),
+        ("m.off", with_colors, True, True),
+        ("m.xyz", {"save_vertex_normal": True}, True, False),
+    ]:
+        cloud.save_current_mesh(str(FOLDER / name), **options)
+        theirs(name, normals, has_colors)
+    sphere = pymeshlab.MeshSet()
+    sphere.add_mesh(pymeshlab.Mesh(vertex_matrix=SPHERE.vertices, face_matrix=SPHERE.faces))
+    for name, options in [
+        ("ms.ply", {"binary": True}),
+        ("msa.ply", {"binary": False}),
+        ("ms.obj", {}),
+        ("ms.off", {}),
+        ("ms.stl", {"binary": True}),
+        ("msa.stl", {"binary": False}),
+    ]:
+        sphere.save_current_mesh(str(FOLDER / name), **options)
+        their_mesh(name)
 
 
 def ours():
@@ -155,6 +204,15 @@ def ours():
             cloud = o3d.io.read_point_cloud(str(FOLDER / f"ours.{ending}"))
             colors = np.round(np.asarray(cloud.colors) * 255).astype(int)
             compare(f"ours.{ending} by Open3D", np.asarray(cloud.points), np.asarray(cloud.normals), colors)
+    for ending in ["ply", "obj"]:
+        if convert("source.ply", f"ours.{ending}"):
+            by_meshlab = pymeshlab.MeshSet()
+            by_meshlab.load_new_mesh(str(FOLDER / f"ours.{ending}"))
+            cloud = by_meshlab.current_mesh()
+            colors = np.round(cloud.vertex_color_matrix()[:, :3] * 255).astype(int)
+            # it takes normals of OBJ from faces only
+            normals = cloud.vertex_normal_matrix() if ending == "ply" else None
+            compare(f"ours.{ending} by MeshLab", cloud.vertex_matrix(), normals, colors)
     if convert("source.ply", "ours.xyz"):
         rows = np.loadtxt(FOLDER / "ours.xyz")
         compare("ours.xyz by NumPy", rows[:, :3], rows[:, 3:6], rows[:, 6:9].astype(int))
@@ -170,6 +228,7 @@ def ours():
 clouds_of_open3d()
 arrays_of_numpy()
 meshes()
+files_of_meshlab()
 ours()
 print(f"{passed} passed, {len(failures)} failed")
 sys.exit(1 if failures else 0)

@@ -52,6 +52,7 @@ pub mod threemf;
 mod unite;
 pub mod uos;
 pub mod vtk;
+mod weld;
 pub mod written;
 
 pub use budget::ReadLimits;
@@ -94,6 +95,7 @@ pub const FORMATS: &[&Format] = &[
     &poses::ALN,
     &poses::MLP,
     &poses::LOG,
+    &poses::UOS,
     &poses::TEXT,
 ];
 
@@ -155,8 +157,22 @@ pub enum FormatError {
 impl FormatError {
     /// Shorthand for [`FormatError::Malformed`].
     pub(crate) fn malformed(place: impl Into<String>, problem: impl Into<String>, remedy: impl Into<String>) -> Self {
-        FormatError::Malformed { place: place.into(), problem: problem.into(), remedy: remedy.into() }
+        FormatError::Malformed { place: shown(place.into()), problem: shown(problem.into()), remedy: remedy.into() }
     }
+}
+
+/// A text for a message: what a parser says of a hostile file may repeat much of it.
+fn shown(text: String) -> String {
+    const MOST: usize = 400;
+    if text.len() <= MOST && !text.contains(char::is_control) {
+        return text;
+    }
+    let plain = text.chars().map(|c| if c.is_control() { char::REPLACEMENT_CHARACTER } else { c });
+    let mut short: String = plain.take(MOST).collect();
+    if short.chars().count() < text.chars().count() {
+        short.push_str("...");
+    }
+    short
 }
 
 /// A few bytes of hostile text, fit for a message: printable and short.
@@ -214,11 +230,12 @@ pub fn check_name(name: &str) -> Result<&'static Format, FormatError> {
 /// Reads a scan or model, and says what of it was not taken; the extension of `name` is that of the format. The scans of
 /// a file that holds several become one surface, in the frame that they share.
 pub fn read(name: &str, bytes: &[u8], limits: &ReadLimits) -> Result<Reading, FormatError> {
-    let reader = check_name(name)?.reader;
-    let (name, bytes) = &packed::unpacked(name, bytes, limits)?;
-    match reader {
-        Reader::Surface(read) => read(bytes, limits),
-        _ => unite::unite(read_scans(name, bytes, limits)?, limits),
+    match check_name(name)?.reader {
+        Reader::Scans(_) => unite::unite(read_scans(name, bytes, limits)?, limits),
+        _ => {
+            let mut scans = read_scans(name, bytes, limits)?;
+            scans.pop().map_or_else(|| unite::unite(Vec::new(), limits), |scan| Ok(scan.reading))
+        }
     }
 }
 
@@ -226,11 +243,15 @@ pub fn read(name: &str, bytes: &[u8], limits: &ReadLimits) -> Result<Reading, Fo
 pub fn read_scans(name: &str, bytes: &[u8], limits: &ReadLimits) -> Result<Vec<ScanReading>, FormatError> {
     let reader = check_name(name)?.reader;
     let (_, bytes) = &packed::unpacked(name, bytes, limits)?;
-    match reader {
-        Reader::Surface(read) => read(bytes, limits).map(|reading| vec![reading.into()]),
-        Reader::Scans(read) => read(bytes, limits),
-        Reader::Poses(_) => Ok(Vec::new()),
+    let mut scans = match reader {
+        Reader::Surface(read) => vec![read(bytes, limits)?.into()],
+        Reader::Scans(read) => read(bytes, limits)?,
+        Reader::Poses(_) => Vec::new(),
+    };
+    for ScanReading { reading, .. } in &mut scans {
+        reading.dropped.notes.extend(precision::rounding(&reading.surface.cloud.points));
     }
+    Ok(scans)
 }
 
 /// The same without what was not taken.
@@ -258,6 +279,14 @@ mod tests {
     fn quoted_bytes_are_short_and_printable() {
         assert_eq!(quote(b"a\x00\xff\n"), "\"a\\0\u{fffd}\\n\"");
         assert_eq!(quote(&[b'x'; 100]).len(), 24 + 2 + 3);
+    }
+
+    #[test]
+    fn messages_repeat_no_more_of_a_file_than_people_read() {
+        let error = FormatError::malformed("a\u{1b}[2J", "x".repeat(5000), "send another").to_string();
+        assert_eq!(error, format!("a\u{fffd}[2J: {}...; send another", "x".repeat(400)));
+        let (place, problem) = ("line 3", "\u{e9}".repeat(150));
+        assert_eq!(FormatError::malformed(place, &*problem, "r").to_string(), format!("{place}: {problem}; r"));
     }
 
     #[test]

@@ -38,7 +38,7 @@ const MOST_VALUES: usize = 12;
 pub fn read(bytes: &[u8], limits: &ReadLimits) -> Result<Reading, FormatError> {
     let text = &bytes[text_start(bytes)?..];
     let mut file = File { lines: TextLines::new(text) };
-    let Head { kind, vertices, faces } = file.head()?;
+    let Head { mut kind, vertices, faces } = file.head()?;
     let left = file.lines.rest().len() as u64 + 1;
     let needed = vertices.saturating_mul(LEAST_VERTEX).saturating_add(faces.saturating_mul(LEAST_FACE));
     if needed > left {
@@ -57,14 +57,16 @@ pub fn read(bytes: &[u8], limits: &ReadLimits) -> Result<Reading, FormatError> {
     let mut superfluous = false;
     for vertex in 0..vertices {
         let line = file.next(|| format!("{vertices} vertices"), || format!("vertex {vertex}"))?;
-        let row = file.row(line, kind)?;
-        superfluous |= row.has_more;
+        let mut row = file.row(line, kind)?;
         if points.is_none() {
+            kind = row.kind;
+            row = file.row(line, kind)?;
             let layout = kind.layout(row.has_fractions)?;
             budget.take(vertices, layout.bytes())?;
             points = Some(Points::new(&layout, vertices as usize));
         }
         if let Some(points) = &mut points {
+            superfluous |= row.has_more;
             points.push(&row.values).map_err(|problem| file.wrong(problem))?;
         }
     }
@@ -86,7 +88,12 @@ struct Kind {
     normals: bool,
     colors: bool,
     texture: bool,
+    /// Whether the colour stands before the normal, as MeshLab writes it (`NCOFF`); Geomview has it behind.
+    colors_first: bool,
 }
+
+/// A length this near to 1 is that of a normal.
+const UNIT_TOLERANCE: f64 = 0.02;
 
 impl Kind {
     /// From the letters before `OFF`.
@@ -105,7 +112,29 @@ impl Kind {
             }
             rest = &rest[length..];
         }
+        kind.colors_first = letters.contains("NC");
         Some(kind)
+    }
+
+    /// Where the normal and the colour are among the values of a vertex. Opacity may be among them.
+    fn places(self, count: usize) -> (usize, usize) {
+        let behind = if self.texture { 2 } else { 0 };
+        match (self.normals, self.colors, self.colors_first) {
+            (true, true, true) => (count.saturating_sub(3 + behind).max(6), 3),
+            (true, true, false) => (3, 6),
+            _ => (3, 3),
+        }
+    }
+
+    /// The same with the order that the values of a vertex show, where only one has a normal in its place.
+    fn as_shown(self, values: &[f64]) -> Self {
+        let other = Kind { colors_first: !self.colors_first, ..self };
+        let is_unit = |kind: Kind| {
+            let normal = kind.places(values.len()).0;
+            let length2: f64 = values.iter().skip(normal).take(3).map(|x| x * x).sum();
+            (length2.sqrt() - 1.0).abs() <= UNIT_TOLERANCE
+        };
+        if self.normals && self.colors && !is_unit(self) && is_unit(other) { other } else { self }
     }
 
     fn name(self) -> String {
@@ -137,6 +166,8 @@ struct Row {
     values: Values,
     has_more: bool,
     has_fractions: bool,
+    /// The kind of the vertices, as this one shows it.
+    kind: Kind,
 }
 
 struct File<'a> {
@@ -223,9 +254,9 @@ impl<'a> File<'a> {
         }
         let mut values = [0.0; SLOTS];
         values[X..X + 3].copy_from_slice(&numbers[..3]);
-        let color = 3 + normals;
+        let (normal, color) = kind.places(count);
         if kind.normals {
-            values[NORMAL..NORMAL + 3].copy_from_slice(&numbers[3..6]);
+            values[NORMAL..NORMAL + 3].copy_from_slice(&numbers[normal..normal + 3]);
         }
         let mut has_fractions = false;
         if kind.colors {
@@ -233,7 +264,8 @@ impl<'a> File<'a> {
             has_fractions = words(line).skip(color).take(3).any(has_fraction);
         }
         let most = least + usize::from(kind.colors) + if kind.texture { 2 } else { 0 };
-        Ok(Row { values, has_more: count > most || all.next().is_some(), has_fractions })
+        let shown = kind.as_shown(&numbers[..count]);
+        Ok(Row { values, has_more: count > most || all.next().is_some(), has_fractions, kind: shown })
     }
 
     /// The polygons as fans, so many of so many vertices; those that name a vertex which isn't there are counted.
@@ -283,7 +315,7 @@ impl<'a> File<'a> {
 
 /// Writes a cloud with its normals and colours; numbers are those that are read back as the same values.
 pub fn write_cloud(cloud: &Cloud) -> Vec<u8> {
-    let kind = Kind { normals: cloud.normals.is_some(), colors: cloud.colors.is_some(), texture: false };
+    let kind = Kind { normals: cloud.normals.is_some(), colors: cloud.colors.is_some(), ..Kind::default() };
     let mut text = format!("{}\n{} 0 0\n", kind.name(), cloud.len());
     for (index, point) in cloud.points.iter().enumerate() {
         // writing to a string can't fail
@@ -313,92 +345,4 @@ pub fn write_mesh(mesh: &Mesh) -> Vec<u8> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use visage_geometry::Point3;
-
-    const SQUARE: &str = "OFF\n# a square and a line\n4 3 0\n0 0 0\n1 0 0 # a corner\n1 1 0\n\n0 1 0.5\n4 0 1 2 3 255 0 0\n3 0 1 2\n2 0 1\n";
-
-    fn read_text(text: &str) -> Result<Reading, FormatError> {
-        read(text.as_bytes(), &ReadLimits::default())
-    }
-
-    #[test]
-    fn polygons_become_fans_wherever_the_counts_stand() {
-        let square = read_text(SQUARE).expect("sound");
-        assert_eq!(square.surface.cloud.len(), 4);
-        assert_eq!(square.surface.faces, [[0, 1, 2], [0, 2, 3], [0, 1, 2]]);
-        assert!(square.dropped.is_empty(), "{}", square.dropped);
-        for head in ["OFF 4 3 0\n", "OFF4 3 0\n", "OFF 4 3\n", "#\nOFF\n\n4 3 0 # counts\n"] {
-            let text = SQUARE.replace("OFF\n# a square and a line\n4 3 0\n", head);
-            assert_eq!(read_text(&text).as_ref(), Ok(&square), "{head}");
-            assert_eq!(read_text(&text.replace('\n', "\r\n")).as_ref(), Ok(&square), "{head}");
-        }
-    }
-
-    #[test]
-    fn letters_say_what_vertices_have() {
-        let one = |head: &str, row: &str| read_text(&format!("{head}\n1 0 0\n{row}\n")).expect(head).surface.cloud;
-        assert_eq!(one("COFF", "0 0 0 255 0 9 255").colors, Some(vec![[255, 0, 9]]));
-        assert_eq!(one("COFF", "0 0 0 1 0 9").colors, Some(vec![[1, 0, 9]]));
-        assert_eq!(one("COFF", "0 0 0 1.0 0.5 0.0 1.0").colors, Some(vec![[255, 128, 0]]));
-        assert_eq!(one("NOFF", "0 0 0 0 2 0").normals, Some(vec![nalgebra::Vector3::y()]));
-        for head in ["STCNOFF", "NCSTOFF"] {
-            let all = one(head, "0 0 0 0 2 0 7 8 9 255 0.5 0.5");
-            assert_eq!((all.normals, all.colors), (Some(vec![nalgebra::Vector3::y()]), Some(vec![[7, 8, 9]])));
-        }
-        let more = read_text("OFF\n1 0 0\n0 0 0 1 2 3\n").expect("more values");
-        assert_eq!(more.dropped.notes, ["more values of the vertices than OFF has are not used"]);
-    }
-
-    #[test]
-    fn what_is_wrong_is_named_by_line() {
-        let cases = [
-            ("", "line 0: an OFF file begins with OFF, COFF, NOFF or the like; this one is empty; send"),
-            ("solid\n", "line 1: an OFF file begins with OFF, COFF, NOFF or the like; this one begins with \"solid\""),
-            ("CCOFF\n1 0 0\n", "line 1: an OFF file begins with OFF"),
-            ("OFF BINARY\n", "line 1: binary OFF files are not read; export it as text"),
-            ("4OFF\n1 0 0\n0 0 0 1\n", "line 1: 4OFF has points of another dimension than 3"),
-            ("OFF\none\n", "line 2: the numbers of vertices and faces are expected, but here is \"one\""),
-            ("OFF\n0 0 0\n", "the whole file: there are no vertices"),
-            ("OFF\n2 0 0\n0 0 0\n", "the file is cut short: it declares 2 vertices and 0 faces"),
-            ("OFF\n9999999999999 0 0\n0 0 0\n", "the file is cut short: it declares 9999999999999 vertices"),
-            ("NOFF\n1 0 0\n0 0 0\n", "line 3: a vertex of NOFF has 6 numbers, not 3"),
-            ("OFF\n1 0 0\n0 zero 0\n", "line 3: \"zero\" is no number"),
-            ("OFF\n1 0 0\n0 1e20 0\n", "line 3: y is 1e20, which is too large"),
-            ("OFF\n1 1 0\n0 0 0\n3 0 0\n", "line 4: a face of 3 corners has 2"),
-            ("OFF\n1 1 0\n0 0 0\n3 0 0 x\n", "line 4: \"x\" is no index of a vertex"),
-        ];
-        for (text, start) in cases {
-            let error = read_text(text).expect_err(text).to_string();
-            assert!(error.starts_with(start), "{error}");
-        }
-        let limits = ReadLimits { max_faces: 1, ..ReadLimits::default() };
-        let many = "OFF\n4 1 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3\n";
-        assert_eq!(read(many.as_bytes(), &limits), Err(FormatError::TooLarge { what: "faces", found: 2, limit: 1 }));
-    }
-
-    #[test]
-    fn what_is_not_sound_costs_itself() {
-        let text = SQUARE.replace("3 0 1 2\n", "3 0 1 -9\n3 0 1 4\n").replace("4 3 0", "4 4 0");
-        let reading = read_text(&text).expect("faces without vertices");
-        assert_eq!((reading.surface.faces.len(), reading.dropped.faces), (2, 2));
-        let reading = read_text(&SQUARE.replace("0 1 0.5", "0 nan 0")).expect("a vertex");
-        assert_eq!((reading.surface.cloud.len(), reading.surface.faces.len(), reading.dropped.no_return), (3, 2, 1));
-        let more = read_text(&(SQUARE.to_owned() + "1 2 3\n")).expect("more lines").dropped.notes;
-        assert_eq!(more, ["what follows the last face is not read (line 12)"]);
-    }
-
-    #[test]
-    fn what_is_written_comes_back() {
-        let cloud = Cloud {
-            points: vec![Point3::new(1.0 / 3.0, 4.5e6 + 0.001, -1e-9), Point3::origin()],
-            normals: Some(vec![nalgebra::Vector3::x(), nalgebra::Vector3::new(0.6, 0.0, 0.8)]),
-            colors: Some(vec![[1, 0, 1], [0, 1, 0]]),
-            intensities: None,
-        };
-        let bytes = write_cloud(&cloud);
-        assert!(bytes.starts_with(b"CNOFF\n2 0 0\n"));
-        assert_eq!(read(&bytes, &ReadLimits::default()).expect("own files").surface.cloud, cloud);
-    }
-}
+mod tests;

@@ -156,7 +156,14 @@ impl Points {
         Ok(())
     }
 
+    /// The points that are kept so far.
+    #[inline]
+    pub(super) fn positions(&self) -> &[Point3] {
+        &self.positions
+    }
+
     /// Points of the file so far, those without a return included.
+    #[inline]
     pub(super) fn seen(&self) -> usize {
         self.places.as_ref().map_or(self.positions.len(), Vec::len)
     }

@@ -4,14 +4,12 @@
 //! Corners with equal coordinates are one vertex. Normals of facets are passed over: programs write zeros, and the
 //! corners say the same.
 
-use std::collections::HashMap;
-use std::collections::hash_map::Entry;
-
 use super::budget::Budget;
 use super::colors::Channels;
 use super::header_lines::lines_of;
 use super::points::{Layout, NORMAL, Points, SLOTS, X};
 use super::table::{self, BYTES, Content, Format, Writers};
+use super::weld::Places;
 use super::{FormatError, ReadLimits, Reading, number, quote, text_start};
 use visage_geometry::{Mesh, Point3, Vector3};
 
@@ -31,6 +29,9 @@ const HEADER: usize = 80;
 const HEAD: usize = HEADER + 4;
 /// Bytes of a facet: normal, three corners, two bytes that some programs use for a colour.
 const FACET: usize = 50;
+
+/// Facets whose vertices are looked for together.
+const BLOCK: usize = 128;
 
 const REPAIR: &str = "repair the file or export it again";
 
@@ -79,9 +80,7 @@ struct Facets<'a> {
     limits: &'a ReadLimits,
     budget: Budget,
     points: Points,
-    /// Where a vertex is among the points, by the bits of its coordinates.
-    /// The hash is a quick one with a random seed: files can't be made to collide.
-    places: HashMap<[u64; 3], u32, foldhash::fast::RandomState>,
+    places: Places,
     faces: Vec<[u32; 3]>,
     /// Facets of the file, with those that were left out.
     seen: u64,
@@ -93,11 +92,13 @@ impl<'a> Facets<'a> {
         // a closed surface has half as many vertices as facets
         let vertices = (expected / 2).min(limits.most_points() as usize);
         let layout = Layout::of(|slot| slot < NORMAL, |_| Channels::Floats)?;
+        let mut budget = limits.budget();
+        let places = Places::new(vertices, &mut budget)?;
         Ok(Facets {
             limits,
-            budget: limits.budget(),
+            budget,
             points: Points::new(&layout, vertices),
-            places: HashMap::with_capacity_and_hasher(vertices, foldhash::fast::RandomState::default()),
+            places,
             faces: Vec::with_capacity(expected),
             seen: 0,
         })
@@ -106,6 +107,28 @@ impl<'a> Facets<'a> {
     /// Takes the next facet; `place` says where it is.
     #[inline]
     fn push(&mut self, corners: &[[f64; 3]; 3], place: impl Fn() -> String) -> Result<(), FormatError> {
+        let hashes = corners.map(|corner| self.places.hash(&corner));
+        self.push_hashed(corners, hashes, place)
+    }
+
+    /// Takes the next facets.
+    #[inline]
+    fn push_block(&mut self, facets: &[[[f64; 3]; 3]], place: impl Fn(usize) -> String) -> Result<(), FormatError> {
+        let mut hashes = [0; 3 * BLOCK];
+        self.places.fetch(facets.as_flattened(), &mut hashes);
+        for (index, (corners, hashes)) in facets.iter().zip(hashes.as_chunks().0).enumerate() {
+            self.push_hashed(corners, *hashes, || place(index))?;
+        }
+        Ok(())
+    }
+
+    #[inline]
+    fn push_hashed(
+        &mut self,
+        corners: &[[f64; 3]; 3],
+        hashes: [u64; 3],
+        place: impl Fn() -> String,
+    ) -> Result<(), FormatError> {
         self.seen += 1;
         if !corners.iter().flatten().all(|x| x.is_finite()) {
             self.points.dropped.faces += 1;
@@ -117,30 +140,28 @@ impl<'a> Facets<'a> {
         }
         self.budget.take(1, size_of::<[u32; 3]>())?;
         let mut face = [0; 3];
-        for (vertex, corner) in face.iter_mut().zip(corners) {
-            *vertex = self.vertex(corner, &place)?;
+        for ((vertex, corner), hash) in face.iter_mut().zip(corners).zip(hashes) {
+            *vertex = match self.places.find(hash, corner, self.points.positions(), &mut self.budget)? {
+                Some(known) => known,
+                None => self.add(corner, &place)?,
+            };
         }
         self.faces.push(face);
         Ok(())
     }
 
-    /// The vertex with these coordinates.
-    fn vertex(&mut self, corner: &[f64; 3], place: impl Fn() -> String) -> Result<u32, FormatError> {
+    /// A new vertex.
+    fn add(&mut self, corner: &[f64; 3], place: impl Fn() -> String) -> Result<u32, FormatError> {
         let next = self.points.seen() as u32;
-        // -0 and 0 are one place
-        let entry = match self.places.entry(corner.map(|x| (x + 0.0).to_bits())) {
-            Entry::Occupied(known) => return Ok(*known.get()),
-            Entry::Vacant(entry) => entry,
-        };
         let limit = self.limits.most_points();
         if u64::from(next) >= limit {
             return Err(FormatError::TooLarge { what: "points", found: limit + 1, limit });
         }
-        self.budget.take(1, size_of::<Point3>() + size_of::<([u64; 3], u32)>())?;
+        self.budget.take(1, size_of::<Point3>())?;
         let mut values = [0.0; SLOTS];
         values[X..X + 3].copy_from_slice(corner);
         self.points.push(&values).map_err(|problem| FormatError::malformed(place(), problem, REPAIR))?;
-        Ok(*entry.insert(next))
+        Ok(next)
     }
 
     fn finish(self) -> Result<Reading, FormatError> {
@@ -162,21 +183,33 @@ fn read_binary(bytes: &[u8], count: u32, limits: &ReadLimits) -> Result<Reading,
         return Err(FormatError::TooLarge { what: "faces", found, limit });
     }
     let mut facets = Facets::new(limits, count as usize)?;
-    let mut rest = &bytes[HEAD..];
-    for index in 0..count {
-        let Some((facet, behind)) = rest.split_first_chunk::<FACET>() else { break };
-        rest = behind;
-        let number = |at: usize| {
-            let bytes = facet.get(at..at + 4).and_then(|bytes| bytes.try_into().ok()).unwrap_or_default();
-            f64::from(f32::from_le_bytes(bytes))
+    let (records, rest) = bytes[HEAD..].split_at((count as usize * FACET).min(bytes.len() - HEAD));
+    let mut block = [[[0.0; 3]; 3]; BLOCK];
+    for (first, records) in records.chunks(BLOCK * FACET).enumerate() {
+        let records = records.as_chunks::<FACET>().0;
+        for (corners, record) in block.iter_mut().zip(records) {
+            *corners = corners_of(record);
+        }
+        let place = |index: usize| {
+            let index = first * BLOCK + index;
+            format!("facet {index} (byte {})", HEAD + index * FACET)
         };
-        let corners = [12, 24, 36].map(|corner| [0, 4, 8].map(|axis| number(corner + axis)));
-        facets.push(&corners, || format!("facet {index} (byte {})", HEAD + index as usize * FACET))?;
+        facets.push_block(&block[..records.len()], place)?;
     }
     if !rest.is_empty() {
         facets.points.dropped.notes.push(format!("{} bytes behind the last facet are not read", rest.len()));
     }
     facets.finish()
+}
+
+/// The corners of a facet, behind its normal.
+#[inline]
+fn corners_of(record: &[u8; FACET]) -> [[f64; 3]; 3] {
+    let number = |at: usize| {
+        let bytes = record.get(at..at + 4).and_then(|bytes| bytes.try_into().ok()).unwrap_or_default();
+        f64::from(f32::from_le_bytes(bytes))
+    };
+    [12, 24, 36].map(|corner| [0, 4, 8].map(|axis| number(corner + axis)))
 }
 
 /// Words between blanks and line ends of whatever kind.

@@ -183,8 +183,8 @@ fn length(mm: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use visage_shape::faces::dense_fit::Fit;
     use visage_shape::faces::Size;
+    use visage_shape::faces::dense_fit::Fit;
     use visage_shape::faces::detection::Detection;
     use visage_shape::faces::signature::example::example;
     use visage_shape::faces::standard;

@@ -38,16 +38,16 @@ fn fitting(name: &str, path: &Path, scans: &[&str]) -> Option<PoseFile> {
     (!file.poses.is_empty()).then_some(file)
 }
 
-/// Files that hold one matrix are smaller.
-const MATRIX_BYTES: u64 = 16 << 10;
+/// Files that hold the pose of one scan are smaller.
+const POSE_BYTES: u64 = 1 << 20;
 
-/// The poses of a folder with one matrix file a scan.
+/// The poses of a folder with one file of poses a scan.
 pub fn read_matrices(path: &Path) -> anyhow::Result<PoseFile> {
     let folder = Folder::list(path)?;
     let mut files = Vec::new();
     for name in folder.names().filter(|name| !name.starts_with('.')) {
         let file = path.join(name);
-        if file.metadata().is_ok_and(|data| data.len() <= MATRIX_BYTES) {
+        if file.metadata().is_ok_and(|data| data.len() <= POSE_BYTES) {
             files.push((name, std::fs::read(&file).with_context(|| format!("reading {}", file.display()))?));
         }
     }

@@ -5,7 +5,7 @@ use super::layout::{Columns, UNUSED, Usual, count_in, is_comment};
 use crate::colors::Channels;
 use crate::points::{Layout, Points, SLOTS};
 use crate::text::TextLines;
-use crate::{FormatError, ReadLimits, Reading, quote, text_start};
+use crate::{FormatError, ReadLimits, Reading, number, quote, text_start};
 
 const REPAIR: &str = "repair the file or export it again";
 /// The shortest row: three digits, and what parts them.
@@ -220,7 +220,7 @@ impl<'a> Cursor<'a> {
     fn number(&mut self, columns: &Columns) -> Result<f64, &'a [u8]> {
         self.skip_blanks();
         if !columns.dialect.decimal_comma
-            && let Ok((value, length)) = fast_float2::parse_partial::<f64, _>(self.rest())
+            && let Some((value, length)) = number::leading(self.rest())
         {
             match self.line.get(self.position + length) {
                 None => {

@@ -65,6 +65,13 @@ pub(super) trait Body {
     /// Where the cursor is, for messages.
     fn place(&self) -> String;
 
+    /// Takes the next row if it is a line of these numbers as nearly all are written; else nothing is taken, and the row is
+    /// read number by number, which also says what is wrong with it.
+    #[inline]
+    fn plain_row(&mut self, _slots: &[usize], _values: &mut [f64]) -> bool {
+        false
+    }
+
     /// The next number of the row, a colour packed into four bytes.
     fn packed(&mut self, scalar: ScalarType) -> Result<f64, Fault>;
 
@@ -217,11 +224,41 @@ impl<const FREE: bool> Body for Ascii<'_, FREE> {
     #[inline]
     fn number(&mut self, _scalar: ScalarType) -> Result<f64, Fault> {
         let rest = self.begin_number()?;
-        let Ok((value, length)) = fast_float2::parse_partial::<f64, _>(rest) else { return self.spelled() };
+        let Some((value, length)) = number::leading(rest) else { return self.spelled() };
         match self.end_number(length) {
             Ok(()) => Ok(value),
             Err(_) => self.spelled(),
         }
+    }
+
+    #[inline]
+    fn plain_row(&mut self, slots: &[usize], values: &mut [f64]) -> bool {
+        if FREE {
+            return false;
+        }
+        let mut at = self.position;
+        // the end of the line before it
+        at += usize::from(self.bytes.get(at) == Some(&b'\r'));
+        at += usize::from(self.bytes.get(at) == Some(&b'\n'));
+        for slot in slots {
+            let rest = self.bytes.get(at..).unwrap_or_default();
+            let (Some((value, length)), Some(slot)) = (number::plain(rest), values.get_mut(*slot)) else {
+                return false;
+            };
+            *slot = value;
+            at += length;
+            match rest.get(length) {
+                Some(b' ') => at += 1,
+                Some(b'\n' | b'\r') => {}
+                _ => return false,
+            }
+        }
+        // a line that ended too early has been left here, too
+        if !matches!(self.bytes.get(at), Some(b'\n' | b'\r')) {
+            return false;
+        }
+        self.position = at;
+        true
     }
 
     fn packed(&mut self, scalar: ScalarType) -> Result<f64, Fault> {

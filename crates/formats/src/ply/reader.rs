@@ -138,22 +138,33 @@ fn read_vertices(element: &Element, budget: &mut Budget, body: &mut impl Body) -
     let layout = Layout::of(|slot| column(slot).is_some(), channels)?;
     budget.take(element.count, layout.bytes())?;
     let mut points = Points::new(&layout, element.count as usize);
-    for_each_row(element, body, |body| read_vertex(&columns, &mut points, body))?;
+    // lists and packed colours are not just numbers
+    let is_plain = |column: &Column| matches!(column.kind, Kind::Scalar(_)) && column.slot != PACKED;
+    let slots: Vec<usize> = columns.iter().map(|column| column.slot).collect();
+    let plain_slots = columns.iter().all(is_plain).then_some(&*slots);
+    for_each_row(element, body, |body| read_vertex(&columns, plain_slots, &mut points, body))?;
     Ok(points)
 }
 
 #[inline]
-fn read_vertex(columns: &[Column], points: &mut Points, body: &mut impl Body) -> Result<(), Fault> {
+fn read_vertex(
+    columns: &[Column],
+    plain_slots: Option<&[usize]>,
+    points: &mut Points,
+    body: &mut impl Body,
+) -> Result<(), Fault> {
     let mut values: [f64; SLOTS + 1] = [0.0; SLOTS + 1];
-    body.begin_row()?;
-    for column in columns {
-        match column.kind {
-            Kind::Scalar(scalar) if column.slot == PACKED => values[PACKED] = body.packed(scalar)?,
-            Kind::Scalar(scalar) => values[column.slot] = body.number(scalar)?,
-            list => body.skip(list)?,
+    if !plain_slots.is_some_and(|slots| body.plain_row(slots, &mut values)) {
+        body.begin_row()?;
+        for column in columns {
+            match column.kind {
+                Kind::Scalar(scalar) if column.slot == PACKED => values[PACKED] = body.packed(scalar)?,
+                Kind::Scalar(scalar) => values[column.slot] = body.number(scalar)?,
+                list => body.skip(list)?,
+            }
         }
+        body.end_row()?;
     }
-    body.end_row()?;
     let [kept @ .., _] = &values;
     let kept: &Values = kept;
     Ok(points.push(kept)?)

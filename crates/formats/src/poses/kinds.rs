@@ -1,7 +1,7 @@
 //! The kinds of pose files, and how each is recognised: by what stands in it, since endings tell little.
 
 use super::node::Node;
-use super::{Fault, PoseFile, colmap, conf, json, lines, log, matrices, meshlab, quaternions, text};
+use super::{Fault, PoseFile, colmap, conf, json, lines, log, matrices, meshlab, quaternions, text, uos};
 use crate::quote;
 
 /// A kind of pose file.
@@ -23,6 +23,14 @@ enum Content {
 
 const BY_NAME: &str = "scan to world, by name";
 const BY_ORDER: &str = "scan to world, by order";
+const BY_FILE: &str = "scan to world, by the names of the files";
+
+const FRAMES: &str = "3DTK `.frames`";
+const START: &str = "3DTK `.pose`";
+pub(super) const MATRICES: &str = "bare matrices";
+/// Kinds of which programs write a file a scan. Where several are in a folder, the first counts: a registration's end
+/// before its start.
+pub(super) const OF_ONE_SCAN: [&str; 3] = [FRAMES, MATRICES, START];
 
 /// Every kind of pose file, in the order in which they are tried.
 pub const KINDS: &[Kind] = &[
@@ -99,13 +107,25 @@ pub const KINDS: &[Kind] = &[
         content: Content::Text { fits: quaternions::is_tum, read: quaternions::read_tum },
     },
     Kind {
+        name: FRAMES,
+        looks: "lines of a matrix column by column and a whole number, of which the last counts; one file a scan",
+        meaning: BY_FILE,
+        content: Content::Text { fits: uos::is_frames, read: uos::read_frames },
+    },
+    Kind {
+        name: START,
+        looks: "a line with a place and a line with three angles in degrees; one file a scan",
+        meaning: BY_FILE,
+        content: Content::Text { fits: uos::is_pose, read: uos::read_pose },
+    },
+    Kind {
         name: "KITTI poses",
         looks: "12 numbers a line (or 16), row by row; a name may stand before them",
         meaning: "scan to world, by name if there are names, else by order",
         content: Content::Text { fits: matrices::is_flat, read: matrices::read_flat },
     },
     Kind {
-        name: "bare matrices",
+        name: MATRICES,
         looks: "4 rows of 4 numbers (or 3) a scan, nothing else; one file a scan (CloudCompare) or all in one",
         meaning: "scan to world, by the names of the files, else by order",
         content: Content::Text { fits: matrices::is_bare, read: matrices::read_bare },
@@ -138,6 +158,12 @@ pub(super) fn read(text: &str) -> Result<PoseFile, Fault> {
     })
 }
 
+/// The name of the kind of text that is no JSON.
+pub(super) fn of_text(text: &str) -> Option<&'static str> {
+    let kind = |kind: &&Kind| matches!(kind.content, Content::Text { fits, .. } if fits(text));
+    if looks_like_json(text) { None } else { KINDS.iter().find(kind).map(|kind| kind.name) }
+}
+
 /// What numpy prints begins with brackets, too, but has no commas.
 fn looks_like_json(text: &str) -> bool {
     let text = text.trim_start();
@@ -159,7 +185,7 @@ fn unknown(text: &str) -> Fault {
 /// How a pose file may look, for messages.
 pub fn remedy() -> String {
     "send JSON {\"scan name\": 4x4 row-major}, Stanford .conf, a name line and 4 rows for each scan, MeshLab .aln or .mlp, \
-     a trajectory (TUM, KITTI, Open3D .log or JSON), COLMAP images.txt, transforms.json or a table with a header"
+     a trajectory (TUM, KITTI, Open3D .log or JSON), 3DTK .pose or .frames, COLMAP images.txt, transforms.json or a table with a header"
         .to_owned()
 }
 

@@ -3,7 +3,6 @@
 
 use super::lines::{self, numbers, numbers_of};
 use super::{Fault, LAST_ROW, Naming, PoseFile, rows_of_12, rows_of_16};
-use crate::FormatError;
 use visage_geometry::{Motion, PoseConvention, se3};
 
 /// Whether the first line is a whole matrix: 12 or 16 numbers, perhaps after a name or number.
@@ -64,38 +63,6 @@ pub(super) fn read_bare(text: &str) -> Result<PoseFile, Fault> {
     Ok(file)
 }
 
-/// Joins files with one bare matrix each, whose names begin with those of their scans, as CloudCompare writes
-/// `scan_01_REGISTRATION_MATRIX.txt`. Other files are passed over; which, `said` tells.
-///
-/// # Errors
-/// [`FormatError::Malformed`] if none of the files is a matrix, or one is no rigid motion.
-pub fn read_folder(files: &[(&str, &[u8])]) -> Result<PoseFile, FormatError> {
-    let mut joined = PoseFile { other_conventions: &[PoseConvention::WorldToScan], ..PoseFile::default() };
-    (joined.kind, joined.naming) = ("bare matrices", Naming::Files);
-    let mut passed_over = Vec::new();
-    for (name, bytes) in files {
-        let text = std::str::from_utf8(bytes).map(|text| text.trim_start_matches('\u{feff}')).unwrap_or_default();
-        let is_one = is_bare(text) && lines::data(text).count() <= 4;
-        if !is_one {
-            passed_over.push(*name);
-            continue;
-        }
-        let matrix = read_bare(text).map_err(|fault| fault.of_file(name))?;
-        joined.poses.extend(matrix.poses.into_iter().map(|(_, pose)| ((*name).to_owned(), pose)));
-        joined.scales.extend(matrix.scales.into_values().map(|scale| ((*name).to_owned(), scale)));
-        joined.matrices.extend(matrix.matrices.into_values().map(|rows| ((*name).to_owned(), rows)));
-        joined.rounded.extend(matrix.rounded.into_iter().map(|(_, distance)| ((*name).to_owned(), distance)));
-    }
-    if joined.poses.is_empty() {
-        let problem = format!("none of its {} files is a matrix of 4 rows of 4 numbers", files.len());
-        return Err(Fault::file(problem).of_file("the folder of poses"));
-    }
-    if let Some(first) = passed_over.first() {
-        joined.said.push(format!("{} file(s) that hold no matrix are passed over, such as {first}", passed_over.len()));
-    }
-    Ok(joined)
-}
-
 /// Writes one pose as four rows, as CloudCompare reads them.
 pub fn write_matrix(pose: &Motion) -> String {
     let row = |[a, b, c, d]: [f64; 4]| format!("{a} {b} {c} {d}\n");
@@ -139,25 +106,5 @@ mod tests {
         for cut in [&ROWS.repeat(2)[..40], "1 0 0 4\n", "1 0 0 4\n0 1 0 5\nx\n"] {
             assert!(read("p", cut.as_bytes()).is_err(), "{cut}");
         }
-    }
-
-    #[test]
-    fn files_with_one_matrix_each_are_joined() {
-        let motion = Motion::translation(1.0, 2.0, 3.5);
-        let written = write_matrix(&motion);
-        assert_eq!(written, "1 0 0 1\n0 1 0 2\n0 0 1 3.5\n0 0 0 1\n");
-        let files: [(&str, &[u8]); 4] = [
-            ("scan_01_REGISTRATION_MATRIX.txt", written.as_bytes()),
-            ("scan_0.txt", ROWS.as_bytes()),
-            ("scan_01.ply", b"ply\n"),
-            ("both.txt", &ROWS.repeat(2).into_bytes()),
-        ];
-        let joined = read_folder(&files).expect("two matrices").named_as(&["scan_0.ply", "scan_01.ply", "scan_1.ply"]);
-        let joined = joined.expect("both fit");
-        assert_eq!(joined.to_map()["scan_01.ply"], motion);
-        assert_eq!(joined.to_map()["scan_0.ply"], Motion::translation(4.0, 5.0, 6.0));
-        assert_eq!(joined.said, ["2 file(s) that hold no matrix are passed over, such as scan_01.ply"]);
-        let error = read_folder(&files[2..]).expect_err("none").to_string();
-        assert!(error.contains("none of its 2 files is a matrix of 4 rows of 4 numbers"), "{error}");
     }
 }

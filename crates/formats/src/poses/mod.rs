@@ -5,6 +5,7 @@
 mod colmap;
 mod conf;
 mod fit;
+mod folder;
 mod json;
 mod kinds;
 pub(crate) mod lines;
@@ -14,6 +15,7 @@ mod meshlab;
 pub(crate) mod node;
 mod quaternions;
 mod text;
+mod uos;
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -24,10 +26,11 @@ use visage_geometry::{Motion, PoseConvention};
 
 pub use conf::write as write_conf;
 pub use fit::same_name;
+pub use folder::read_folder;
 pub use json::{write as write_json, write_matrices};
 pub use kinds::{KINDS, Kind, markdown, remedy};
 pub use log::write as write_log;
-pub use matrices::{read_folder, write_matrix};
+pub use matrices::write_matrix;
 pub use meshlab::{write_aln, write_mlp};
 pub use text::write as write_text;
 
@@ -79,6 +82,16 @@ pub const LOG: Format = Format {
     holds: &[Content::Poses],
     reader: Reader::Poses(read_scaled),
     writers: Writers { poses: Some(log::write), ..Writers::NONE },
+};
+
+/// 3DTK's poses of one scan.
+pub const UOS: Format = Format {
+    name: "3DTK poses",
+    endings: &["frames", "pose"],
+    media_type: PLAIN_TEXT,
+    holds: &[Content::Poses],
+    reader: Reader::Poses(read_scaled),
+    writers: Writers::NONE,
 };
 
 /// Text of many kinds, which end as people like; written are blocks of a name and four rows.

@@ -134,7 +134,8 @@ fn every_kind_is_recognised_and_means_the_same() {
     let samples = samples();
     assert_eq!(
         samples.iter().map(|(kind, _)| *kind).collect::<Vec<_>>(),
-        KINDS.iter().map(|k| k.name).collect::<Vec<_>>()
+        // those of one scan have tests of their own
+        KINDS.iter().map(|k| k.name).filter(|name| !name.starts_with("3DTK")).collect::<Vec<_>>()
     );
     let a = Motion::new(Vector3::new(1.0, 2.0, 3.0), Vector3::z() * std::f64::consts::FRAC_PI_2);
     for (kind, text) in samples {
