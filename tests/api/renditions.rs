@@ -146,11 +146,13 @@ async fn the_scans_of_a_model_come_where_they_belong() {
 #[tokio::test]
 async fn what_is_too_large_to_be_converted_is_said() {
     let server = TestServer::start_with(|config| config.job_memory_bytes = Some(40_000)).await;
-    let (model, _) = server.model().await;
-    let path = format!("/v1/models/{model}/cloud");
-    let refused = expect_problem(server.get(&format!("{path}?format=las")).await, 422, "too_little_memory").await;
+    let form = Form::new().part("model", Part::bytes(files::bumpy_sphere(0.1)).file_name("ball.obj"));
+    let uploaded = expect_json(server.post_form("/v1/models", form).await, StatusCode::CREATED).await;
+    let path = format!("/v1/models/{}", text(&uploaded, "/id"));
+    let refused = expect_problem(server.get(&format!("{path}/cloud?format=las")).await, 422, "too_little_memory").await;
     assert!(text(&refused, "/hint").contains("as it is stored"));
-    assert_eq!(server.get(&path).await.status(), StatusCode::OK, "as it is stored");
+    let stored = server.get(&format!("{path}/mesh?format=obj")).await;
+    assert_eq!(stored.status(), StatusCode::OK, "as it is stored");
 }
 
 #[tokio::test]
