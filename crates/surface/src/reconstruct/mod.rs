@@ -12,12 +12,16 @@
 
 pub mod coarse;
 pub mod colors;
+pub mod components;
 pub mod cubes;
 pub mod extract;
 pub mod field;
 pub mod grid;
 pub mod levels;
+pub mod mask;
 pub mod samples;
+pub mod simple;
+pub mod topology;
 pub mod trim;
 
 use self::field::FIELD_BYTES;
@@ -124,7 +128,11 @@ pub fn reconstruct(
     let mut volume = levels::volume(&field, &coarse);
     drop(field);
     at(0.8)?;
-    let closed = extract::extract(&mut volume);
+    extract::close(&mut volume);
+    if options.fill != Fill::None {
+        topology::simplify(&mut volume, (2.0 * SMALL * spacing / cell) as f32);
+    }
+    let closed = extract::extract(&volume);
     drop(volume);
     at(0.9)?;
     let kept = trim::trim(closed, &samples, options.fill, (SMALL * spacing / cell) as f32);

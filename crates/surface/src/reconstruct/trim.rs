@@ -37,7 +37,7 @@ impl Fill {
 
 /// A vertex was seen if the points around weigh this much: one of them at its place, or several farther off. In the
 /// middle of what a single scan sees they weigh some ten times as much, at grazing angles two times.
-const SEEN: f32 = 1.0;
+pub(super) const SEEN: f32 = 1.0;
 /// The support is levelled in so many rounds, each between neighbours,
 const ROUNDS: usize = 2;
 /// up to so many times [`SEEN`].
