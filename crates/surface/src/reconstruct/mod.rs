@@ -19,6 +19,7 @@ pub mod field;
 pub mod grid;
 pub mod levels;
 pub mod mask;
+pub mod rims;
 pub mod samples;
 pub mod simple;
 pub mod topology;
@@ -33,8 +34,8 @@ use visage_geometry::{Bounds, Cloud, Mesh};
 /// Edge of a cell in spacings. From 1.4 to 2.0 the fit of points that were left out changes by 2 % (Stanford's bunny, dragon
 /// and happy buddha); the more noise there is, the more is gained by wider ones (simulated heads).
 const CELL: f64 = 1.8;
-/// Of an unseen patch that counts as small no place is farther than this from data, in spacings: a hole of ten.
-const SMALL: f64 = 5.0;
+/// Of an unseen patch that counts as small no place is farther than this from data, in spacings: a hole of twelve.
+const SMALL: f64 = 6.0;
 /// By how much a cell is widened if the grid would take more memory than it may.
 const WIDER: f64 = 1.25;
 
