@@ -44,7 +44,7 @@ const ROUNDS: usize = 2;
 /// up to so many times [`SEEN`].
 const PLENTY: f32 = 2.0;
 /// and raised to so many times its own, at most.
-const RAISED: f32 = 10.0;
+const RAISED: f32 = 100.0;
 /// A piece of surface of its own is dropped if its area, in squared cells, is smaller than this: points that were not told
 /// from the object make such pieces.
 const LEAST_AREA: f64 = 60.0;
