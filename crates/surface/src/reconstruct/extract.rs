@@ -27,9 +27,8 @@ type Cut = (Vec<[u32; 3]>, Vec<Vertex>);
 /// A vertex is kept at least this far from the nodes of its edge, in cells: no triangle shrinks to nothing.
 const LEAST: f32 = 0.03;
 
-/// The closed surface of a volume. Blocks that it passes through beyond the volume's own are added to it.
-pub fn extract(volume: &mut Volume) -> Triangles {
-    close(volume);
+/// The surface of a volume, closed if [`close`] was called for it.
+pub fn extract(volume: &Volume) -> Triangles {
     let blocks = &volume.blocks;
     let own: Vec<OwnVertices> =
         blocks.keys().par_iter().enumerate().map(|(index, _)| own_vertices(volume, index)).collect();
@@ -60,8 +59,9 @@ pub fn extract(volume: &mut Volume) -> Triangles {
     found
 }
 
-/// Adds blocks until all cells at edges whose ends differ in sign are in one.
-fn close(volume: &mut Volume) {
+/// Adds blocks until all cells at edges whose ends differ in sign are in one: what the surface passes through beyond the
+/// volume's own.
+pub fn close(volume: &mut Volume) {
     let mut fresh: Vec<BlockKey> = volume.blocks.keys().to_vec();
     loop {
         let missing: Vec<Vec<BlockKey>> = fresh.par_iter().map(|key| missing_around(volume, *key)).collect();

@@ -111,8 +111,11 @@ fn leading_normals(samples: &Samples, first: &[f32; 3], near: &[u32]) -> Box<[[f
         });
     }
     for normal in leading.iter_mut() {
-        let length = dot(normal, normal).sqrt().max(f32::MIN_POSITIVE);
-        *normal = normal.map(|x| x / length);
+        // far off weights are so small that their squares are 0
+        let largest = normal.iter().fold(f32::MIN_POSITIVE, |largest, x| largest.max(x.abs()));
+        let scaled = normal.map(|x| x / largest);
+        let length = dot(&scaled, &scaled).sqrt().max(f32::MIN_POSITIVE);
+        *normal = scaled.map(|x| if length >= 1.0 { x / length } else { 0.0 });
     }
     leading
 }

@@ -7,17 +7,23 @@
 //! 5. [`extract`]: the surface where the field is zero, closed and manifold ([`cubes`])
 //! 6. [`trim`]: what nobody saw is cut off, but for what is to be closed; [`colors`]
 //!
-//! The resolution is the scans' own: the edge of a cell is [`CELL`] spacings of a single scan. Finer cells follow the noise:
-//! points that were left out of the input lie farther from the surface again.
+//! The resolution is the scans' own: the edge of a cell goes with the spacing of a single scan and the cube root of the
+//! [`noise`]. Finer cells follow the noise: points that were left out of the input lie farther from the surface again.
 
 pub mod coarse;
 pub mod colors;
+pub mod components;
 pub mod cubes;
 pub mod extract;
 pub mod field;
 pub mod grid;
 pub mod levels;
+pub mod mask;
+pub mod noise;
+pub mod rims;
 pub mod samples;
+pub mod simple;
+pub mod topology;
 pub mod trim;
 
 use self::field::FIELD_BYTES;
@@ -26,11 +32,18 @@ pub use self::trim::Fill;
 use visage_geometry::progress::{Canceled, Progress, Stage};
 use visage_geometry::{Bounds, Cloud, Mesh};
 
-/// Edge of a cell in spacings. From 1.4 to 2.0 the fit of points that were left out changes by 2 % (Stanford's bunny, dragon
-/// and happy buddha); the more noise there is, the more is gained by wider ones (simulated heads).
-const CELL: f64 = 1.8;
-/// Of an unseen patch that counts as small no place is farther than this from data, in spacings: a hole of ten.
-const SMALL: f64 = 5.0;
+/// Edge of a cell, in spacings, of points whose noise is [`USUAL_NOISE`].
+const CELL: f64 = 2.0;
+/// Noise in spacings: that of laser scans at their own resolution.
+const USUAL_NOISE: f64 = 0.13;
+/// The error of a local fit is least where its variance, noise^2 / width^2, and its squared bias, width^4, grow alike: the
+/// width goes with the cube root of the noise.
+const POWER: f64 = 1.0 / 3.0;
+/// A cell has at least and at most so many spacings: below holes open between points, beyond detail is lost that the many
+/// points of a noisy scan do show.
+const CELLS: (f64, f64) = (1.8, 4.0);
+/// Of an unseen patch that counts as small no place is farther than this from data, in spacings: a hole of twelve.
+const SMALL: f64 = 6.0;
 /// By how much a cell is widened if the grid would take more memory than it may.
 const WIDER: f64 = 1.25;
 
@@ -67,6 +80,10 @@ pub struct Reconstruction {
 pub struct SurfaceReport {
     /// Edge of a cell of the grid, a length: finer detail is averaged.
     pub cell: f64,
+    /// Standard deviation of the points from the surface, a length; scans that lie apart where they overlap count. 0 if
+    /// there are too few points to say.
+    #[serde(default)]
+    pub noise: f64,
     /// Whether cells were widened to stay within the memory that was allowed.
     pub widened: bool,
     /// Vertices.
@@ -100,11 +117,18 @@ pub fn reconstruct(
     };
     at(0.0)?;
     let (Some(bounds), Some(normals)) = (Bounds::of(&cloud.points), cloud.normals.as_ref()) else { return Ok(None) };
-    let wanted = CELL * spacing;
+    if !(spacing > 0.0 && spacing.is_finite()) {
+        return Ok(None);
+    }
     // coordinates of nodes are kept in 17 bits of blocks
     let extent = (bounds.max - bounds.min).amax();
-    let mut cell = wanted.max(extent / f64::from(grid::MOST_NODES));
-    if !(cell > 0.0 && cell.is_finite()) {
+    let least = extent / f64::from(grid::MOST_NODES);
+    let noise = noise::noise(&Frame::around(&bounds, (CELL * spacing).max(least)), cloud);
+    let wanted = noise
+        .map_or(CELL, |noise| (CELL * (noise / (USUAL_NOISE * spacing)).powf(POWER)).clamp(CELLS.0, CELLS.1))
+        * spacing;
+    let mut cell = wanted.max(least);
+    if !cell.is_finite() {
         return Ok(None);
     }
     let (frame, samples) = loop {
@@ -124,7 +148,11 @@ pub fn reconstruct(
     let mut volume = levels::volume(&field, &coarse);
     drop(field);
     at(0.8)?;
-    let closed = extract::extract(&mut volume);
+    extract::close(&mut volume);
+    if options.fill != Fill::None {
+        topology::simplify(&mut volume, (2.0 * SMALL * spacing / cell) as f32);
+    }
+    let closed = extract::extract(&volume);
     drop(volume);
     at(0.9)?;
     let kept = trim::trim(closed, &samples, options.fill, (SMALL * spacing / cell) as f32);
@@ -135,6 +163,7 @@ pub fn reconstruct(
     let trim::Kept { triangles, closed, open, dropped } = kept;
     let report = SurfaceReport {
         cell,
+        noise: noise.unwrap_or(0.0),
         widened: cell > wanted,
         vertices: triangles.vertices.len(),
         triangles: triangles.faces.len(),

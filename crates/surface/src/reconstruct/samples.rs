@@ -61,21 +61,30 @@ pub struct Samples {
     pub blocks: Blocks<std::ops::Range<u32>>,
 }
 
+/// Whether a normal is one: without a direction it is 0.
+#[inline]
+fn has_direction(normal: &nalgebra::Vector3<f32>) -> bool {
+    normal.norm_squared() > 0.25
+}
+
+/// The cell of a point, in the order of blocks, and the eighth of directions that its normal points in.
+#[inline]
+fn bin(frame: &Frame, point: &Point3, normal: &nalgebra::Vector3<f32>) -> u64 {
+    let octant = u64::from(normal.x < 0.0) | u64::from(normal.y < 0.0) << 1 | u64::from(normal.z < 0.0) << 2;
+    let cell = frame.local(point).map(|x| x as i32);
+    block_of(&cell) << 12 | (place_of(&cell) as u64) << 3 | octant
+}
+
 impl Samples {
     /// One for each cell and each eighth of the directions that normals point in: both sides of a wall stay apart.
     /// Points without a normal are left out.
     pub fn of(frame: &Frame, points: &[Point3], normals: &[nalgebra::Vector3<f32>]) -> Self {
-        let octant =
-            |n: &nalgebra::Vector3<f32>| u64::from(n.x < 0.0) | u64::from(n.y < 0.0) << 1 | u64::from(n.z < 0.0) << 2;
         let mut order: Vec<(u64, u32)> = points
             .par_iter()
             .zip(normals)
             .enumerate()
-            .filter(|(_, (_, normal))| normal.norm_squared() > 0.25)
-            .map(|(index, (point, normal))| {
-                let cell = frame.local(point).map(|x| x as i32);
-                (block_of(&cell) << 12 | (place_of(&cell) as u64) << 3 | octant(normal), index as u32)
-            })
+            .filter(|(_, (_, normal))| has_direction(normal))
+            .map(|(index, (point, normal))| (bin(frame, point, normal), index as u32))
             .collect();
         order.par_sort_unstable();
         let starts: Vec<usize> = (0..order.len()).filter(|k| *k == 0 || order[*k].0 != order[k - 1].0).collect();
@@ -103,5 +112,30 @@ impl Samples {
             }
         }
         Samples { samples, blocks: Blocks::new(keys, ranges) }
+    }
+
+    /// Each of the points that these are the samples of, with its own.
+    pub fn of_points<'a>(
+        &'a self,
+        frame: &'a Frame,
+        points: &'a [Point3],
+        normals: &'a [nalgebra::Vector3<f32>],
+    ) -> impl Iterator<Item = (&'a Sample, Point3)> {
+        let mut order: Vec<(u64, u32)> = points
+            .iter()
+            .zip(normals)
+            .enumerate()
+            .filter(|(_, (_, normal))| has_direction(normal))
+            .map(|(index, (point, normal))| (bin(frame, point, normal), index as u32))
+            .collect();
+        order.sort_unstable();
+        let mut at = 0;
+        let numbered: Vec<(usize, u32)> = (0..order.len())
+            .map(|k| {
+                at += usize::from(k > 0 && order[k].0 != order[k - 1].0);
+                (at, order[k].1)
+            })
+            .collect();
+        numbered.into_iter().map(|(sample, point)| (&self.samples[sample], points[point as usize]))
     }
 }

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use super::extract::Triangles;
 use super::field::REACH;
+use super::rims::close_short;
 use super::samples::Samples;
 use visage_geometry::UnionFind;
 use visage_geometry::neighbours::IndexedPoints;
@@ -37,11 +38,13 @@ impl Fill {
 
 /// A vertex was seen if the points around weigh this much: one of them at its place, or several farther off. In the
 /// middle of what a single scan sees they weigh some ten times as much, at grazing angles two times.
-const SEEN: f32 = 1.0;
+pub(super) const SEEN: f32 = 1.0;
 /// The support is levelled in so many rounds, each between neighbours,
 const ROUNDS: usize = 2;
 /// up to so many times [`SEEN`].
 const PLENTY: f32 = 2.0;
+/// and raised to so many times its own, at most.
+const RAISED: f32 = 100.0;
 /// A piece of surface of its own is dropped if its area, in squared cells, is smaller than this: points that were not told
 /// from the object make such pieces.
 const LEAST_AREA: f64 = 60.0;
@@ -62,7 +65,7 @@ pub struct Kept {
 }
 
 /// Keeps of a closed surface what `fill` says. Unseen patches of which no place is farther than `reach` cells from data
-/// count as small.
+/// count as small, and so do rims that are shorter than twice that.
 pub fn trim(mut triangles: Triangles, samples: &Samples, fill: Fill, reach: f32) -> Kept {
     smooth_support(&mut triangles);
     let (triangles, dropped) = without_small_pieces(triangles, fill);
@@ -75,16 +78,19 @@ pub fn trim(mut triangles: Triangles, samples: &Samples, fill: Fill, reach: f32)
     let closed = is_closed.iter().filter(|closed| **closed).count();
     let triangles = cut(triangles, |face| patches.of_face[face].is_some_and(|patch| !is_closed[patch]));
     // what is left of a piece may be too small
-    let (triangles, dropped_then) = match fill {
+    let (mut triangles, dropped_then) = match fill {
         Fill::All => (triangles, 0),
         _ => without_small_pieces(triangles, fill),
     };
-    Kept { triangles, closed, open: patches.count - closed, dropped: dropped + dropped_then }
+    let mouths = if fill == Fill::Small { close_short(&mut triangles, 2.0 * reach) } else { 0 };
+    let (closed, dropped) = ((closed + mouths).min(patches.count), dropped + dropped_then);
+    Kept { triangles, closed, open: patches.count - closed, dropped }
 }
 
 /// Levels the support along the rim of the data, whose last points lie here and there: the line on which it is cut
-/// becomes clean. Beyond a few times [`SEEN`] more support makes no difference.
+/// becomes clean. Beyond a few times [`SEEN`] more support makes no difference; where there is none, none arises.
 fn smooth_support(triangles: &mut Triangles) {
+    let own = triangles.support.clone();
     for _ in 0..ROUNDS {
         let mut sums = vec![[0.0f32; 2]; triangles.vertices.len()];
         for face in &triangles.faces {
@@ -94,9 +100,9 @@ fn smooth_support(triangles: &mut Triangles) {
                 *sums = [sums[0] + sum, sums[1] + 3.0];
             }
         }
-        for (support, [sum, count]) in triangles.support.iter_mut().zip(sums) {
+        for ((support, own), [sum, count]) in triangles.support.iter_mut().zip(&own).zip(sums) {
             if *support < PLENTY * SEEN && count > 0.0 {
-                *support = sum / count;
+                *support = (sum / count).min(RAISED * own);
             }
         }
     }
