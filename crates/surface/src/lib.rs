@@ -19,5 +19,11 @@
 //! - [`merge`](mod@merge): every point of every placed view in the world, with an outward normal
 //! - [`reconstruct`](mod@reconstruct): from such a cloud to triangles, with what is known of them
 
+pub mod distance;
 pub mod merge;
+pub mod nearest;
 pub mod reconstruct;
+pub mod simplify;
+mod surface_mesh;
+
+pub use surface_mesh::SurfaceMesh;
