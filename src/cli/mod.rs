@@ -3,11 +3,15 @@
 #![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used))]
 
 pub mod demo;
+pub mod deviation;
 mod doctor;
 mod healthcheck;
 mod openapi;
 pub mod register;
 pub mod serve;
+pub mod surface;
+mod surfaces;
+mod workplace;
 
 use std::process::ExitCode;
 
@@ -27,6 +31,10 @@ enum Command {
     Serve(serve::ServeArgs),
     /// Register the scans of a folder, without a server.
     Register(register::RegisterArgs),
+    /// Make a mesh of a cloud from elsewhere, or a mesh coarser.
+    Surface(surface::SurfaceArgs),
+    /// Measure how far one model is from another of the same frame.
+    Deviation(deviation::DeviationArgs),
     /// Show everything on code-made scans: server, uploads, jobs, queries.
     Demo(demo::DemoArgs),
     /// Look whether a data folder is sound, and say what to do where it isn't.
@@ -47,6 +55,8 @@ pub fn main() -> ExitCode {
     let done = match command {
         Command::Serve(args) => serve::run(args),
         Command::Register(args) => register::run(args),
+        Command::Surface(args) => surface::run(args),
+        Command::Deviation(args) => deviation::run(args),
         Command::Demo(args) => demo::run(args),
         Command::Doctor(args) => doctor::run(args),
         Command::Openapi => openapi::run(),

@@ -30,6 +30,7 @@ pub mod gltf;
 mod header_lines;
 pub mod kitti_bin;
 pub mod las;
+mod mesh_content;
 pub mod npy;
 mod number;
 pub mod obj;
@@ -53,6 +54,7 @@ pub mod uos;
 pub mod vtk;
 
 pub use budget::ReadLimits;
+pub use mesh_content::{MeshContent, MeshWriter};
 pub use number::{NoCoordinate, checked_coordinate};
 pub use reading::{DeclaredUnit, Dropped, Reading, ScanReading};
 pub use table::{

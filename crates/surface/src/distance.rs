@@ -42,6 +42,15 @@ impl Distances {
     }
 }
 
+impl Distances {
+    /// The same in units of this length.
+    pub fn in_units_of(&self, length: f64) -> Distances {
+        let Distances { mean, rms, p95, p99, max } = self;
+        let [mean, rms, p95, p99, max] = [mean, rms, p95, p99, max].map(|distance| distance / length);
+        Distances { mean, rms, p95, p99, max }
+    }
+}
+
 /// A mesh to which distances are measured again and again.
 pub(crate) struct Original {
     samples: Vec<Point3>,

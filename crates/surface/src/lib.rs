@@ -19,6 +19,7 @@
 //! - [`merge`](mod@merge): every point of every placed view in the world, with an outward normal
 //! - [`reconstruct`](mod@reconstruct): from such a cloud to triangles, with what is known of them
 
+pub mod deviation;
 pub mod distance;
 pub mod merge;
 pub mod nearest;

@@ -224,10 +224,7 @@ impl Work {
     fn keep(&self, outcome: RegisteredModel) -> Result<Made, WorkError> {
         let staged = self.objects.stage_model()?;
         let mut assets = Vec::new();
-        let run = || {
-            let seconds = self.tracker.snapshot().stage_seconds;
-            artifacts::RunFacts::here(Some(self.job.id.to_string()), self.threads, seconds)
-        };
+        let run = || artifacts::RunFacts::here(Some(self.job.id.to_string()), self.threads, self.tracker.snapshot());
         artifacts::write_assets(&outcome, run, |asset, content| -> Result<(), WorkError> {
             self.progress.check()?;
             assets.push(self.write_asset(&staged, &asset.name(), content)?);
