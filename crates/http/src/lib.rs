@@ -23,6 +23,7 @@ mod connections;
 mod contract_tests;
 mod cursor;
 mod describe;
+mod deviation;
 mod digest;
 mod evaluation;
 mod events;

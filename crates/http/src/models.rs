@@ -17,7 +17,7 @@ use super::scan_sets::parse_id as parse_scan_set_id;
 use super::state::{AppState, deleted, uninterrupted};
 use super::upload::{self, Form, FormRules};
 use super::verdicts::{self, VerdictView};
-use super::{assets, cursor, describe, names, reading_view, responses};
+use super::{assets, cursor, describe, deviation, names, reading_view, responses};
 use visage_domain::asset::Asset;
 use visage_domain::{AssetRecord, ModelFilter, ModelId, ModelRecord, NewModel};
 use visage_formats::Reading;
@@ -39,6 +39,8 @@ pub fn router() -> OpenApiRouter<AppState> {
         .routes(routes!(assets::get_conf))
         .routes(routes!(assets::get_report))
         .routes(routes!(assets::get_surface))
+        .routes(routes!(deviation::figures))
+        .routes(routes!(deviation::map))
 }
 
 pub(super) fn parse_id(text: &str) -> Result<ModelId, Problem> {

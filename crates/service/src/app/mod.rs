@@ -12,6 +12,7 @@
 #![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used))]
 
 pub mod context;
+pub mod deviation;
 pub mod engine;
 pub mod evaluations;
 pub mod live_gallery;
