@@ -108,7 +108,8 @@ pub async fn figures(
 ) -> Result<Json<Deviation>, Problem> {
     let (pair, question) = asked(&state, &id, &query).await?;
     let unit = pair.unit();
-    let Measured { names: [file, reference_file], has_sides, forth, back, .. } = measured(&state, pair, question).await?;
+    let Measured { names: [file, reference_file], has_sides, forth, back, .. } =
+        measured(&state, pair, question).await?;
     let (model_to_reference, reference_to_model) = (forth.into(), back.into());
     let unit = unit.name();
     Ok(Json(Deviation { unit, file, reference_file, has_sides, model_to_reference, reference_to_model }))

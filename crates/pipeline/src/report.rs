@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
+use super::orient::NormalsFrom;
 use visage_formats::Dropped;
 use visage_registration::global::placement::Origin;
 use visage_registration::method::Method;
@@ -77,6 +78,32 @@ impl Estimate {
         let seconds = SURFACE_SECONDS_PER_MILLION * points as f64 / 1e6;
         let memory_bytes = SURFACE_BYTES_PER_POINT.saturating_mul(points as u64);
         Estimate { memory_bytes, cpu_seconds: (seconds * 100.0).round() / 100.0 }
+    }
+}
+
+/// The `result` part of the report of a model that was given a surface.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ResurfacedReport {
+    /// The model whose points it has.
+    pub of_model: String,
+    /// The unit of lengths.
+    pub unit: &'static str,
+    /// Where the normals come from.
+    pub normals: NormalsFrom,
+    /// The distance of neighbours in a scan.
+    pub spacing: f64,
+    /// How the mesh came about.
+    pub surface: SurfaceOutcome,
+    /// Whether a face was found and cut out of cloud and mesh, if that was asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub face_cut: Option<bool>,
+}
+
+impl ResurfacedReport {
+    /// As `report.json` holds it: keys in the order of the alphabet.
+    pub fn to_json(&self) -> serde_json::Value {
+        // it can't fail: all keys are strings
+        serde_json::to_value(self).unwrap_or_default()
     }
 }
 

@@ -74,13 +74,13 @@ pub fn add_readings(report: &mut ModelReport, dropped: &BTreeMap<String, Dropped
 }
 
 /// `report.json`: the deterministic result and, apart from it, the run.
-fn report_json(result: &ModelReport, run: &RunFacts) -> Result<Vec<u8>, serde_json::Error> {
+pub fn report_json(result: serde_json::Value, run: &RunFacts) -> Result<Vec<u8>, serde_json::Error> {
     #[derive(serde::Serialize)]
     struct Report<'a> {
         result: serde_json::Value,
         run: &'a RunFacts,
     }
-    let mut bytes = serde_json::to_vec_pretty(&Report { result: result.to_json(), run })?;
+    let mut bytes = serde_json::to_vec_pretty(&Report { result, run })?;
     bytes.push(b'\n');
     Ok(bytes)
 }
@@ -114,7 +114,7 @@ fn content(
         }
         Asset::Mesh => outcome.mesh.as_ref().and_then(|made| write_mesh(&made.surface, unit_of(outcome), &ply::FORMAT)),
         Asset::Preview => preview(outcome),
-        Asset::Report => Some(report_json(&outcome.report, &run())?),
+        Asset::Report => Some(report_json(outcome.report.to_json(), &run())?),
         Asset::UploadedMesh(_) | Asset::UploadedCloud(_) | Asset::Annotated(_) => None,
     })
 }
@@ -217,7 +217,7 @@ mod tests {
         let run = RunFacts::here(None, 2, spent);
         let result = report(&["a.ply"]);
         let report: serde_json::Value =
-            serde_json::from_slice(&report_json(&result, &run).expect("plain data")).expect("JSON");
+            serde_json::from_slice(&report_json(result.to_json(), &run).expect("plain data")).expect("JSON");
         assert_eq!(report["result"], result.to_json());
         assert_eq!(report["run"]["seconds"]["loading"], json!(0.5));
         assert!(report["run"]["peak_memory_bytes"].as_u64().is_none_or(|bytes| bytes > 1 << 20));

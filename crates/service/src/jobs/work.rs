@@ -244,7 +244,7 @@ impl Work {
         let scanned: u64 = self.set.scans.iter().map(|scan| scan.points).sum();
         NewModel {
             id,
-            origin: Some((self.job.id, self.set.id)),
+            origin: Some((self.job.id, Some(self.set.id))),
             name: self.set.name.clone(),
             label: self.job.label.clone(),
             unit: self.set.unit,

@@ -9,8 +9,8 @@ use crate::SurfaceMesh;
 use visage_geometry::progress::{Canceled, Progress};
 use visage_geometry::{Bounds, Mesh, Point3, Vector3};
 
-/// How far the normal of a triangle may be off, as its sine: a vertex on a plane is held to where it is by so much, and
-/// triangles become as large as the bend of the surface lets them. From 0.003 to 0.03 the error at equal count hardly changes.
+/// How far the normal of a triangle may be off, as its sine: a vertex on a plane is held to where it is by so much, and triangles
+/// become as large as the bend of the surface lets them.
 const NORMAL_NOISE: f64 = 0.01;
 /// How much more a rim weighs than a surface: what leaves it is seen at once.
 const RIM: f64 = 4.0;

@@ -13,7 +13,7 @@ macro_rules! files {
     };
 }
 
-const FILES: [(&str, &str); 7] = files![
+const FILES: [(&str, &str); 8] = files![
     "0001_first",
     "0002_base_model",
     "0003_standards",
@@ -21,6 +21,7 @@ const FILES: [(&str, &str); 7] = files![
     "0005_readings",
     "0006_hints",
     "0007_owners",
+    "0008_surfaces",
 ];
 
 /// All of them.
