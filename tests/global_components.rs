@@ -70,6 +70,10 @@ const BARE: Options = Options {
     cloud: false,
     mesh: false,
     fill: pipeline::Fill::Small,
+    triangles: None,
+    max_error: None,
+    preview: false,
+    deface: false,
     signature: false,
 };
 

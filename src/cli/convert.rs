@@ -6,7 +6,7 @@ use anyhow::{Context, bail, ensure};
 use clap::Args;
 
 use crate::formats::written::{Written, scaled};
-use crate::formats::{self, Format, ReadLimits, Reading, packed, poses};
+use crate::formats::{self, DeclaredUnit, Format, ReadLimits, Reading, packed, poses, write_mesh_of};
 use crate::geometry::{Motion, Unit};
 
 /// What to convert.
@@ -76,13 +76,12 @@ fn surface_as(args: &ConvertArgs, ending: &str, name: &str, bytes: &[u8]) -> any
         eprintln!("note: {} files are in metres: lengths are multiplied by {factor}", format.name);
     }
     let surface = scaled(surface, factor);
-    let mesh = surface.mesh().filter(|_| !args.points);
-    match (mesh.zip(format.writers.mesh), format.writers.cloud) {
-        (Some((mesh, write)), _) => {
-            if surface.cloud.colors.is_some() && format.writers.cloud.is_some() {
-                eprintln!("note: of the mesh its colours are not written (--points writes the vertices with them)");
-            }
-            Ok(write(&mesh))
+    let write_mesh = format.writers.mesh.filter(|_| !args.points && !surface.faces.is_empty());
+    match (write_mesh, format.writers.cloud) {
+        (Some(write), _) => {
+            let given = args.unit.or_else(|| declared.and_then(DeclaredUnit::unit)).unwrap_or_default();
+            let unit = if metres.is_some() && format.fixed_unit().is_some() { Unit::M } else { given };
+            write_mesh_of(&surface, unit, write).context("it has no triangles")
         }
         (None, Some(write)) => {
             if !surface.faces.is_empty() {

@@ -4,11 +4,15 @@
 
 mod convert;
 pub mod demo;
+pub mod deviation;
 mod doctor;
 mod healthcheck;
 mod openapi;
 pub mod register;
 pub mod serve;
+pub mod surface;
+mod surfaces;
+mod workplace;
 
 use std::process::ExitCode;
 
@@ -30,6 +34,10 @@ enum Command {
     Register(register::RegisterArgs),
     /// Write a scan, a model or poses in another format.
     Convert(convert::ConvertArgs),
+    /// Make a mesh of a cloud from elsewhere, or a mesh coarser.
+    Surface(surface::SurfaceArgs),
+    /// Measure how far one model is from another of the same frame.
+    Deviation(deviation::DeviationArgs),
     /// Show everything on code-made scans: server, uploads, jobs, queries.
     Demo(demo::DemoArgs),
     /// Look whether a data folder is sound, and say what to do where it isn't.
@@ -51,6 +59,8 @@ pub fn main() -> ExitCode {
         Command::Serve(args) => serve::run(args),
         Command::Register(args) => register::run(args),
         Command::Convert(args) => convert::run(args),
+        Command::Surface(args) => surface::run(args),
+        Command::Deviation(args) => deviation::run(args),
         Command::Demo(args) => demo::run(args),
         Command::Doctor(args) => doctor::run(args),
         Command::Openapi => openapi::run(),

@@ -12,20 +12,17 @@ mod unpacked;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
-use std::time::Duration;
 
 use anyhow::{Context, bail, ensure};
 use clap::Args;
-use indicatif::{ProgressBar, ProgressStyle};
 
 use self::depth_folder::DepthFolder;
 use self::folder::Folder;
 use self::options::Given;
 use self::others::Others;
 use self::unpacked::Unpacked;
-use crate::app::tracker::Tracker;
+use super::surfaces;
+use super::workplace::Workplace;
 use crate::domain::asset::Asset;
 use crate::domain::options::Options;
 use crate::formats::{self, Dropped, ReadLimits, Reading, poses::PoseFile};
@@ -67,6 +64,9 @@ pub struct RegisterArgs {
     /// units
     #[arg(long, value_name = "FILE")]
     hints: Option<PathBuf>,
+    #[arg(long, value_name = "ENDING",
+          help = format!("Write the mesh in another format too: {}", surfaces::mesh_endings()))]
+    mesh_format: Option<String>,
     #[arg(long, help = format!("The folder to write {} to; made if it isn't there", results()))]
     out: PathBuf,
 }
@@ -79,18 +79,8 @@ fn results() -> String {
 /// Registers and writes the results.
 pub fn run(args: RegisterArgs) -> anyhow::Result<()> {
     let options = &args.options.0;
-    let threads = options.threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().context("starting the worker threads")?;
-    let bar = progress_bar();
-    let tracker = Arc::new_cyclic(|tracker: &std::sync::Weak<Tracker>| {
-        let (tracker, bar) = (tracker.clone(), bar.clone());
-        Tracker::new(move || {
-            if let Some(tracker) = tracker.upgrade() {
-                show(&bar, &tracker);
-            }
-        })
-    });
-    let progress = Progress::new(tracker.clone(), Arc::new(AtomicBool::new(false)));
+    let place = Workplace::new(options.threads)?;
+    let Workplace { threads, pool, tracker, progress, .. } = &place;
 
     out_folder::make_out(&args.out, &args.path)?;
     args.others.check(&args.path)?;
@@ -134,7 +124,7 @@ pub fn run(args: RegisterArgs) -> anyhow::Result<()> {
     notes.iter().for_each(|note| eprintln!("note: {note}"));
     let mut hints = args.hints.as_deref().map(read_hints).transpose()?.unwrap_or_default();
     hints.units.extend(args.unit_of);
-    let read = pool.install(|| read_scans(&folder, &names, &progress))?;
+    let read = pool.install(|| read_scans(&folder, &names, progress))?;
     let declared: Vec<_> = names.iter().map(String::as_str).zip(read.iter().map(|reading| reading.unit)).collect();
     // depth images are in metres whatever is said of them
     let given = args.unit.filter(|_| folder.depth().is_none());
@@ -161,7 +151,7 @@ pub fn run(args: RegisterArgs) -> anyhow::Result<()> {
     settled.apply(&mut scans, &mut start);
     let kept = args.others.wants_scans().then(|| scans.clone());
     let mut outcome =
-        pool.install(|| pipeline::run_from(scans, &start, settled.unit, options, &progress)).map_err(with_hint)?;
+        pool.install(|| pipeline::run_from(scans, &start, settled.unit, options, progress)).map_err(with_hint)?;
     add_readings(&mut outcome.report, &dropped, &pose_notes);
     let more = args.others.write(&outcome, kept.unwrap_or_default(), settled.unit, &args.out)?;
     settled.undo(&names, &mut outcome);
@@ -169,10 +159,10 @@ pub fn run(args: RegisterArgs) -> anyhow::Result<()> {
     progress.report(Stage::Storing, 0.0);
     let facts = || {
         progress.report(Stage::Storing, 1.0);
-        RunFacts::here(None, threads, tracker.snapshot().stage_seconds)
+        RunFacts::here(None, *threads, tracker.snapshot())
     };
     write_assets(&outcome, facts, |asset, content| write(&args.out.join(&*asset.name()), content))?;
-    bar.finish_and_clear();
+    place.done();
     more.iter().for_each(|note| eprintln!("note: {note}"));
     summarise(&outcome, &args.out)
 }
@@ -295,27 +285,14 @@ fn groups_in_words(report: &ModelReport) -> Vec<String> {
 }
 
 /// What became of the surface, if there is one.
-fn surface_in_words(report: &ModelReport) -> Option<String> {
-    let surface = report.surface?;
-    let unit = match report.registration.unit {
-        unit if unit == Unit::Unknown.name() => String::new(),
-        unit => format!(" {unit}"),
-    };
+fn surface_in_words(report: &ModelReport) -> Vec<String> {
+    let Some(surface) = &report.surface else { return Vec::new() };
     let left_out = report.registration.views.iter().filter(|scan| is_not_in_surface(scan)).count();
     let without = match left_out {
         0 => String::new(),
         count => format!("; without {count} scans of which it is not known which side is outside (--sensor tells it)"),
     };
-    let wider = if surface.widened { ", wider than the scans resolve, to stay within memory" } else { "" };
-    Some(format!(
-        "surface: {} triangles from cells of {:.3}{unit}{wider}; holes: {} closed, {} left open (--fill); \
-         {:.1} % of it nobody saw{without}",
-        surface.triangles,
-        surface.cell,
-        surface.closed_holes,
-        surface.open_holes,
-        100.0 * surface.unseen_area
-    ))
+    surfaces::in_words(surface, report.registration.unit.parse().unwrap_or_default(), &without)
 }
 
 /// Whether a scan has a place, but is not part of the surface.
@@ -358,6 +335,9 @@ fn notes(report: &ModelReport) -> Vec<String> {
         ));
     }
     notes.extend(convention_in_words(report));
+    if report.face_cut == Some(false) {
+        notes.push("no face was found to cut out: nothing is hidden in cloud and mesh".to_owned());
+    }
     notes
 }
 
@@ -373,20 +353,6 @@ fn convention_in_words(report: &ModelReport) -> Option<String> {
         percent(read_as),
         percent(PoseConvention::ScanToWorld)
     ))
-}
-
-fn progress_bar() -> ProgressBar {
-    let style = ProgressStyle::with_template("{msg:>12} [{wide_bar}] {percent:>3}% {elapsed}")
-        .map_or_else(|_| ProgressStyle::default_bar(), |style| style.progress_chars("=> "));
-    let bar = ProgressBar::new(1000).with_style(style);
-    bar.enable_steady_tick(Duration::from_millis(200));
-    bar
-}
-
-fn show(bar: &ProgressBar, tracker: &Tracker) {
-    let snapshot = tracker.snapshot();
-    bar.set_position((snapshot.progress * 1000.0) as u64);
-    bar.set_message(snapshot.stage.map_or("", Stage::name));
 }
 
 #[cfg(test)]

@@ -21,3 +21,4 @@ mod scan_sets;
 mod slow;
 mod standards;
 mod storage;
+mod surfaces;

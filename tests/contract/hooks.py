@@ -134,6 +134,8 @@ IDS = {
     "getModelMesh": lambda: {"id": world().registered},
     "getModelPosesAs": lambda: {"id": world().registered},
     "getModelScans": lambda: {"id": world().registered},
+    "measureDeviation": lambda: {"id": world().positive[0]},
+    "paintDeviation": lambda: {"id": world().positive[0]},
     "getStandard": lambda: {"name": world().standard},
     "deleteStandard": lambda: {"name": new_standard()},
     "markExamples": lambda: {"name": world().standard},
@@ -144,13 +146,21 @@ IDS = {
 
 
 def job_of_something(body):
-    """An evaluation takes no other field; a registration needs a scan set, a base model of that set, a scan of it."""
+    """An evaluation takes no other field, a surface those of a model; a registration needs a scan set, a base model of that
+    set, a scan of it."""
     if body.get("kind") == "evaluate":
         for field in set(body) - {"kind"}:
             del body[field]
         return
+    if body.get("kind") == "surface":
+        for field in set(body) - {"kind", "options", "label"}:
+            del body[field]
+        body["model_id"] = world().positive[0]
+        options_of_scans(body)
+        return
     body["scan_set_id"] = world().scan_set
     body.pop("base_model_id", None)
+    body.pop("model_id", None)
     options_of_scans(body)
 
 
@@ -238,6 +248,11 @@ def known_page(query):
         query["scan_set_id"] = world().scan_set
 
 
+def reference(query):
+    """The other model is there."""
+    query["reference"] = world().positive[1]
+
+
 RULES = {
     "createJob": job_of_something,
     "uploadJob": options_of_form,
@@ -250,6 +265,8 @@ RULES = {
 QUERY_RULES = {
     "evaluateGallery": labelled,
     "plotEvaluation": labelled,
+    "measureDeviation": reference,
+    "paintDeviation": reference,
     "listJobs": known_page,
     "listModels": known_page,
     "listScanSets": known_page,

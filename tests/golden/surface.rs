@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use visage::geometry::neighbours::IndexedPoints;
-use visage::geometry::{Mesh, Unit};
+use visage::geometry::{Mesh, Point3, Unit};
 use visage::pipeline::{self, Fill, NamedScan, Options, RegisteredModel};
 use visage::progress::Progress;
 use visage::synthetic::Specimen;
@@ -45,13 +45,16 @@ fn a_head_gets_a_mesh_that_says_what_was_seen() {
     let outcome = registered(&specimen, options(Fill::Small));
     let surface = outcome.mesh.expect("a mesh is made when nothing is said");
     assert_eq!(outcome.report.surface, Some(surface.report));
-    assert_eq!(outcome.report.to_json()["surface"]["triangles"], surface.mesh.faces.len());
-    let mesh = &surface.mesh;
-    assert_eq!((surface.support.len(), surface.report.vertices), (mesh.vertices.len(), mesh.vertices.len()));
+    let mesh = &surface.surface.mesh;
+    assert_eq!(outcome.report.to_json()["surface"]["triangles"], mesh.faces.len());
+    let support = surface.surface.support.as_ref().expect("it says what was seen");
+    assert_eq!((support.len(), surface.report.reconstruction.vertices), (mesh.vertices.len(), mesh.vertices.len()));
+    let preview = surface.preview.as_ref().expect("a small copy is made when nothing is said");
+    assert!(preview.mesh.faces.len() <= 20_000 && preview.mesh.signed_volume_6() > 0.0);
     assert!(mesh.signed_volume_6() > 0.0, "it is inside out");
     let rims = share_of_rims(mesh);
     assert!(rims < 0.02, "{rims} of the edges are rims");
-    let seen = surface.support.iter().filter(|support| **support >= 1.0).count();
+    let seen = support.iter().filter(|support| **support >= 1.0).count();
     assert!(seen as f64 > 0.95 * mesh.vertices.len() as f64, "{seen} of {} vertices were seen", mesh.vertices.len());
     // view 0 keeps its pose, so the world is that of the head
     let truth = IndexedPoints::new(specimen.mesh.vertices.iter().map(|p| p.coords.cast::<f32>().into()).collect());
@@ -71,9 +74,9 @@ fn a_head_gets_a_mesh_that_says_what_was_seen() {
 fn all_holes_are_closed_where_that_is_wanted() {
     let specimen = head(&Proportions::of(1));
     let surface = registered(&specimen, options(Fill::All)).mesh.expect("a mesh");
-    assert_eq!(share_of_rims(&surface.mesh), 0.0);
-    assert_eq!(surface.report.open_holes, 0);
-    assert!(surface.support.contains(&0.0), "what nobody saw says so");
+    assert_eq!(share_of_rims(&surface.surface.mesh), 0.0);
+    assert_eq!(surface.report.reconstruction.open_holes, 0);
+    assert!(surface.surface.support.is_some_and(|support| support.contains(&0.0)), "what nobody saw says so");
 }
 
 #[test]
@@ -85,4 +88,24 @@ fn where_no_mesh_or_no_cloud_is_wanted_there_is_none() {
         assert_eq!(outcome.cloud.is_some(), wanted.cloud);
         assert!(outcome.report.to_json().get("surface").is_none());
     }
+}
+
+#[test]
+fn the_face_is_cut_out_where_that_is_wanted() {
+    let specimen = head(&Proportions::of(1));
+    let whole = registered(&specimen, Options { signature: true, ..options(Fill::Small) });
+    let cut = registered(&specimen, Options { deface: true, ..options(Fill::Small) });
+    assert_eq!((whole.report.face_cut, cut.report.face_cut), (None, Some(true)));
+    assert!(cut.signature.is_none(), "it was not asked for");
+    let landmarks = whole.signature.as_ref().and_then(|signature| signature.landmarks()).expect("a face");
+    let nearest = |outcome: &RegisteredModel, place: &Point3| {
+        let cloud = &outcome.cloud.as_ref().expect("a cloud").cloud.points;
+        let mesh = &outcome.mesh.as_ref().expect("a mesh").surface.mesh.vertices;
+        cloud.iter().chain(mesh).map(|point| (point - place).norm()).fold(f64::INFINITY, f64::min)
+    };
+    for place in &landmarks {
+        assert!(nearest(&whole, place) < 6.0 && nearest(&cut, place) > 12.0, "{place}: {}", nearest(&cut, place));
+    }
+    let count = |outcome: &RegisteredModel| outcome.cloud.as_ref().expect("a cloud").cloud.len() as f64;
+    assert!((0.4..0.9).contains(&(count(&cut) / count(&whole))), "the rest of the head stays");
 }

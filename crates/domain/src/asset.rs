@@ -112,6 +112,8 @@ assets! {
     Cloud = "cloud.ply", visage_formats::ply::FORMAT.media_type, Cloud, signature: true;
     /// The surface of that cloud. Signatures are made from the cloud: a mesh of this name describes an upload alone.
     Mesh = "mesh.ply", visage_formats::ply::FORMAT.media_type, Mesh, signature: false;
+    /// A small copy of that surface.
+    Preview = "preview.glb", visage_formats::gltf::GLB.media_type, Mesh, signature: false;
     /// What the registration found out, and what it took.
     Report = "report.json", JSON, Report, signature: false;
 }

@@ -21,12 +21,12 @@ pub struct JobError {
     pub hint: String,
 }
 
-/// The finished model that a job adds scans to.
+/// The finished model that a job adds scans to, or makes a surface of.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct JobBase {
     /// Which model it is.
     pub model_id: ModelId,
-    /// Its `poses.json` as it was when the job was accepted.
+    /// Its `poses.json` as it was when the job was accepted; empty where poses don't matter.
     pub poses: Vec<u8>,
 }
 
@@ -45,6 +45,19 @@ pub struct NewJob {
     pub base: Option<JobBase>,
     /// What a person said of the scans.
     pub hints: Hints,
+}
+
+/// A job that is to be stored, which gives a model a surface.
+#[derive(Debug, Clone)]
+pub struct NewSurfaceJob {
+    /// Its id.
+    pub id: JobId,
+    /// The model whose points it takes.
+    pub model_id: ModelId,
+    /// A class label for the model it makes; that of the other if not given.
+    pub label: Option<String>,
+    /// What the caller chose.
+    pub options: Options,
 }
 
 /// A stored job.
@@ -87,6 +100,34 @@ pub struct JobRecord {
 }
 
 impl JobRecord {
+    /// The model that it gives a surface, if that is what it is for.
+    pub fn surfaced_model(&self) -> Option<ModelId> {
+        self.base.as_ref().filter(|_| self.kind == JobKind::Surface).map(|base| base.model_id)
+    }
+
+    /// A registration that waits, of nothing yet.
+    pub fn waiting(id: JobId) -> JobRecord {
+        JobRecord {
+            id,
+            kind: JobKind::Register,
+            scan_set_id: None,
+            label: None,
+            options: Options::default(),
+            base: None,
+            hints: Hints::default(),
+            status: JobStatus::Queued,
+            stage: None,
+            progress: 0.0,
+            stage_seconds: BTreeMap::new(),
+            attempts: 0,
+            cancel_asked: false,
+            error: None,
+            model_id: None,
+            started_at: None,
+            finished_at: None,
+        }
+    }
+
     /// The same work on a scan set, as it was asked for.
     pub fn again(&self, scan_set_id: ScanSetId) -> NewJob {
         NewJob {

@@ -28,7 +28,7 @@ mod stored_file;
 
 pub use evaluation::{Backlog, Outdated, StoredVerdict};
 pub use ids::{FileId, FolderId, JobId, ModelId, ProcessId, ScanSetId, SeatId, StandardId};
-pub use job::{CancelAnswer, JobBase, JobError, JobFilter, JobRecord, NewJob};
+pub use job::{CancelAnswer, JobBase, JobError, JobFilter, JobRecord, NewJob, NewSurfaceJob};
 pub use job_kind::JobKind;
 pub use job_status::JobStatus;
 pub use model::{AssetRecord, MatchedModel, ModelFacets, ModelFilter, ModelRecord, NewModel};

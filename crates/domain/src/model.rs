@@ -21,8 +21,8 @@ pub struct AssetRecord {
 pub struct NewModel {
     /// Its id.
     pub id: ModelId,
-    /// The job and the scan set it comes from; `None` for an uploaded one.
-    pub origin: Option<(JobId, ScanSetId)>,
+    /// The job it comes from, and the scan set if there is one; `None` for an uploaded one.
+    pub origin: Option<(JobId, Option<ScanSetId>)>,
     /// A name for people.
     pub name: String,
     /// Its class, if it has one.
@@ -112,7 +112,7 @@ impl NewModel {
     pub fn example(origin: Option<(JobId, ScanSetId)>) -> NewModel {
         NewModel {
             id: ModelId::new(),
-            origin,
+            origin: origin.map(|(job, set)| (job, Some(set))),
             name: origin.map_or("uploaded", |_| "registered").to_owned(),
             label: Some("face".to_owned()),
             unit: Unit::Mm,

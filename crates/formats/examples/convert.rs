@@ -22,7 +22,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     let writers = Format::of_ending(&extension(to)).ok_or("OUT has an unknown ending")?.writers;
     let bytes = match (surface.mesh(), writers.mesh, writers.cloud) {
-        (Some(mesh), Some(write), _) => write(&mesh),
+        (Some(mesh), Some(write), _) => write(&(&mesh).into()),
         (_, _, Some(write)) => write(&surface.cloud),
         _ => return Err("nothing of this is written in the format of OUT".into()),
     };

@@ -30,6 +30,7 @@ pub mod gltf;
 mod header_lines;
 pub mod kitti_bin;
 pub mod las;
+mod mesh_content;
 pub mod npy;
 mod number;
 pub mod obj;
@@ -56,6 +57,7 @@ mod weld;
 pub mod written;
 
 pub use budget::ReadLimits;
+pub use mesh_content::{MeshContent, MeshWriter, write_mesh_of};
 pub use number::{NoCoordinate, checked_coordinate};
 pub use poses::same_name;
 pub use reading::{DeclaredUnit, Dropped, Reading, ScanReading};

@@ -9,8 +9,8 @@ use super::colors::Channels;
 use super::points::{COLOR, INTENSITY, Layout, NONE, NORMAL, Points, SLOTS, X};
 use super::table::{self, BYTES, Content, Format, Writers};
 use super::text::TextLines;
-use super::{FormatError, ReadLimits, Reading, number, quote, text_start};
-use visage_geometry::{Cloud, Mesh, Vector3};
+use super::{FormatError, MeshContent, ReadLimits, Reading, number, quote, text_start};
+use visage_geometry::{Cloud, Mesh, Point3, Vector3};
 
 /// Its line in the table of formats.
 pub const FORMAT: Format = Format {
@@ -19,7 +19,7 @@ pub const FORMAT: Format = Format {
     media_type: BYTES,
     holds: &[Content::Points, Content::Mesh, Content::Normals, Content::Colors],
     reader: table::Reader::Surface(read),
-    writers: Writers { cloud: Some(write_cloud), mesh: Some(write_mesh), ..Writers::NONE },
+    writers: Writers { cloud: Some(write_cloud), mesh: Some(write_content), ..Writers::NONE },
 };
 
 /// Reads an OBJ file: `v x y z` (also with a weight, or with red green blue behind, of any range), `vn` and `f`.
@@ -262,13 +262,7 @@ fn index(what: &str, word: Option<&[u8]>, count: usize) -> Result<u32, String> {
 pub fn write_cloud(cloud: &Cloud) -> Vec<u8> {
     let mut text = String::new();
     for (index, point) in cloud.points.iter().enumerate() {
-        // writing to a string can't fail
-        let _ = write!(text, "v {} {} {}", point.x, point.y, point.z);
-        if let Some(colors) = &cloud.colors {
-            let [red, green, blue] = colors[index].map(|channel| f64::from(channel) / 255.0);
-            let _ = write!(text, " {red} {green} {blue}");
-        }
-        text.push('\n');
+        write_vertex(&mut text, point, cloud.colors.as_ref().map(|colors| colors[index]));
     }
     for normal in cloud.normals.iter().flatten() {
         let _ = writeln!(text, "vn {} {} {}", normal.x, normal.y, normal.z);
@@ -278,21 +272,46 @@ pub fn write_cloud(cloud: &Cloud) -> Vec<u8> {
 
 /// Writes a mesh.
 pub fn write_mesh(mesh: &Mesh) -> Vec<u8> {
+    write_content(&mesh.into())
+}
+
+/// Writes a mesh with the normals and colours of its vertices, as [`write_cloud`] does.
+fn write_content(content: &MeshContent) -> Vec<u8> {
+    let MeshContent { mesh, attributes, .. } = content;
     let mut text = String::new();
-    for point in &mesh.vertices {
-        let _ = writeln!(text, "v {} {} {}", point.x, point.y, point.z);
+    for (index, point) in mesh.vertices.iter().enumerate() {
+        write_vertex(&mut text, point, attributes.colors.map(|colors| colors[index]));
+    }
+    for normal in attributes.normals.into_iter().flatten() {
+        // as exact as they are in other formats
+        let [x, y, z] = [normal.x as f32, normal.y as f32, normal.z as f32];
+        let _ = writeln!(text, "vn {x} {y} {z}");
     }
     for face in &mesh.faces {
         let [a, b, c] = face.map(|vertex| u64::from(vertex) + 1);
-        let _ = writeln!(text, "f {a} {b} {c}");
+        let _ = match attributes.normals {
+            Some(_) => writeln!(text, "f {a}//{a} {b}//{b} {c}//{c}"),
+            None => writeln!(text, "f {a} {b} {c}"),
+        };
     }
     text.into_bytes()
+}
+
+/// A vertex, with its colour as fractions.
+fn write_vertex(text: &mut String, point: &Point3, color: Option<[u8; 3]>) {
+    // writing to a string can't fail
+    let _ = write!(text, "v {} {} {}", point.x, point.y, point.z);
+    if let Some(color) = color {
+        let [red, green, blue] = color.map(|channel| f64::from(channel) / 255.0);
+        let _ = write!(text, " {red} {green} {blue}");
+    }
+    text.push('\n');
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use visage_geometry::{Point3, Surface};
+    use visage_geometry::Surface;
 
     #[test]
     fn what_is_written_comes_back() {

@@ -8,7 +8,7 @@ use super::colors::Channels;
 use super::points::{COLOR, INTENSITY, Layout, NORMAL, Points, SLOTS, Values, X};
 use super::table::{BYTES, Content, Format, Reader, Writers};
 use super::text::{TextLines, has_fraction, words};
-use super::{FormatError, ReadLimits, Reading, number, quote, text_start};
+use super::{FormatError, MeshContent, ReadLimits, Reading, number, quote, text_start};
 use visage_geometry::{Cloud, Mesh};
 
 /// Its line in the table of formats.
@@ -18,7 +18,7 @@ pub const FORMAT: Format = Format {
     media_type: BYTES,
     holds: &[Content::Points, Content::Mesh, Content::Normals, Content::Colors],
     reader: Reader::Surface(read),
-    writers: Writers { cloud: Some(write_cloud), mesh: Some(write_mesh), ..Writers::NONE },
+    writers: Writers { cloud: Some(write_cloud), mesh: Some(write_content), ..Writers::NONE },
 };
 
 const REPAIR: &str = "repair the file or export it again";
@@ -315,8 +315,13 @@ impl<'a> File<'a> {
 
 /// Writes a cloud with its normals and colours; numbers are those that are read back as the same values.
 pub fn write_cloud(cloud: &Cloud) -> Vec<u8> {
+    vertices(cloud, 0).into_bytes()
+}
+
+/// The head of a file and its vertices.
+fn vertices(cloud: &Cloud, faces: usize) -> String {
     let kind = Kind { normals: cloud.normals.is_some(), colors: cloud.colors.is_some(), ..Kind::default() };
-    let mut text = format!("{}\n{} 0 0\n", kind.name(), cloud.len());
+    let mut text = format!("{}\n{} {faces} 0\n", kind.name(), cloud.len());
     for (index, point) in cloud.points.iter().enumerate() {
         // writing to a string can't fail
         let _ = write!(text, "{} {} {}", point.x, point.y, point.z);
@@ -329,15 +334,24 @@ pub fn write_cloud(cloud: &Cloud) -> Vec<u8> {
         }
         text.push('\n');
     }
-    text.into_bytes()
+    text
 }
 
 /// Writes a mesh.
 pub fn write_mesh(mesh: &Mesh) -> Vec<u8> {
-    let mut text = format!("OFF\n{} {} 0\n", mesh.vertices.len(), mesh.faces.len());
-    for point in &mesh.vertices {
-        let _ = writeln!(text, "{} {} {}", point.x, point.y, point.z);
-    }
+    write_content(&mesh.into())
+}
+
+/// Writes a mesh with the normals and colours of its vertices.
+fn write_content(content: &MeshContent) -> Vec<u8> {
+    let MeshContent { mesh, attributes, .. } = content;
+    let cloud = Cloud {
+        points: mesh.vertices.clone(),
+        normals: attributes.normals.map(|normals| normals.iter().map(|normal| normal.cast()).collect()),
+        colors: attributes.colors.map(<[_]>::to_vec),
+        intensities: None,
+    };
+    let mut text = vertices(&cloud, mesh.faces.len());
     for [a, b, c] in &mesh.faces {
         let _ = writeln!(text, "3 {a} {b} {c}");
     }

@@ -20,7 +20,7 @@ pub const FORMAT: Format = Format {
     media_type: BYTES,
     holds: &[Content::Mesh],
     reader: table::Reader::Surface(read),
-    writers: Writers { mesh: Some(write_mesh), ..Writers::NONE },
+    writers: Writers { mesh: Some(|content| write_mesh(content.mesh)), ..Writers::NONE },
 };
 
 /// Bytes before the number of facets in a binary file: anything, even `solid`.

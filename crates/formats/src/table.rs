@@ -3,8 +3,8 @@
 use std::fmt;
 
 use super::poses::PoseFile;
-use super::{FORMATS, FormatError, ReadLimits, Reading, ScanReading, extension, packed};
-use visage_geometry::{Cloud, Mesh, Motion};
+use super::{FORMATS, FormatError, MeshWriter, ReadLimits, Reading, ScanReading, extension, packed};
+use visage_geometry::{Cloud, Motion};
 
 /// The media type of scans and models. They are sent as bytes, also where a type is registered: an operation has one
 /// media type, and generated clients take `model/...` for JSON.
@@ -88,8 +88,8 @@ pub type PoseWriter = fn(&[(String, Option<Motion>)]) -> String;
 pub struct Writers {
     /// A cloud with all its attributes.
     pub cloud: Option<fn(&Cloud) -> Vec<u8>>,
-    /// A mesh.
-    pub mesh: Option<fn(&Mesh) -> Vec<u8>>,
+    /// A mesh with what is known of its vertices.
+    pub mesh: Option<MeshWriter>,
     /// Poses by scan name, `None` for a scan without a place.
     pub poses: Option<PoseWriter>,
 }
@@ -198,9 +198,10 @@ fn or_none(cell: &str) -> &str {
 
 #[cfg(test)]
 mod tests {
+    use super::super::{MeshContent, ply::VertexAttributes, read};
     use super::super::{check_name, read_surface};
     use super::*;
-    use visage_geometry::Point3;
+    use visage_geometry::{Mesh, Point3, Unit};
 
     #[test]
     fn every_ending_belongs_to_one_format() {
@@ -219,6 +220,32 @@ mod tests {
         assert!(check_name("ply").is_err());
     }
 
+    /// What a format holds of a mesh comes back, in its place and size.
+    fn assert_attributes_stay(format: &Format, write: MeshWriter) {
+        let vertices = vec![Point3::new(512.0, 0.0, 0.0), Point3::new(768.0, 0.0, 0.0), Point3::new(512.0, 256.0, 0.0)];
+        let mesh = Mesh { vertices, faces: vec![[0, 1, 2]] };
+        let (normals, colors) = (mesh.vertex_normals(), [[1, 2, 3], [4, 5, 6], [7, 8, 255]]);
+        let attributes = VertexAttributes {
+            normals: Some(&normals),
+            colors: Some(&colors),
+            support: Some(&[0.0, 1.5, 2.0]),
+            deviation: None,
+        };
+        let bytes = write(&MeshContent { mesh: &mesh, attributes, unit: Unit::Mm });
+        let back = read(&format!("a.{}", format.ending()), &bytes, &ReadLimits::default()).expect(format.name);
+        if format.holds.contains(&Content::Colors) {
+            assert_eq!(back.surface.cloud.colors, Some(colors.to_vec()), "{format:?}");
+        }
+        if format.holds.contains(&Content::Normals) {
+            assert_eq!(back.surface.cloud.normals, Some(vec![nalgebra::Vector3::z(); 3]), "{format:?}");
+        }
+        // a format with a unit of its own has the same size in it
+        let mm = back.unit.map_or(1.0, |unit| unit.metres * 1000.0);
+        for (place, vertex) in back.surface.cloud.points.iter().zip(&mesh.vertices) {
+            assert!((place * mm - vertex).norm() < 1e-4, "{format:?}: {place}");
+        }
+    }
+
     #[test]
     fn what_is_written_in_a_format_is_read_by_it() {
         let vertices = vec![Point3::new(0.0, 0.0, 0.0), Point3::new(1.0, 0.0, 0.5), Point3::new(0.0, 2.0, 0.25)];
@@ -231,7 +258,8 @@ mod tests {
                     let read = |bytes: Vec<u8>| read_surface(&name, &bytes, &ReadLimits::default()).expect(format.name);
                     if let Some(write) = format.writers.mesh {
                         assert!(format.holds.contains(&Content::Mesh));
-                        assert_eq!(read(write(&mesh)).mesh().as_ref(), Some(&mesh), "{format:?}");
+                        assert_eq!(read(write(&(&mesh).into())).mesh().as_ref(), Some(&mesh), "{format:?}");
+                        assert_attributes_stay(format, write);
                     }
                     if let Some(write) = format.writers.cloud {
                         assert_eq!(read(write(&Cloud::from_points(vertices.clone()))).cloud.points, vertices);

@@ -19,6 +19,8 @@ pub enum Stage {
     Judging,
     /// Merging the views into one cloud.
     Merging,
+    /// Making a surface of the cloud, with as many triangles as are wanted.
+    Surfacing,
     /// Saliency, facial triangles and the signature.
     Describing,
     /// Writing the files of the model.
@@ -27,12 +29,13 @@ pub enum Stage {
 
 impl Stage {
     /// Every stage, in order.
-    pub const ALL: [Stage; 7] = [
+    pub const ALL: [Stage; 8] = [
         Stage::Loading,
         Stage::Preparing,
         Stage::Registering,
         Stage::Judging,
         Stage::Merging,
+        Stage::Surfacing,
         Stage::Describing,
         Stage::Storing,
     ];
@@ -45,6 +48,7 @@ impl Stage {
             Stage::Registering => "registering",
             Stage::Judging => "judging",
             Stage::Merging => "merging",
+            Stage::Surfacing => "surfacing",
             Stage::Describing => "describing",
             Stage::Storing => "storing",
         }
@@ -59,7 +63,8 @@ impl Stage {
             Stage::Registering => 0.15,
             Stage::Judging => 0.75,
             Stage::Merging => 0.80,
-            Stage::Describing => 0.88,
+            Stage::Surfacing => 0.83,
+            Stage::Describing => 0.90,
             Stage::Storing => 0.96,
         }
     }
@@ -104,6 +109,15 @@ impl Progress {
         Progress { sink: None, cancel: self.cancel.clone() }
     }
 
+    /// The same, but whatever is reported is of `stage`, from `from` on to `to` of it: for parts that don't know of what they are a
+    /// part.
+    pub fn within(&self, stage: Stage, from: f64, to: f64) -> Self {
+        let part = |sink: &Arc<dyn ProgressSink>| -> Arc<dyn ProgressSink> {
+            Arc::new(Part { sink: sink.clone(), stage, from, to })
+        };
+        Progress { sink: self.sink.as_ref().map(part), cancel: self.cancel.clone() }
+    }
+
     /// Tells the sink that `fraction` (0 to 1) of `stage` is done.
     pub fn report(&self, stage: Stage, fraction: f64) {
         if let Some(sink) = &self.sink {
@@ -114,6 +128,20 @@ impl Progress {
     /// `Err(Canceled)` once the caller has asked for a stop. Long loops call this every few milliseconds.
     pub fn check(&self) -> Result<(), Canceled> {
         if self.cancel.load(Ordering::Relaxed) { Err(Canceled) } else { Ok(()) }
+    }
+}
+
+/// A part of a stage.
+struct Part {
+    sink: Arc<dyn ProgressSink>,
+    stage: Stage,
+    from: f64,
+    to: f64,
+}
+
+impl ProgressSink for Part {
+    fn report(&self, _: Stage, fraction: f64) {
+        self.sink.report(self.stage, self.from + fraction * (self.to - self.from));
     }
 }
 
@@ -135,6 +163,22 @@ mod tests {
             assert_eq!(pair[0].end(), pair[1].base());
         }
         assert_eq!(Stage::Storing.end(), 1.0);
+    }
+
+    #[test]
+    fn a_part_reports_as_what_it_is_a_part_of() {
+        struct Last(std::sync::Mutex<Option<(Stage, f64)>>);
+        impl ProgressSink for Last {
+            fn report(&self, stage: Stage, fraction: f64) {
+                *self.0.lock().expect("sound") = Some((stage, fraction));
+            }
+        }
+        let last = Arc::new(Last(std::sync::Mutex::new(None)));
+        let whole = Progress::new(last.clone(), Arc::new(AtomicBool::new(true)));
+        let part = whole.within(Stage::Surfacing, 0.5, 0.75);
+        part.report(Stage::Merging, 0.5);
+        assert_eq!(*last.0.lock().expect("sound"), Some((Stage::Surfacing, 0.625)));
+        assert_eq!(part.check(), Err(Canceled));
     }
 
     #[test]

@@ -54,8 +54,13 @@ impl Turns {
 
 /// Waits until it is the file's turn to be read and described.
 pub async fn turn(state: &AppState, file: &UploadedFile) -> Result<Turn, Problem> {
+    turn_of(state, file.staged.bytes).await
+}
+
+/// Waits until it is the turn of a surface of so many bytes.
+pub async fn turn_of(state: &AppState, bytes: u64) -> Result<Turn, Problem> {
     tokio::select! {
-        turn = state.describing.take(file.staged.bytes) => turn,
+        turn = state.describing.take(bytes) => turn,
         () = state.stop.cancelled() => Err(Problem::shutting_down()),
     }
 }

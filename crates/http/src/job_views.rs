@@ -9,24 +9,27 @@ use super::hint_views::HintsView;
 use super::option_views::OptionsView;
 use super::scan_set_views::UnitView;
 use super::schemas::{self, ShortText};
-use visage_domain::{JobError, JobId, JobKind, JobRecord, JobStatus, NewJob};
+use visage_domain::{JobBase, JobError, JobId, JobKind, JobRecord, JobStatus, NewJob, NewSurfaceJob};
 use visage_pipeline::{Hints, Options};
 
 /// What is to be done.
 #[derive(Debug, Clone, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NewJobBody {
-    /// What it is for; an `evaluate` job takes no other field.
+    /// What it is for; an `evaluate` job takes no other field, a `surface` job `model_id`, `options` and `label`.
     #[serde(default)]
     #[schema(required = false)]
     pub kind: JobKind,
-    /// The scans to be registered; required but for an `evaluate` job.
+    /// The scans to be registered; required of a `register` job.
     #[schema(format = "uuid")]
     pub scan_set_id: Option<String>,
     /// A finished model of the same scan set that scans are added to: its poses stay, to the last bit, and only scans
     /// without one are registered, onto the others.
     #[schema(format = "uuid")]
     pub base_model_id: Option<String>,
+    /// The model that a `surface` job makes a mesh of.
+    #[schema(format = "uuid")]
+    pub model_id: Option<String>,
     /// Choices; `GET /v1/info` lists them with types, ranges and defaults.
     #[schema(value_type = Option<OptionsView>)]
     pub options: Option<serde_json::Value>,
@@ -88,10 +91,10 @@ pub struct JobView {
     pub attempts: u32,
     /// Whether a stop was asked for.
     pub cancel_asked: bool,
-    /// The scans it works on; null for an evaluation.
+    /// The scans it works on; null for an evaluation and a `surface` job.
     #[schema(format = "uuid")]
     pub scan_set_id: Option<String>,
-    /// The model it adds scans to; null if it makes one anew.
+    /// The model it adds scans to, or makes a mesh of; null if it makes one anew.
     #[schema(format = "uuid")]
     pub base_model_id: Option<String>,
     /// What it left; null until it has succeeded, or when that model was deleted.
@@ -177,26 +180,27 @@ impl JobView {
         }
     }
 
+    /// A job that is about to be stored, which gives a model a surface.
+    pub fn of_new_surface(job: &NewSurfaceJob) -> Self {
+        Self::of(&JobRecord {
+            kind: JobKind::Surface,
+            scan_set_id: None,
+            label: job.label.clone(),
+            options: job.options.clone(),
+            base: Some(JobBase { model_id: job.model_id, poses: Vec::new() }),
+            ..JobRecord::waiting(job.id)
+        })
+    }
+
     /// A job that is about to be stored.
     pub fn of_new(job: &NewJob) -> Self {
         Self::of(&JobRecord {
-            id: job.id,
-            kind: JobKind::Register,
             scan_set_id: Some(job.scan_set_id),
             label: job.label.clone(),
             options: job.options.clone(),
             base: job.base.clone(),
             hints: job.hints.clone(),
-            status: JobStatus::Queued,
-            stage: None,
-            progress: 0.0,
-            stage_seconds: BTreeMap::new(),
-            attempts: 0,
-            cancel_asked: false,
-            error: None,
-            model_id: None,
-            started_at: None,
-            finished_at: None,
+            ..JobRecord::waiting(job.id)
         })
     }
 }

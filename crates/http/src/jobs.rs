@@ -25,8 +25,8 @@ use super::{cursor, events, extract, hint_views, job_views, models, names, respo
 use visage_domain::asset::Asset;
 use visage_domain::options::{Declared, Options};
 use visage_domain::{
-    JobBase, JobFilter, JobId, JobKind, JobRecord, JobStatus, ModelId, NewJob, NewScanSet, PoseFile, ScanRecord,
-    ScanSetId,
+    JobBase, JobFilter, JobId, JobKind, JobRecord, JobStatus, ModelId, NewJob, NewScanSet, NewSurfaceJob, PoseFile,
+    ScanRecord, ScanSetId,
 };
 use visage_service::app::models::read_asset;
 use visage_service::app::orders;
@@ -73,7 +73,8 @@ struct Order {
 /// Accepted (202) only after it is durable. Refused at once when the scan set has fewer than two scans. Scans
 /// without an initial pose are placed by their surface. With `base_model_id`, scans that the model has no pose for are
 /// added to it. With `{"kind": "evaluate"}` the stored models are judged against all standards and old signatures are
-/// made anew; where such a job waits already, it is the answer. A form as for `POST /v1/jobs/upload` is taken here too.
+/// made anew; where such a job waits already, it is the answer. With `{"kind": "surface", "model_id": ...}` the points of a
+/// stored model get a mesh, as a model of its own without a signature. A form as for `POST /v1/jobs/upload` is taken here too.
 #[utoipa::path(
     post, path = "/v1/jobs", tag = TAG, operation_id = "createJob",
     params(IdempotencyHeader),
@@ -105,8 +106,10 @@ async fn create(
     if let Some(answer) = attempt.known(&state, || blake3::hash(&bytes).to_hex().to_string()).await? {
         return Ok(answer);
     }
-    if body.kind == JobKind::Evaluate {
-        return evaluate(state, attempt, body).await;
+    match body.kind {
+        JobKind::Evaluate => return evaluate(state, attempt, body).await,
+        JobKind::Surface => return surface(state, attempt, body).await,
+        JobKind::Register => {}
     }
     let order = order_of_json(&state, body).await?;
     accept(state, attempt, order).await
@@ -169,8 +172,9 @@ async fn accept(state: AppState, attempt: Attempt, order: Order) -> Result<Creat
 
 /// Queues an evaluation; answers with the one that waits, if one does already.
 async fn evaluate(state: AppState, attempt: Attempt, body: NewJobBody) -> Result<Created, Problem> {
-    let NewJobBody { kind: _, scan_set_id, base_model_id, options, hints, label } = body;
-    if scan_set_id.is_some() || base_model_id.is_some() || options.is_some() || hints.is_some() || label.is_some() {
+    let NewJobBody { kind: _, scan_set_id, base_model_id, model_id, options, hints, label } = body;
+    let has_model = base_model_id.is_some() || model_id.is_some();
+    if scan_set_id.is_some() || has_model || options.is_some() || hints.is_some() || label.is_some() {
         let detail = "an evaluation works on all stored models and has no options";
         return Err(Problem::new(Code::InvalidField, detail, "send {\"kind\": \"evaluate\"} alone"));
     }
@@ -186,7 +190,38 @@ async fn evaluate(state: AppState, attempt: Attempt, body: NewJobBody) -> Result
     .await
 }
 
+/// Queues a job that gives a model a surface.
+async fn surface(state: AppState, attempt: Attempt, body: NewJobBody) -> Result<Created, Problem> {
+    let NewJobBody { kind: _, scan_set_id, base_model_id, model_id, options, hints, label } = body;
+    if scan_set_id.is_some() || base_model_id.is_some() || hints.is_some() {
+        let detail = "a surface is made of the points of a model, not of scans";
+        return Err(Problem::new(Code::InvalidField, detail, "send model_id, and options and label if wanted"));
+    }
+    let model_id = model_id.ok_or_else(|| {
+        let hint = "send {\"kind\": \"surface\", \"model_id\": \"...\"}";
+        Problem::new(Code::InvalidField, "a job of kind surface needs a model_id", hint)
+    })?;
+    let model = state.context.database.model(models::parse_id(&model_id)?).await?;
+    let options = options.map(options_of).transpose()?.unwrap_or_default();
+    let label = label.map(|label| names::text("label", &label)).transpose()?;
+    Budget(state.context.config.job_memory_bytes).admit(model.points)?;
+    let job = NewSurfaceJob { id: JobId::new(), model_id: model.id, label, options };
+    let view = JobView::of_new_surface(&job);
+    let created = Created::new(StatusCode::ACCEPTED, job_views::address(job.id), &view)?.retry_after(1);
+    let replay = attempt.replay(&created, job.id.to_string());
+    uninterrupted(async move {
+        let _attempt = attempt;
+        Ok(orders::surface(&state.context, &job, replay.as_ref()).await?)
+    })
+    .await?;
+    Ok(created)
+}
+
 async fn order_of_json(state: &AppState, body: NewJobBody) -> Result<Order, Problem> {
+    if body.model_id.is_some() {
+        let hint = "send base_model_id to add scans to a model, or kind surface to make a mesh of it";
+        return Err(Problem::new(Code::InvalidField, "a registration has no model_id", hint));
+    }
     let options = body.options.map(options_of).transpose()?.unwrap_or_default();
     let hints = body.hints.map(hint_views::parse).transpose()?.unwrap_or_default();
     let label = body.label.map(|label| names::text("label", &label)).transpose()?;

@@ -26,6 +26,7 @@ mod connections;
 mod contract_tests;
 mod cursor;
 mod describe;
+mod deviation;
 mod digest;
 mod disposition;
 mod evaluation;

@@ -3,18 +3,20 @@
 //! - before registration: `ready` (scans as the registration wants them), `copies` of one scan, `cleaning`, `still` (scans that
 //!   were all taken from one place), `start` (what is known of poses), [`units`] (of the set, and who
 //!   seems to be in another), `convention` (how they are meant), `hints`
-//! - after it: `supports` (what was cleaned away votes), `surface` (cloud and mesh), [`report`]
+//! - after it: `supports` (what was cleaned away votes), [`surface`] (mesh, coarser mesh, preview), `deface`, [`report`]
 
 mod cleaning;
 mod convention;
 mod copies;
+pub mod deface;
 mod hints;
+pub mod orient;
 mod ready;
 pub mod report;
 mod start;
 mod still;
 mod supports;
-mod surface;
+pub mod surface;
 pub mod units;
 
 use std::collections::BTreeMap;
@@ -35,12 +37,13 @@ use visage_registration::view::View;
 use visage_shape::faces::{self, DescribeError, Signature};
 pub use visage_surface::merge::ModelCloud;
 use visage_surface::merge::{PosedView, merge};
-pub use visage_surface::reconstruct::{Reconstruction, SurfaceReport};
+pub use visage_surface::reconstruct::SurfaceReport;
 
 use self::report::{ModelReport, ScanReport};
 use self::start::Setting;
 pub use self::start::{PoseMatrix, Start};
 use self::still::{Settled, Taken};
+pub use self::surface::MadeSurface;
 
 /// One scan with the name by which poses and reports speak of it.
 #[derive(Debug, Clone)]
@@ -63,7 +66,7 @@ pub struct RegisteredModel {
     /// The merged cloud, if it was asked for.
     pub cloud: Option<ModelCloud>,
     /// The surface of that cloud, if it was asked for and there is one.
-    pub mesh: Option<Reconstruction>,
+    pub mesh: Option<MadeSurface>,
     /// The signature, if it was asked for.
     pub signature: Option<Signature>,
 }
@@ -164,17 +167,22 @@ pub fn run_from(
         Finished { names: &names, views: &views, result: &result, placement: &placement, poses: &covariances };
     let registration = RegistrationReport::new(options.method, unit.name(), &finished, verdict);
 
-    let merged = merge_views(&scans, &views, &sensors, &result, options, progress)?;
-    let mesh = match &merged {
+    let mut merged = merge_views(&scans, &views, &sensors, &result, options, progress)?;
+    let mut mesh = match &merged {
         Some((cloud, outward)) if options.cloud && options.mesh => {
-            surface::surface(cloud, outward, &views, &result.placed, options.fill, progress)?
+            surface::surface(cloud, outward, &views, &result.placed, options, progress)?
         }
         _ => None,
     };
     let signature = match &merged {
-        Some((cloud, _)) if options.signature => describe(cloud, unit, progress)?,
+        Some((cloud, _)) if options.signature || options.deface => describe(cloud, unit, progress)?,
         _ => None,
     };
+    let face_cut = match &mut merged {
+        Some((cloud, _)) if options.deface => Some(deface::deface(signature.as_ref(), cloud, mesh.as_mut())),
+        _ => None,
+    };
+    let signature = signature.filter(|_| options.signature);
     let poses: Vec<(String, Option<Motion>)> = names
         .iter()
         .zip(views.iter().zip(result.local_poses.iter().zip(&result.placed)))
@@ -199,6 +207,7 @@ pub fn run_from(
     let report = ModelReport {
         registration,
         surface: mesh.as_ref().map(|mesh| mesh.report),
+        face_cut,
         hints: said,
         pose_convention: convention,
         pose_notes: Vec::new(),
@@ -273,7 +282,7 @@ fn merge_views(
     options: &Options,
     progress: &Progress,
 ) -> Result<Option<(ModelCloud, Vec<bool>)>, PipelineError> {
-    if !(options.cloud || options.signature) {
+    if !(options.cloud || options.signature || options.deface) {
         return Ok(None);
     }
     let posed: Vec<PosedView> = scans

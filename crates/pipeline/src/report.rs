@@ -4,12 +4,15 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
+use super::orient::NormalsFrom;
 use visage_formats::Dropped;
 use visage_registration::global::placement::Origin;
 use visage_registration::method::Method;
 use visage_registration::quality::{Quality, Verdict};
 use visage_registration::report::{RegistrationReport, ViewReport};
+use visage_surface::distance::Distances;
 use visage_surface::reconstruct::SurfaceReport;
+use visage_surface::simplify::SimplifyReport;
 
 /// The `result` part of a report (deterministic: the same scans give the same bytes).
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -19,7 +22,10 @@ pub struct ModelReport {
     pub registration: RegistrationReport<ScanReport>,
     /// How the mesh came about, lengths in the unit of the scans; absent if there is none.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub surface: Option<SurfaceReport>,
+    pub surface: Option<SurfaceOutcome>,
+    /// Whether a face was found and cut out of cloud and mesh, if that was asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub face_cut: Option<bool>,
     /// What became of hints, if any were given of pairs.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub hints: Option<HintsReport>,
@@ -40,6 +46,85 @@ impl ModelReport {
     pub fn to_json(&self) -> serde_json::Value {
         // it can't fail: all keys are strings
         serde_json::to_value(self).unwrap_or_default()
+    }
+}
+
+/// How a mesh came about; lengths in the unit of the scans.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+pub struct SurfaceOutcome {
+    /// How the surface was made of the cloud.
+    #[serde(flatten)]
+    pub reconstruction: SurfaceReport,
+    /// What was reckoned with before the work began.
+    pub estimate: Estimate,
+    /// What became of it, if it was to be coarser.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub simplified: Option<SimplifiedReport>,
+}
+
+/// What work was reckoned to take before it began, by the points that it begins with.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+pub struct Estimate {
+    /// Memory at the peak, bytes.
+    pub memory_bytes: u64,
+    /// Seconds of a processor.
+    pub cpu_seconds: f64,
+}
+
+/// Bytes that a surface takes for each point of its cloud, beside the cloud: grid, mesh, and the queue that makes it coarser.
+const SURFACE_BYTES_PER_POINT: u64 = 300;
+/// Seconds of a processor for a million points.
+const SURFACE_SECONDS_PER_MILLION: f64 = 5.0;
+
+impl Estimate {
+    /// What the surface of so many points takes.
+    pub fn of_surface(points: usize) -> Estimate {
+        let seconds = SURFACE_SECONDS_PER_MILLION * points as f64 / 1e6;
+        let memory_bytes = SURFACE_BYTES_PER_POINT.saturating_mul(points as u64);
+        Estimate { memory_bytes, cpu_seconds: (seconds * 100.0).round() / 100.0 }
+    }
+}
+
+/// The `result` part of the report of a model that was given a surface.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ResurfacedReport {
+    /// The model whose points it has.
+    pub of_model: String,
+    /// The unit of lengths.
+    pub unit: &'static str,
+    /// Where the normals come from.
+    pub normals: NormalsFrom,
+    /// The distance of neighbours in a scan.
+    pub spacing: f64,
+    /// How the mesh came about.
+    pub surface: SurfaceOutcome,
+    /// Whether a face was found and cut out of cloud and mesh, if that was asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub face_cut: Option<bool>,
+}
+
+impl ResurfacedReport {
+    /// As `report.json` holds it: keys in the order of the alphabet.
+    pub fn to_json(&self) -> serde_json::Value {
+        // it can't fail: all keys are strings
+        serde_json::to_value(self).unwrap_or_default()
+    }
+}
+
+/// A mesh that was made coarser.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct SimplifiedReport {
+    /// What became of it, and how far it is from what it was.
+    #[serde(flatten)]
+    pub of_surface: SimplifyReport,
+    /// The same distances in spacings of a scan.
+    pub error_spacings: Distances,
+}
+
+impl SimplifiedReport {
+    /// The report of a mesh from scans of this spacing.
+    pub fn new(of_surface: SimplifyReport, spacing: f64) -> Self {
+        SimplifiedReport { of_surface, error_spacings: of_surface.error.in_units_of(spacing) }
     }
 }
 
@@ -200,6 +285,7 @@ impl ModelReport {
         ModelReport {
             registration,
             surface: None,
+            face_cut: None,
             hints: None,
             pose_convention: None,
             pose_notes: Vec::new(),

@@ -1,13 +1,94 @@
-//! The surface of the merged cloud.
+//! The surface of a cloud: made, made coarser as far as is wanted, with a small copy.
 
 use std::borrow::Cow;
 
 use super::PipelineError;
-use visage_geometry::Cloud;
-use visage_geometry::progress::Progress;
+use super::report::{Estimate, SimplifiedReport, SurfaceOutcome};
+use visage_domain::options::Options;
+use visage_geometry::progress::{Canceled, Progress, Stage};
+use visage_geometry::{Cloud, Point3};
 use visage_registration::view::{View, median_spacing};
+use visage_surface::SurfaceMesh;
 use visage_surface::merge::ModelCloud;
-use visage_surface::reconstruct::{Fill, Reconstruction, SurfaceOptions, reconstruct};
+use visage_surface::reconstruct::{Fill, SurfaceOptions, reconstruct};
+use visage_surface::simplify::{Target, levels, simplify};
+
+/// Triangles of the small copy.
+pub const PREVIEW_TRIANGLES: usize = 20_000;
+
+/// What is wanted of a surface.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SurfaceOrder {
+    /// What becomes of holes.
+    pub fill: Fill,
+    /// How coarse it may become; nothing given keeps all.
+    pub target: Target,
+    /// Whether a small copy is made.
+    pub preview: bool,
+}
+
+impl From<&Options> for SurfaceOrder {
+    fn from(options: &Options) -> Self {
+        let target = Target { triangles: options.triangles, max_error: options.max_error };
+        SurfaceOrder { fill: options.fill, target, preview: options.preview }
+    }
+}
+
+/// A surface with its small copy.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct MadeSurface {
+    /// The surface.
+    pub surface: SurfaceMesh,
+    /// A small copy, if it was asked for.
+    pub preview: Option<SurfaceMesh>,
+    /// How it came about.
+    pub report: SurfaceOutcome,
+}
+
+impl MadeSurface {
+    /// Leaves out all triangles with a corner for which `is_gone` holds.
+    pub fn cut(&mut self, is_gone: impl Fn(&Point3) -> bool) {
+        for surface in [Some(&mut self.surface), self.preview.as_mut()].into_iter().flatten() {
+            let gone: Vec<bool> = surface.mesh.vertices.iter().map(&is_gone).collect();
+            *surface = surface.kept(|face| !face.iter().any(|vertex| gone[*vertex as usize]));
+        }
+    }
+}
+
+/// The surface of a cloud whose normals point outward; `spacing` is that of a single scan. `None` if it makes none.
+///
+/// # Errors
+/// [`Canceled`], between steps.
+pub fn make_surface(
+    cloud: &Cloud,
+    spacing: f64,
+    order: &SurfaceOrder,
+    progress: &Progress,
+) -> Result<Option<MadeSurface>, Canceled> {
+    let part = |from: f64, to: f64| progress.within(Stage::Surfacing, from, to);
+    progress.report(Stage::Surfacing, 0.0);
+    let options = SurfaceOptions { fill: order.fill, ..SurfaceOptions::default() };
+    let Some(made) = reconstruct(cloud, spacing, &options, &part(0.0, 0.7))? else { return Ok(None) };
+    let reconstruction = made.report;
+    let mut surface = SurfaceMesh::from(made);
+    let mut simplified = None;
+    progress.report(Stage::Surfacing, 0.7);
+    if order.target.is_given() {
+        let coarser = simplify(&surface, &order.target, progress)?;
+        surface = coarser.surface;
+        simplified = Some(SimplifiedReport::new(coarser.report, spacing));
+    }
+    progress.report(Stage::Surfacing, 0.9);
+    let preview = match order.preview {
+        false => None,
+        true if surface.mesh.faces.len() <= PREVIEW_TRIANGLES => Some(surface.clone()),
+        true => levels(&surface, &[PREVIEW_TRIANGLES], progress)?.pop(),
+    };
+    progress.report(Stage::Surfacing, 1.0);
+    let estimate = Estimate::of_surface(cloud.len());
+    let report = SurfaceOutcome { reconstruction, estimate, simplified };
+    Ok(Some(MadeSurface { surface, preview, report }))
+}
 
 /// The surface of the placed views; `None` if they make none.
 ///
@@ -18,12 +99,12 @@ pub(super) fn surface(
     outward: &[bool],
     views: &[View],
     placed: &[bool],
-    fill: Fill,
+    options: &Options,
     progress: &Progress,
-) -> Result<Option<Reconstruction>, PipelineError> {
+) -> Result<Option<MadeSurface>, PipelineError> {
     let cloud = of_known_side(model, outward);
     let spacing = median_spacing(views.iter().zip(placed).filter(|(_, placed)| **placed).map(|(view, _)| view));
-    Ok(reconstruct(&cloud, spacing, &SurfaceOptions { fill, ..SurfaceOptions::default() }, progress)?)
+    Ok(make_surface(&cloud, spacing, &options.into(), progress)?)
 }
 
 /// The points whose normals are known to be outward.
@@ -38,7 +119,25 @@ fn of_known_side<'a>(model: &'a ModelCloud, outward: &[bool]) -> Cow<'a, Cloud> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use visage_geometry::Point3;
+
+    /// A sphere of radius 10.
+    fn sphere() -> (Cloud, f64) {
+        let count = 30_000;
+        let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
+        let direction = |k: usize| {
+            let z = 1.0 - 2.0 * (k as f64 + 0.5) / count as f64;
+            let (sine, cosine) = (golden * k as f64).sin_cos();
+            let around = (1.0 - z * z).sqrt();
+            nalgebra::Vector3::new(around * cosine, around * sine, z)
+        };
+        let directions: Vec<nalgebra::Vector3<f64>> = (0..count).map(direction).collect();
+        let cloud = Cloud {
+            points: directions.iter().map(|d| Point3::from(10.0 * d)).collect(),
+            normals: Some(directions.iter().map(|d| d.cast()).collect()),
+            ..Cloud::default()
+        };
+        (cloud, 10.0 * (4.0 * std::f64::consts::PI / count as f64).sqrt())
+    }
 
     #[test]
     fn points_of_views_of_unknown_side_are_left_out() {
@@ -47,5 +146,39 @@ mod tests {
         assert!(matches!(of_known_side(&model, &[true; 3]), Cow::Borrowed(_)));
         let known = of_known_side(&model, &[true, false, true]);
         assert_eq!(known.points, [model.cloud.points[0], model.cloud.points[3]]);
+    }
+
+    #[test]
+    fn a_surface_is_as_coarse_as_is_wanted_and_says_what_that_cost() {
+        let (cloud, spacing) = sphere();
+        let make = |options: Options| {
+            make_surface(&cloud, spacing, &(&options).into(), &Progress::silent()).expect("not canceled").expect("one")
+        };
+        let whole = make(Options { preview: false, ..Options::default() });
+        assert_eq!((whole.report.simplified.is_none(), &whole.preview), (true, &None));
+        let coarse = make(Options { triangles: Some(1000), ..Options::default() });
+        let report = coarse.report.simplified.expect("it was made coarser");
+        assert_eq!(report.of_surface.triangles, coarse.surface.mesh.faces.len());
+        assert!(report.of_surface.triangles <= 1000 && report.of_surface.from_triangles > 10_000, "{report:?}");
+        assert!((report.error_spacings.max * spacing / report.of_surface.error.max - 1.0).abs() < 1e-9);
+        assert_eq!(coarse.preview.as_ref(), Some(&coarse.surface), "it is small enough");
+        let fine = make(Options { max_error: Some(0.01), ..Options::default() });
+        assert!(fine.report.simplified.expect("made coarser").of_surface.error.max <= 0.01);
+        let preview = make(Options::default()).preview.expect("asked for");
+        assert!(preview.mesh.faces.len() <= PREVIEW_TRIANGLES);
+    }
+
+    #[test]
+    fn what_is_cut_is_gone_from_the_copy_too() {
+        let (cloud, spacing) = sphere();
+        let order = (&Options::default()).into();
+        let made = make_surface(&cloud, spacing, &order, &Progress::silent()).expect("not canceled");
+        let mut made = made.expect("a surface");
+        let before = made.surface.mesh.faces.len();
+        made.cut(|place| place.z > 5.0);
+        let highest = |surface: &SurfaceMesh| surface.mesh.vertices.iter().map(|v| v.z).fold(f64::MIN, f64::max);
+        assert!(highest(&made.surface) <= 5.0 && highest(made.preview.as_ref().expect("there")) <= 5.0);
+        assert!(made.surface.mesh.faces.len() < before * 4 / 5);
+        assert_eq!(made.surface.support.as_ref().map(Vec::len), Some(made.surface.mesh.vertices.len()));
     }
 }

@@ -14,6 +14,13 @@ pub fn peak_memory_bytes() -> Option<u64> {
     u64::try_from(usage.max_rss()).ok().map(|size| size * unit)
 }
 
+/// Seconds that all processors together have worked for this process; `None` where the system does not say.
+pub fn cpu_seconds() -> Option<f64> {
+    let usage = nix::sys::resource::getrusage(nix::sys::resource::UsageWho::RUSAGE_SELF).ok()?;
+    let seconds = |time: nix::sys::time::TimeVal| time.tv_sec() as f64 + time.tv_usec() as f64 * 1e-6;
+    Some(seconds(usage.user_time()) + seconds(usage.system_time()))
+}
+
 /// The memory that this process may use, in bytes: the machine's, or what its control group is held to. `None` where
 /// the system does not say.
 pub fn memory_bytes() -> Option<u64> {

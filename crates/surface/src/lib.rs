@@ -18,6 +18,15 @@
 //!
 //! - [`merge`](mod@merge): every point of every placed view in the world, with an outward normal
 //! - [`reconstruct`](mod@reconstruct): from such a cloud to triangles, with what is known of them
+//! - [`simplify`](mod@simplify): the same surface with fewer triangles; [`distance`]: how far two are from each other
+//! - [`deviation`], [`nearest`]: how far each place of a model is from another one
 
+pub mod deviation;
+pub mod distance;
 pub mod merge;
+pub mod nearest;
 pub mod reconstruct;
+pub mod simplify;
+mod surface_mesh;
+
+pub use surface_mesh::SurfaceMesh;

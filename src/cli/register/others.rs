@@ -9,6 +9,7 @@ use crate::formats::e57::{self, WrittenScan, write_scans};
 use crate::formats::written::{Written, placed, scaled};
 use crate::formats::{Format, packed, ply, poses};
 use crate::geometry::{Cloud, Motion, Unit};
+use crate::jobs::artifacts::write_mesh;
 use crate::pipeline::{NamedScan, RegisteredModel};
 
 /// What else is to be written.
@@ -94,14 +95,9 @@ impl Others {
             }
         }
         for format in &self.mesh_format {
-            match (&outcome.mesh, format.writers.mesh) {
-                (Some(surface), Some(write)) => {
-                    let mut mesh = surface.mesh.clone();
-                    let factor = format.factor_from(unit);
-                    mesh.vertices.iter_mut().for_each(|vertex| *vertex *= factor);
-                    save(&out.join(format!("mesh.{}", format.ending())), &write(&mesh))?;
-                }
-                _ => notes.push(format!("there is no mesh to write as {}", format.name)),
+            match outcome.mesh.as_ref().and_then(|made| write_mesh(&made.surface, unit, format)) {
+                Some(content) => save(&out.join(format!("mesh.{}", format.ending())), &content)?,
+                None => notes.push(format!("there is no mesh to write as {}", format.name)),
             }
         }
         for format in &self.poses_format {

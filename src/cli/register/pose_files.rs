@@ -69,6 +69,6 @@ mod tests {
         let poses = read_matrices(folder.path()).expect("one matrix");
         let poses = Folder::list(folder.path()).expect("listed").fit(None, poses).expect("fits");
         assert_eq!(poses.poses[0].0, "b.ply");
-        assert_eq!(poses.said, ["2 file(s) that hold no matrix are passed over, such as a.ply"]);
+        assert_eq!(poses.said, ["2 file(s) that hold no bare matrices of one scan are passed over, such as a.ply"]);
     }
 }

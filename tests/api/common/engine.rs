@@ -9,8 +9,9 @@ use visage::app::engine::{Engine, PipelineEngine};
 use visage::faces::{DescribeError, Signature};
 use visage::geometry::{Cloud, Mesh, Motion, Point3, Surface, Unit, se3};
 use visage::pipeline::report::ModelReport;
-use visage::pipeline::{ModelCloud, NamedScan, Options, PipelineError, Reconstruction, RegisteredModel, Start};
+use visage::pipeline::{MadeSurface, ModelCloud, NamedScan, Options, PipelineError, RegisteredModel, Start};
 use visage::progress::{Progress, Stage};
+use visage::reconstruction::SurfaceMesh;
 use visage::standards::{Found, Standard};
 
 /// What the next registration does.
@@ -145,13 +146,14 @@ fn wait(time: Duration, progress: &Progress, listens: bool) -> Result<(), Pipeli
 }
 
 /// A surface of one triangle, of which one corner was seen by nobody.
-fn triangle() -> Reconstruction {
+fn triangle() -> MadeSurface {
     let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
-    Reconstruction {
+    let surface = SurfaceMesh {
         mesh: Mesh { vertices: corners.map(Point3::from).to_vec(), faces: vec![[0, 1, 2]] },
-        support: vec![3.0, 2.0, 0.0],
-        ..Reconstruction::default()
-    }
+        support: Some(vec![3.0, 2.0, 0.0]),
+        colors: None,
+    };
+    MadeSurface { surface, ..MadeSurface::default() }
 }
 
 fn outcome(scans: &[NamedScan], poses: &BTreeMap<String, Motion>) -> RegisteredModel {

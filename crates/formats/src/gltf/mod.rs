@@ -18,6 +18,7 @@ mod tests;
 use super::table::{BYTES, Content, Format, Reader, Writers};
 use super::{DeclaredUnit, FormatError, ReadLimits, Reading, quote, text_start};
 
+use writer::write_content;
 pub use writer::{write_cloud, write_mesh};
 
 /// Binary glTF.
@@ -27,7 +28,7 @@ pub const GLB: Format = Format {
     media_type: BYTES,
     holds: HOLDS,
     reader: Reader::Surface(read),
-    writers: Writers { cloud: Some(write_cloud), mesh: Some(write_mesh), ..Writers::NONE },
+    writers: Writers { cloud: Some(write_cloud), mesh: Some(write_content), ..Writers::NONE },
 };
 
 /// glTF as text.

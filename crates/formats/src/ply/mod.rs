@@ -8,9 +8,12 @@ mod faces;
 mod grid;
 mod header;
 mod reader;
+mod views;
 mod writer;
 
 pub use reader::read;
+pub use views::views;
+use writer::write_content;
 pub use writer::{VertexAttributes, write_cloud, write_mesh, write_surface};
 
 use super::table::{BYTES, Content, Format, Reader, Writers};
@@ -22,5 +25,5 @@ pub const FORMAT: Format = Format {
     media_type: BYTES,
     holds: &[Content::Points, Content::Mesh, Content::Normals, Content::Colors, Content::Intensities, Content::Grid],
     reader: Reader::Surface(read),
-    writers: Writers { cloud: Some(|cloud| write_cloud(cloud, None)), mesh: Some(write_mesh), poses: None },
+    writers: Writers { cloud: Some(|cloud| write_cloud(cloud, None)), mesh: Some(write_content), poses: None },
 };

@@ -1,5 +1,6 @@
 //! Clouds and meshes to binary little-endian PLY.
 
+use crate::MeshContent;
 use crate::precision::fits_float;
 use visage_geometry::{Cloud, Mesh, Point3, Vector3};
 
@@ -55,6 +56,13 @@ pub struct VertexAttributes<'a> {
     pub colors: Option<&'a [[u8; 3]]>,
     /// How much data stands for a vertex: `support`, 0 where nobody saw it.
     pub support: Option<&'a [f32]>,
+    /// How far a vertex is from something: `deviation`.
+    pub deviation: Option<&'a [f32]>,
+}
+
+/// Writes a mesh with what is known of its vertices; positions as in [`write_cloud`].
+pub(super) fn write_content(content: &MeshContent) -> Vec<u8> {
+    write_surface(content.mesh, &content.attributes)
 }
 
 /// Writes a mesh with attributes of its vertices; positions as in [`write_cloud`].
@@ -68,6 +76,9 @@ pub fn write_surface(mesh: &Mesh, attributes: &VertexAttributes) -> Vec<u8> {
     }
     if attributes.support.is_some() {
         writer.properties("float", &["support"]);
+    }
+    if attributes.deviation.is_some() {
+        writer.properties("float", &["deviation"]);
     }
     writer.header.push_str(&format!("element face {}\n", mesh.faces.len()));
     writer.header.push_str("property list uchar int vertex_indices\n");
@@ -83,6 +94,9 @@ pub fn write_surface(mesh: &Mesh, attributes: &VertexAttributes) -> Vec<u8> {
         }
         if let Some(support) = attributes.support {
             bytes.extend(support[index].to_le_bytes());
+        }
+        if let Some(deviation) = attributes.deviation {
+            bytes.extend(deviation[index].to_le_bytes());
         }
     }
     for face in &mesh.faces {
@@ -183,8 +197,12 @@ mod tests {
             faces: vec![[0, 1, 2]],
         };
         let (normals, colors) = (mesh.vertex_normals(), [[1, 2, 3], [4, 5, 6], [7, 8, 255]]);
-        let attributes =
-            VertexAttributes { normals: Some(&normals), colors: Some(&colors), support: Some(&[0.0, 1.5, 2.0]) };
+        let attributes = VertexAttributes {
+            normals: Some(&normals),
+            colors: Some(&colors),
+            support: Some(&[0.0, 1.5, 2.0]),
+            ..VertexAttributes::default()
+        };
         let bytes = write_surface(&mesh, &attributes);
         assert!(header_of(&bytes).contains("property uchar blue\nproperty float support\nelement face 1\n"));
         // the support of the last vertex stands before the only face

@@ -3,6 +3,7 @@
 
 mod model;
 mod package;
+mod writer;
 
 #[cfg(test)]
 mod tests;
@@ -19,6 +20,7 @@ use super::{FormatError, ReadLimits, Reading};
 use model::{Model, Object, Part};
 use package::Package;
 use visage_geometry::Point3;
+pub use writer::write_mesh;
 
 /// Its line in the table of formats.
 pub const FORMAT: Format = Format {
@@ -27,7 +29,7 @@ pub const FORMAT: Format = Format {
     media_type: BYTES,
     holds: &[Content::Mesh, Content::Colors],
     reader: Reader::Surface(read),
-    writers: Writers::NONE,
+    writers: Writers { mesh: Some(write_mesh), ..Writers::NONE },
 };
 
 const REPAIR: &str = "repair the file or export it again";

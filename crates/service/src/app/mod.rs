@@ -15,6 +15,7 @@
 
 pub mod arrival;
 pub mod context;
+pub mod deviation;
 pub mod engine;
 pub mod evaluations;
 pub mod live_gallery;

@@ -123,7 +123,7 @@ impl JobMonitor {
             }
         };
         let tracker = Arc::new(match kind {
-            JobKind::Register => Tracker::new(ring),
+            JobKind::Register | JobKind::Surface => Tracker::new(ring),
             JobKind::Evaluate => Tracker::of_one_stage(ring),
         });
         let running = Running { tracker, stop: Arc::new(StopFlag::default()), points };

@@ -5,7 +5,7 @@ use super::models;
 use super::scan_sets::{self, ReceivedScans};
 use crate::storage::DatabaseError;
 use crate::storage::inventory::StorageError;
-use visage_domain::{JobId, JobRecord, NewJob, NewScanSet, Replay, StoredFile};
+use visage_domain::{JobId, JobRecord, NewJob, NewScanSet, NewSurfaceJob, Replay, StoredFile};
 
 /// Queues a registration, with the answer that the client gets. A scan set that comes with it is stored with it: either
 /// both are or neither. Must run to its end.
@@ -24,6 +24,17 @@ pub async fn register(
         }
         None => context.database.create_job(job, None, most, replay).await?,
     }
+    context.monitor.announce_work();
+    Ok(())
+}
+
+/// Queues a job that gives a model a surface, with the answer that the client gets.
+pub async fn surface(
+    context: &ServiceContext,
+    job: &NewSurfaceJob,
+    replay: Option<&Replay>,
+) -> Result<(), DatabaseError> {
+    context.database.create_surface_job(job, context.config.limits.queued_jobs, replay).await?;
     context.monitor.announce_work();
     Ok(())
 }

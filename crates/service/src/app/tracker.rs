@@ -18,6 +18,8 @@ pub struct Snapshot {
     pub progress: f64,
     /// Seconds spent in each stage so far.
     pub stage_seconds: BTreeMap<String, f64>,
+    /// Processor seconds that the whole process took in each stage so far; empty where the system does not say.
+    pub stage_cpu_seconds: BTreeMap<String, f64>,
 }
 
 /// Collects what the algorithms report, times the stages, and calls back when there is news.
@@ -25,21 +27,44 @@ pub struct Tracker {
     state: Mutex<State>,
     /// Whether the job has one stage, whose fraction is that of the whole job.
     has_one_stage: bool,
+    start: Instant,
     on_news: Box<dyn Fn() + Send + Sync>,
 }
 
 struct State {
-    stage: Option<(Stage, Instant)>,
+    stage: Option<(Stage, Spent)>,
     progress: f64,
     told: f64,
-    finished_stages: BTreeMap<Stage, f64>,
+    finished_stages: BTreeMap<Stage, Spent>,
+}
+
+/// A time on the clock, and on the processors; or since then.
+#[derive(Debug, Clone, Copy, Default)]
+struct Spent {
+    seconds: f64,
+    cpu_seconds: Option<f64>,
+}
+
+impl Spent {
+    fn now(start: Instant) -> Spent {
+        Spent { seconds: start.elapsed().as_secs_f64(), cpu_seconds: crate::machine::cpu_seconds() }
+    }
+
+    /// This and what has been spent from `since` until `now`.
+    fn plus(self, since: Spent, now: Spent) -> Spent {
+        let cpu = now.cpu_seconds.zip(since.cpu_seconds).map(|(now, since)| now - since);
+        Spent {
+            seconds: self.seconds + now.seconds - since.seconds,
+            cpu_seconds: cpu.map(|cpu| self.cpu_seconds.unwrap_or_default() + cpu),
+        }
+    }
 }
 
 impl Tracker {
     /// `on_news` is called from worker threads: it must be quick and must not block.
     pub fn new(on_news: impl Fn() + Send + Sync + 'static) -> Self {
         let state = State { stage: None, progress: 0.0, told: 0.0, finished_stages: BTreeMap::new() };
-        Tracker { state: Mutex::new(state), has_one_stage: false, on_news: Box::new(on_news) }
+        Tracker { state: Mutex::new(state), has_one_stage: false, start: Instant::now(), on_news: Box::new(on_news) }
     }
 
     /// The same for a job of a single stage.
@@ -50,14 +75,17 @@ impl Tracker {
     /// How far the job has come; the current stage counts up to now.
     pub fn snapshot(&self) -> Snapshot {
         let state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
-        let mut seconds = state.finished_stages.clone();
+        let mut spent = state.finished_stages.clone();
         if let Some((stage, since)) = state.stage {
-            *seconds.entry(stage).or_default() += since.elapsed().as_secs_f64();
+            let of_stage = spent.entry(stage).or_default();
+            *of_stage = of_stage.plus(since, Spent::now(self.start));
         }
+        let cpu = |(stage, spent): (&Stage, &Spent)| Some((stage.name().to_owned(), rounded(spent.cpu_seconds?)));
         Snapshot {
             stage: state.stage.map(|(stage, _)| stage),
             progress: state.progress,
-            stage_seconds: seconds.into_iter().map(|(stage, s)| (stage.name().to_owned(), rounded(s))).collect(),
+            stage_cpu_seconds: spent.iter().filter_map(cpu).collect(),
+            stage_seconds: spent.iter().map(|(stage, s)| (stage.name().to_owned(), rounded(s.seconds))).collect(),
         }
     }
 }
@@ -67,9 +95,10 @@ impl ProgressSink for Tracker {
         let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
         let entered = state.stage.is_none_or(|(current, _)| current != stage);
         if entered {
-            let now = Instant::now();
+            let now = Spent::now(self.start);
             if let Some((last, since)) = state.stage.replace((stage, now)) {
-                *state.finished_stages.entry(last).or_default() += (now - since).as_secs_f64();
+                let of_stage = state.finished_stages.entry(last).or_default();
+                *of_stage = of_stage.plus(since, now);
             }
         }
         let (base, end) = if self.has_one_stage { (0.0, 1.0) } else { (stage.base(), stage.end()) };
@@ -114,6 +143,8 @@ mod tests {
         assert_eq!(half.stage, Some(Stage::Registering));
         assert!((half.progress - 0.45).abs() < 1e-12);
         assert!(half.stage_seconds["loading"] >= 0.02);
+        // sleeping takes no processor, but is not the whole process's
+        assert_eq!(half.stage_cpu_seconds.len(), half.stage_seconds.len());
         tracker.report(Stage::Registering, 0.2);
         assert_eq!(tracker.snapshot().progress, half.progress);
     }

@@ -2,12 +2,14 @@
 
 use std::collections::BTreeMap;
 
+use crate::app::tracker::Snapshot;
 use visage_domain::asset::Asset;
-use visage_formats::Dropped;
-use visage_formats::ply::{VertexAttributes, write_surface};
-use visage_geometry::se3;
+use visage_formats::ply::VertexAttributes;
+use visage_formats::{Dropped, Format, MeshContent, gltf, ply};
+use visage_geometry::{Unit, se3};
 use visage_pipeline::report::ModelReport;
-use visage_pipeline::{PoseMatrix, Reconstruction, RegisteredModel};
+use visage_pipeline::{PoseMatrix, RegisteredModel};
+use visage_surface::SurfaceMesh;
 
 /// Where something ran and what it took: `report.run`. Apart from the result, since it differs from run to run.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
@@ -23,6 +25,8 @@ pub struct RunFacts {
     pub threads: usize,
     /// Seconds by stage, up to the writing of the report.
     pub seconds: BTreeMap<String, f64>,
+    /// Processor seconds of the whole process by stage; those of jobs that run beside this one count too.
+    pub cpu_seconds: BTreeMap<String, f64>,
     /// The most memory this process has ever held (bytes); null where the system does not say.
     pub peak_memory_bytes: Option<u64>,
     /// The machine.
@@ -42,13 +46,14 @@ pub struct Host {
 
 impl RunFacts {
     /// The facts of a run on this machine.
-    pub fn here(job_id: Option<String>, threads: usize, seconds: BTreeMap<String, f64>) -> Self {
+    pub fn here(job_id: Option<String>, threads: usize, spent: Snapshot) -> Self {
         RunFacts {
             job_id,
             version: env!("CARGO_PKG_VERSION"),
             signature_version: visage_shape::faces::Signature::VERSION,
             threads,
-            seconds,
+            seconds: spent.stage_seconds,
+            cpu_seconds: spent.stage_cpu_seconds,
             peak_memory_bytes: crate::machine::peak_memory_bytes(),
             host: Host {
                 os: std::env::consts::OS,
@@ -69,13 +74,13 @@ pub fn add_readings(report: &mut ModelReport, dropped: &BTreeMap<String, Dropped
 }
 
 /// `report.json`: the deterministic result and, apart from it, the run.
-fn report_json(result: &ModelReport, run: &RunFacts) -> Result<Vec<u8>, serde_json::Error> {
+pub fn report_json(result: serde_json::Value, run: &RunFacts) -> Result<Vec<u8>, serde_json::Error> {
     #[derive(serde::Serialize)]
     struct Report<'a> {
         result: serde_json::Value,
         run: &'a RunFacts,
     }
-    let mut bytes = serde_json::to_vec_pretty(&Report { result: result.to_json(), run })?;
+    let mut bytes = serde_json::to_vec_pretty(&Report { result, run })?;
     bytes.push(b'\n');
     Ok(bytes)
 }
@@ -107,20 +112,34 @@ fn content(
         Asset::Cloud => {
             outcome.cloud.as_ref().map(|merged| visage_formats::ply::write_cloud(&merged.cloud, Some(&merged.views)))
         }
-        Asset::Mesh => outcome.mesh.as_ref().map(mesh_ply),
-        Asset::Report => Some(report_json(&outcome.report, &run())?),
+        Asset::Mesh => outcome.mesh.as_ref().and_then(|made| write_mesh(&made.surface, unit_of(outcome), &ply::FORMAT)),
+        Asset::Preview => preview(outcome),
+        Asset::Report => Some(report_json(outcome.report.to_json(), &run())?),
         Asset::UploadedMesh(_) | Asset::UploadedCloud(_) | Asset::Annotated(_) => None,
     })
 }
 
-/// `mesh.ply`: the surface with its normals, its colours if it has some, and how much data stands for each vertex.
-fn mesh_ply(surface: &Reconstruction) -> Vec<u8> {
+/// `preview.glb`: a small copy of the surface.
+fn preview(outcome: &RegisteredModel) -> Option<Vec<u8>> {
+    write_mesh(outcome.mesh.as_ref()?.preview.as_ref()?, unit_of(outcome), &gltf::GLB)
+}
+
+/// The unit of a model's coordinates.
+fn unit_of(outcome: &RegisteredModel) -> Unit {
+    outcome.report.registration.unit.parse().unwrap_or_default()
+}
+
+/// A surface in a format, with its normals, its colours if it has some, and how much data stands for each vertex, as far as the
+/// format can hold them; `None` if it can hold no mesh.
+pub fn write_mesh(surface: &SurfaceMesh, unit: Unit, format: &Format) -> Option<Vec<u8>> {
+    let write = format.writers.mesh?;
     let attributes = VertexAttributes {
         normals: Some(&surface.mesh.vertex_normals()),
         colors: surface.colors.as_deref(),
-        support: Some(&surface.support),
+        support: surface.support.as_deref(),
+        deviation: None,
     };
-    write_surface(&surface.mesh, &attributes)
+    Some(write(&MeshContent { mesh: &surface.mesh, attributes, unit }))
 }
 
 /// `poses.conf` in Stanford's convention; views without a place are left out. `None` when a name has a blank or a view
@@ -159,7 +178,7 @@ mod tests {
     fn what_there_is_not_is_not_written() {
         let written = |name: &str| {
             let mut written = Vec::new();
-            let run = || RunFacts::here(None, 2, BTreeMap::new());
+            let run = || RunFacts::here(None, 2, Snapshot::default());
             let sink = |asset: Asset, content: &[u8]| -> Result<(), serde_json::Error> {
                 assert!(!content.is_empty());
                 written.push(asset);
@@ -194,10 +213,11 @@ mod tests {
 
     #[test]
     fn the_run_stands_apart_from_the_result() {
-        let run = RunFacts::here(None, 2, [("loading".to_owned(), 0.5)].into());
+        let spent = Snapshot { stage_seconds: [("loading".to_owned(), 0.5)].into(), ..Snapshot::default() };
+        let run = RunFacts::here(None, 2, spent);
         let result = report(&["a.ply"]);
         let report: serde_json::Value =
-            serde_json::from_slice(&report_json(&result, &run).expect("plain data")).expect("JSON");
+            serde_json::from_slice(&report_json(result.to_json(), &run).expect("plain data")).expect("JSON");
         assert_eq!(report["result"], result.to_json());
         assert_eq!(report["run"]["seconds"]["loading"], json!(0.5));
         assert!(report["run"]["peak_memory_bytes"].as_u64().is_none_or(|bytes| bytes > 1 << 20));

@@ -15,5 +15,6 @@ pub mod admission;
 pub mod artifacts;
 mod evaluation;
 pub mod memory;
+mod resurface;
 pub mod runner;
 mod work;

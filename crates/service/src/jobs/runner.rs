@@ -13,6 +13,7 @@ use tracing::Instrument;
 
 use super::evaluation::Evaluation;
 use super::memory::{Budget, TooLarge};
+use super::resurface::Resurfacing;
 use super::work::{Made, Work, WorkError, pooled};
 use crate::app::context::ServiceContext;
 use crate::app::monitor::{Entry, StopReason};
@@ -176,6 +177,21 @@ impl Worker {
         let server_threads = self.context.config.threads.max(1);
         let threads = claim.job.options.threads.unwrap_or(server_threads).clamp(1, server_threads);
         let progress = Progress::new(entry.tracker.clone(), entry.stop.flag());
+        if let Some(model) = claim.job.surfaced_model() {
+            self.budget().admit(claim.points)?;
+            let work = Resurfacing {
+                job: claim.job.clone(),
+                model,
+                database: self.context.database.clone(),
+                runtime: tokio::runtime::Handle::current(),
+                objects: self.context.objects.clone(),
+                limits: self.context.config.limits,
+                threads,
+                tracker: entry.tracker.clone(),
+                progress,
+            };
+            return spawned(move || pooled(threads, || work.run()).map(Some));
+        }
         let Some(set) = claim.job.scan_set_id else {
             let evaluation = self.evaluation(progress);
             return spawned(move || pooled(threads, || evaluation.run()).map(|()| None));

@@ -240,10 +240,7 @@ impl Work {
     fn keep(&self, outcome: RegisteredModel, unit: Unit) -> Result<Made, WorkError> {
         let staged = self.objects.stage_model()?;
         let mut assets = Vec::new();
-        let run = || {
-            let seconds = self.tracker.snapshot().stage_seconds;
-            artifacts::RunFacts::here(Some(self.job.id.to_string()), self.threads, seconds)
-        };
+        let run = || artifacts::RunFacts::here(Some(self.job.id.to_string()), self.threads, self.tracker.snapshot());
         artifacts::write_assets(&outcome, run, |asset, content| -> Result<(), WorkError> {
             self.progress.check()?;
             assets.push(self.write_asset(&staged, &asset.name(), content)?);
@@ -263,7 +260,7 @@ impl Work {
         let scanned: u64 = self.set.scans.iter().map(|scan| scan.points).sum();
         NewModel {
             id,
-            origin: Some((self.job.id, self.set.id)),
+            origin: Some((self.job.id, Some(self.set.id))),
             name: self.set.name.clone(),
             label: self.job.label.clone(),
             unit,

@@ -15,8 +15,8 @@ use super::{DatabaseError, Deleted, Unseen};
 use visage_domain::{
     AssetRecord, Backlog, CancelAnswer, Claimant, Examples, FileId, Finish, JobClaim, JobFilter, JobId, JobRecord,
     KnownFiles, LooseFile, MatchedModel, ModelFacets, ModelFilter, ModelId, ModelRecord, NewJob, NewModel, NewScanSet,
-    NewStandard, Outdated, Owner, Page, PageRequest, PoseFile, PutScan, Replay, ReplayKey, ScanRecord, ScanSetId,
-    ScanSetRecord, StandardId, StandardRecord, StoredContent, StoredFile, StoredSignature, StoredVerdict,
+    NewStandard, NewSurfaceJob, Outdated, Owner, Page, PageRequest, PoseFile, PutScan, Replay, ReplayKey, ScanRecord,
+    ScanSetId, ScanSetRecord, StandardId, StandardRecord, StoredContent, StoredFile, StoredSignature, StoredVerdict,
 };
 use visage_shape::standards::Standard;
 
@@ -73,6 +73,14 @@ pub trait Jobs {
         &self,
         job: &NewJob,
         set: Option<&NewScanSet>,
+        queue_limit: usize,
+        replay: Option<&Replay>,
+    ) -> Result<(), DatabaseError>;
+
+    /// Accepts a job that gives a model a surface.
+    async fn create_surface_job(
+        &self,
+        job: &NewSurfaceJob,
         queue_limit: usize,
         replay: Option<&Replay>,
     ) -> Result<(), DatabaseError>;

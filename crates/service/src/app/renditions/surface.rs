@@ -10,7 +10,7 @@ use crate::storage::StagedFile;
 use visage_domain::asset::{Asset, Kind, Origin};
 use visage_domain::{AssetRecord, ModelId, ModelRecord};
 use visage_formats::written::{Written, scaled};
-use visage_formats::{Format, check_name, read_surface};
+use visage_formats::{Format, check_name, read_surface, write_mesh_of};
 
 /// The stored file that others are made of.
 #[derive(Debug)]
@@ -63,13 +63,11 @@ impl SurfaceSource {
                 drop(bytes);
                 let surface =
                     surface.map_err(|error| RenditionError::Unreadable { name: asset.name.clone(), error })?;
-                let surface = scaled(surface, format.factor_from(unit));
                 let bytes = match (wanted, format.writers.cloud, format.writers.mesh) {
-                    (Written::Mesh, _, Some(write)) => surface.mesh().map(|mesh| write(&mesh)),
-                    (Written::Cloud, Some(write), _) => Some(write(&surface.cloud)),
+                    (Written::Mesh, _, Some(write)) => write_mesh_of(&surface, unit, write),
+                    (Written::Cloud, Some(write), _) => Some(write(&scaled(surface, format.factor_from(unit)).cloud)),
                     _ => None,
                 };
-                drop(surface);
                 let why = || RenditionError::Unfit { format: format.name, why: "there are no triangles".to_owned() };
                 stage(objects, &bytes.ok_or_else(why)?)
             })

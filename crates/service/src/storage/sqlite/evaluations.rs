@@ -146,7 +146,7 @@ impl Evaluations for SqliteDatabase {
 
     async fn registration_waits(&self) -> Result<bool, DatabaseError> {
         let waits =
-            sqlx::query_scalar("SELECT EXISTS (SELECT 1 FROM job WHERE status = 'queued' AND kind = 'register')")
+            sqlx::query_scalar("SELECT EXISTS (SELECT 1 FROM job WHERE status = 'queued' AND kind <> 'evaluate')")
                 .fetch_one(&self.readers)
                 .await?;
         Ok(waits)

@@ -10,8 +10,8 @@ use crate::storage::database::Jobs;
 use crate::storage::{DatabaseError, Deleted};
 use async_trait::async_trait;
 use visage_domain::{
-    CancelAnswer, Hints, JobBase, JobFilter, JobId, JobRecord, JobStatus, NewJob, NewScanSet, Page, PageRequest,
-    Replay, StoredFile,
+    CancelAnswer, Hints, JobBase, JobFilter, JobId, JobRecord, JobStatus, NewJob, NewScanSet, NewSurfaceJob, Page,
+    PageRequest, Replay, StoredFile,
 };
 
 row! {
@@ -105,6 +105,36 @@ impl Jobs for SqliteDatabase {
         .await?;
         if inserted.rows_affected() == 0 {
             return Err(DatabaseError::NotFound { kind: "scan set", id: job.scan_set_id.to_string() });
+        }
+        if let Some(replay) = replay {
+            replays::insert(&mut tx, replay).await?;
+        }
+        tx.commit().await?;
+        Ok(())
+    }
+
+    async fn create_surface_job(
+        &self,
+        job: &NewSurfaceJob,
+        queue_limit: usize,
+        replay: Option<&Replay>,
+    ) -> Result<(), DatabaseError> {
+        let mut tx = self.begin().await?;
+        check_room(&mut tx, queue_limit).await?;
+        let options = serde_json::to_string(&job.options).map_err(|error| damaged("options", error))?;
+        // the model may have been deleted since it was looked up
+        let inserted = sqlx::query(
+            "INSERT INTO job (id, kind, label, options, base_model_id, base_poses, status)
+             SELECT ?, 'surface', ?, ?, id, x'', 'queued' FROM model WHERE id = ?",
+        )
+        .bind(job.id.to_string())
+        .bind(&job.label)
+        .bind(options)
+        .bind(job.model_id.to_string())
+        .execute(&mut *tx)
+        .await?;
+        if inserted.rows_affected() == 0 {
+            return Err(DatabaseError::NotFound { kind: "model", id: job.model_id.to_string() });
         }
         if let Some(replay) = replay {
             replays::insert(&mut tx, replay).await?;

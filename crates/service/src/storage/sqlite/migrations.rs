@@ -13,7 +13,7 @@ macro_rules! files {
     };
 }
 
-const FILES: [(&str, &str); 8] = files![
+const FILES: [(&str, &str); 9] = files![
     "0001_first",
     "0002_base_model",
     "0003_standards",
@@ -22,6 +22,7 @@ const FILES: [(&str, &str); 8] = files![
     "0006_hints",
     "0007_owners",
     "0008_passed_over",
+    "0009_surfaces",
 ];
 
 /// All of them.

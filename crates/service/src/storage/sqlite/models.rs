@@ -131,7 +131,7 @@ pub(super) async fn insert(db: &mut SqliteConnection, model: &NewModel) -> Resul
     )
     .bind(&id)
     .bind(model.origin.map(|(job, _)| job.to_string()))
-    .bind(model.origin.map(|(_, set)| set.to_string()))
+    .bind(model.origin.and_then(|(_, set)| set).map(|set| set.to_string()))
     .bind(&model.name)
     .bind(&model.label)
     .bind(model.unit.name())

@@ -34,7 +34,8 @@ impl JobQueue for SqliteDatabase {
                                 AND worker NOT IN (SELECT value FROM json_each(?4)))
                          ORDER BY kind = 'evaluate', id LIMIT 1)
                AND (SELECT coalesce(sum(points), 0) <= ?5 OR sum(points) > ?6
-                    FROM scan WHERE scan.scan_set_id = job.scan_set_id)
+                    FROM (SELECT points FROM scan WHERE scan.scan_set_id = job.scan_set_id
+                          UNION ALL SELECT points FROM model WHERE job.kind = 'surface' AND model.id = job.base_model_id))
              RETURNING *, NULL AS model_id",
         )
         .bind(worker.to_string())
@@ -50,10 +51,14 @@ impl JobQueue for SqliteDatabase {
             tx.commit().await?;
             return Ok(None);
         };
-        let points: i64 = sqlx::query_scalar("SELECT coalesce(sum(points), 0) FROM scan WHERE scan_set_id = ?")
-            .bind(job.scan_set_id.map(|id| id.to_string()))
-            .fetch_one(&mut *tx)
-            .await?;
+        let points: i64 = sqlx::query_scalar(
+            "SELECT coalesce(sum(points), 0)
+             FROM (SELECT points FROM scan WHERE scan_set_id = ?1 UNION ALL SELECT points FROM model WHERE id = ?2)",
+        )
+        .bind(job.scan_set_id.map(|id| id.to_string()))
+        .bind(job.surfaced_model().map(|id| id.to_string()))
+        .fetch_one(&mut *tx)
+        .await?;
         tx.commit().await?;
         Ok(Some(JobClaim { job, worker: *worker, points: to_u64(points) }))
     }
