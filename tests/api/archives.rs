@@ -226,3 +226,14 @@ async fn names_come_in_many_ways_and_those_that_are_one_on_some_disk_are_refused
     let put = server.put(&format!("{}/scans/B%C3%9CSTE.ply", text(&set, "/links/self")), scan.clone()).await;
     expect_problem(put, 422, "duplicate_scan").await;
 }
+
+#[tokio::test]
+async fn tiles_of_land_start_where_they_are() {
+    let server = TestServer::start().await;
+    let tile = visage::formats::las::write_cloud(&Cloud::from_points(
+        (0..60).map(|i| Point3::new(500_000.0 + f64::from(i), 4_500_000.0, f64::from(i % 7))).collect(),
+    ));
+    let set = server.post_form(ROUTE, form(&[("a.las", &tile), ("b.las", &tile), ("c.ply", &files::ply(60))])).await;
+    let set = expect_json(set, StatusCode::CREATED).await;
+    assert_eq!((&set["poses"]["count"], &set["poses"]["scans_without_pose"]), (&json!(2), &json!(["c.ply"])));
+}
