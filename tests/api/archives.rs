@@ -136,6 +136,9 @@ async fn depth_images_with_intrinsics_become_scans() {
     assert!(text(&problem, "/hint").contains("camera_intrinsic.json"), "{problem}");
 }
 
+/// The files of an archive, and how it is refused: status, code, a part of the detail.
+type Refused<'a> = (&'a [(&'a str, &'a [u8])], u16, &'a str, &'a str);
+
 #[tokio::test]
 async fn archives_keep_the_limits_and_are_refused_whole() {
     let server = TestServer::start_with(|config| {
@@ -147,7 +150,7 @@ async fn archives_keep_the_limits_and_are_refused_whole() {
     .await;
     let (scan, large, many) = (files::ply(9), vec![b' '; 5_001], files::ply(101));
     let padded = [&files::ply(9)[..], &[b'\n'; 4_000]].concat();
-    let cases: [(&[(&str, &[u8])], u16, &str, &str); 7] = [
+    let cases: [Refused; 7] = [
         (
             &[("a.ply", &scan), ("b.ply", &scan), ("c.ply", &scan), ("d.ply", &scan)],
             422,
