@@ -115,10 +115,18 @@ pub fn run(args: RegisterArgs) -> anyhow::Result<()> {
     if args.scans.is_none() && args.poses.is_none() {
         notes.extend(folder.passed_over(found.as_deref()));
     }
-    let mut of_files =
-        if poses.is_none() && base.is_none() { folder.unfolded().poses(&names) } else { BTreeMap::new() };
-    if !of_files.is_empty() {
-        notes.push(format!("{} scans start from the poses that their files give", of_files.len()));
+    let mut of_files = BTreeMap::new();
+    if poses.is_none() && base.is_none() {
+        of_files = folder.unfolded().poses(&names);
+        if !of_files.is_empty() {
+            notes.push(format!("{} scans start from the poses that their files give", of_files.len()));
+        }
+        let tiles = formats::shared_frame(names.iter().map(String::as_str));
+        if !tiles.is_empty() {
+            notes
+                .push(format!("{} scans start where they are, since files of their format share a frame", tiles.len()));
+        }
+        of_files.extend(tiles);
     }
     check_depth_unit(&folder, args.unit)?;
     notes.iter().for_each(|note| eprintln!("note: {note}"));

@@ -136,6 +136,9 @@ async fn depth_images_with_intrinsics_become_scans() {
     assert!(text(&problem, "/hint").contains("camera_intrinsic.json"), "{problem}");
 }
 
+/// The files of an archive, and how it is refused: status, code, a part of the detail.
+type Refused<'a> = (&'a [(&'a str, &'a [u8])], u16, &'a str, &'a str);
+
 #[tokio::test]
 async fn archives_keep_the_limits_and_are_refused_whole() {
     let server = TestServer::start_with(|config| {
@@ -147,7 +150,7 @@ async fn archives_keep_the_limits_and_are_refused_whole() {
     .await;
     let (scan, large, many) = (files::ply(9), vec![b' '; 5_001], files::ply(101));
     let padded = [&files::ply(9)[..], &[b'\n'; 4_000]].concat();
-    let cases: [(&[(&str, &[u8])], u16, &str, &str); 7] = [
+    let cases: [Refused; 7] = [
         (
             &[("a.ply", &scan), ("b.ply", &scan), ("c.ply", &scan), ("d.ply", &scan)],
             422,
@@ -225,4 +228,15 @@ async fn names_come_in_many_ways_and_those_that_are_one_on_some_disk_are_refused
     expect_problem(refused, 422, "duplicate_scan").await;
     let put = server.put(&format!("{}/scans/B%C3%9CSTE.ply", text(&set, "/links/self")), scan.clone()).await;
     expect_problem(put, 422, "duplicate_scan").await;
+}
+
+#[tokio::test]
+async fn tiles_of_land_start_where_they_are() {
+    let server = TestServer::start().await;
+    let tile = visage::formats::las::write_cloud(&Cloud::from_points(
+        (0..60).map(|i| Point3::new(500_000.0 + f64::from(i), 4_500_000.0, f64::from(i % 7))).collect(),
+    ));
+    let set = server.post_form(ROUTE, form(&[("a.las", &tile), ("b.las", &tile), ("c.ply", &files::ply(60))])).await;
+    let set = expect_json(set, StatusCode::CREATED).await;
+    assert_eq!((&set["poses"]["count"], &set["poses"]["scans_without_pose"]), (&json!(2), &json!(["c.ply"])));
 }

@@ -209,5 +209,5 @@ async fn a_head_in_metres_sent_as_millimetres_is_told_its_size() {
         .text("unit", "m");
     let answer = expect_json(server.post_form("/v1/queries/probe", form).await, StatusCode::OK).await;
     let reason = text(&answer, "/verdict/reason/text");
-    assert!(reason.contains("m large") && reason.contains("is the unit right?"), "{reason}");
+    assert!(reason.contains("m in the unit given") && reason.contains("is the unit right?"), "{reason}");
 }

@@ -120,6 +120,11 @@ impl Format {
         matches!(self.reader, Reader::Surface(_) | Reader::Scans(_))
     }
 
+    /// Whether files of this format are in a frame that they share by its definition, that of the land and not of a scanner.
+    pub fn shares_frame(&self) -> bool {
+        [&super::las::LAS, &super::las::LAZ].contains(&self)
+    }
+
     /// The ending that is written.
     pub fn ending(&self) -> &'static str {
         self.endings.first().copied().unwrap_or_default()
@@ -156,6 +161,16 @@ pub fn scan_files(names: &[&str]) -> Vec<bool> {
     let may_be = |name: &str| super::check_name(name).is_ok() && !is_hidden(name);
     let has_sure = names.iter().any(|name| may_be(name) && !is_common(name));
     names.iter().map(|name| may_be(name) && (!has_sure || !is_common(name))).collect()
+}
+
+/// Where scans are that share a frame by the definition of their formats: as they stand. Nothing is told by one alone.
+pub fn shared_frame<'a>(names: impl IntoIterator<Item = &'a str>) -> Vec<(String, Motion)> {
+    let is_shared = |name: &&str| super::check_name(name).is_ok_and(Format::shares_frame);
+    let shared: Vec<&str> = names.into_iter().filter(is_shared).collect();
+    match shared.len() {
+        0 | 1 => Vec::new(),
+        _ => shared.into_iter().map(|name| (name.to_owned(), Motion::identity())).collect(),
+    }
 }
 
 /// Endings (lower case, no dot) of the files that are read as scans or models.
@@ -277,6 +292,15 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn tiles_of_land_stand_where_they_are() {
+        let names = |names: &[&'static str]| -> Vec<String> {
+            shared_frame(names.iter().copied()).into_iter().map(|(name, _)| name).collect()
+        };
+        assert_eq!(names(&["a.las", "b.ply", "x/c.LAZ"]), ["a.las", "x/c.LAZ"]);
+        assert!(names(&["a.las", "b.ply"]).is_empty(), "one alone tells nothing");
     }
 
     #[test]

@@ -164,10 +164,10 @@ fn size_in_doubt(signature: &Signature, standard: &FaceStandard) -> Option<Strin
     let (other, other_mm) =
         units.iter().filter_map(|unit| Some((unit, unit.in_mm()?))).find(|(_, mm)| SIZES.contains(&of(*mm)))?;
     Some(format!(
-        "in the unit given it is {} large, in {} it would be {}: is the unit right?",
+        "its diagonal is {} in the unit given, and would be {} in {}: is the unit right?",
         length(signature.diagonal() * mm),
-        other.name(),
-        length(signature.diagonal() * other_mm)
+        length(signature.diagonal() * other_mm),
+        other.name()
     ))
 }
 
@@ -211,11 +211,11 @@ mod tests {
             size_in_doubt(&Signature::new(&size, &[], &Detection { candidates: Vec::new(), face: None }), &standard)
         };
         let found = of(0.3, Unit::Mm).expect("a head in metres");
-        assert_eq!(found, "in the unit given it is 0.30 mm large, in m it would be 300 mm: is the unit right?");
+        assert_eq!(found, "its diagonal is 0.30 mm in the unit given, and would be 300 mm in m: is the unit right?");
         assert!(
             of(300.0, Unit::M)
                 .expect("a head in millimetres")
-                .starts_with("in the unit given it is 300 m large, in mm")
+                .starts_with("its diagonal is 300 m in the unit given, and")
         );
         assert_eq!((of(300.0, Unit::Mm), of(0.3, Unit::M), of(0.3, Unit::Unknown)), (None, None, None));
         assert_eq!((of(1.8, Unit::M), of(8.0, Unit::M)), (None, None), "a person, and a room");

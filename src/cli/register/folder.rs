@@ -274,15 +274,16 @@ impl Folder {
             rest.filter(|name| is_it(name)).collect()
         };
         let groups = [
-            (of(&|name| is_hidden(name) && is_scan(name)), "hidden files are none of a set"),
+            (of(&|name| is_hidden(name) && is_scan(name)), "what is hidden is none of a set"),
             (
                 of(&|name| !is_hidden(name) && is_scan(name)),
-                "they may be anything, and there are other scans (--scans takes them)",
+                "text may be anything, and there are other scans (--scans takes it)",
             ),
-            (of(&|name| !is_hidden(name) && !is_scan(name)), "their formats are not read"),
+            (of(&|name| !is_hidden(name) && !is_scan(name)), "that format is not read"),
         ];
         for (names, why) in groups.iter().filter(|(names, _)| !names.is_empty()) {
-            notes.push(format!("{} files are passed over, since {why}: {}", names.len(), listed(names)));
+            let files = if names.len() == 1 { "1 file is".to_owned() } else { format!("{} files are", names.len()) };
+            notes.push(format!("{files} passed over, since {why}: {}", listed(names)));
         }
         if !self.folders.is_empty() {
             let folders: Vec<&str> = self.folders.iter().map(String::as_str).collect();
@@ -353,9 +354,9 @@ mod tests {
         assert_eq!(list.choose(None, None, None).expect("two scans"), ["a9.PCD", "a10.ply"]);
         assert_eq!(list.choose(Some("*"), None, None).expect("a glob").len(), 6, "all but the hidden ones");
         let expected = [
-            "2 files are passed over, since hidden files are none of a set: ._a9.PCD, .b.ply",
-            "1 files are passed over, since they may be anything, and there are other scans (--scans takes them): d.csv",
-            "2 files are passed over, since their formats are not read: c.jpg, e.doc",
+            "2 files are passed over, since what is hidden is none of a set: ._a9.PCD, .b.ply",
+            "1 file is passed over, since text may be anything, and there are other scans (--scans takes it): d.csv",
+            "2 files are passed over, since that format is not read: c.jpg, e.doc",
         ];
         assert_eq!(list.passed_over(None), expected);
     }

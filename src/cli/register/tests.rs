@@ -85,3 +85,39 @@ fn the_scans_of_an_e57_file_are_registered_from_its_poses_in_its_unit() {
     assert!(report.contains("\"given\"") && !report.contains("\"found\""), "{report}");
     assert!(report.contains("\"unit\": \"m\""), "{report}");
 }
+
+#[test]
+fn results_come_in_the_formats_that_are_asked_for_and_scans_where_they_belong() {
+    let (scans, near) = scans();
+    let named: Vec<(String, Option<Motion>)> =
+        near.into_iter().enumerate().map(|(k, pose)| (format!("s{k}.ply"), Some(pose))).collect();
+    let files: Vec<Vec<u8>> = scans.iter().map(|scan| ply::write_cloud(&scan.cloud, None)).collect();
+    let poses = poses::write_json(&named);
+    let bytes =
+        zip(&[("s0.ply", &files[0]), ("s1.ply", &files[1]), ("s2.ply", &files[2]), ("rough.json", poses.as_bytes())]);
+    let place = tempfile::tempdir().expect("a temporary folder");
+    let at = |name: &str| place.path().join(name).to_string_lossy().into_owned();
+    std::fs::write(at("set.zip"), bytes).expect("written");
+    let line = |placed: &str| {
+        let (zip, out, placed) = (at("set.zip"), at("out"), at(placed));
+        let more =
+            ["--unit", "mm", "--no-mesh", "--no-signature", "--cloud-format", "las,glb", "--poses-format", "aln"];
+        let line = ["visage", &zip, "--out", &out, "--placed-scans", &placed];
+        Line::parse_from([&line, &more[..]].concat()).args
+    };
+    run(line("placed.e57")).expect("registered");
+    run(line("placed")).expect("registered");
+    let read = |name: &str| std::fs::read(at(name)).unwrap_or_else(|error| panic!("{name}: {error}"));
+    let surface = |name: &str| formats::read_surface(name, &read(name), &ReadLimits::default()).expect("sound");
+    let cloud = surface("out/cloud.ply").cloud;
+    assert_eq!(surface("out/cloud.las").cloud.len(), cloud.len());
+    let glb = surface("out/cloud.glb").cloud;
+    assert!((glb.points[7] * 1000.0 - cloud.points[7]).norm() < 1e-3, "glTF is in metres");
+    assert_eq!(poses::read("poses.aln", &read("out/poses.aln")).expect("sound").poses.len(), 3);
+    // the file of all scans holds what the single files hold
+    let together = formats::read_scans("placed.e57", &read("placed.e57"), &ReadLimits::default()).expect("sound");
+    let of_file = surface("placed/s1.ply").cloud.points[11];
+    let pose = together[1].world_from_scan.expect("placed");
+    let of_all = pose * together[1].reading.surface.cloud.points[11];
+    assert!((of_all * 1000.0 - of_file).norm() < 1e-2, "{of_all} {of_file}");
+}

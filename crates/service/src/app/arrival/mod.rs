@@ -20,7 +20,7 @@ use super::context::ServiceContext;
 use crate::config::Limits;
 use crate::storage::{ObjectError, ObjectStore, StagedFile};
 use visage_domain::{PassedOver, PoseFile};
-use visage_formats::{Dropped, FormatError, archive, same_name, scan_names};
+use visage_formats::{Dropped, FormatError, archive, same_name, scan_names, shared_frame};
 
 /// A file on disk that belongs nowhere yet.
 #[derive(Debug)]
@@ -173,7 +173,8 @@ pub async fn take_in(
     let count = read.iter().map(|file| file.scans.len()).sum();
     check_count(count, limits.scans_per_set)?;
     let mut arrival = Arrival::default();
-    let of_files = several::named(read, &mut arrival.scans);
+    let mut of_files = several::named(read, &mut arrival.scans);
+    of_files.extend(shared_frame(arrival.scans.iter().map(|scan| scan.file.name.as_str())));
     check_names(&arrival.scans)?;
     if !is_posed {
         let names = arrival.scans.iter().map(|scan| scan.file.name.clone()).collect();
