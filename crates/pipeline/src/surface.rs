@@ -21,18 +21,20 @@ pub(super) fn surface(
     fill: Fill,
     progress: &Progress,
 ) -> Result<Option<Reconstruction>, PipelineError> {
-    let cloud = of_known_side(model, outward);
+    let (cloud, views_of_points) = of_known_side(model, outward);
     let spacing = median_spacing(views.iter().zip(placed).filter(|(_, placed)| **placed).map(|(view, _)| view));
-    Ok(reconstruct(&cloud, spacing, &SurfaceOptions { fill, ..SurfaceOptions::default() }, progress)?)
+    let options = SurfaceOptions { fill, views: Some(&views_of_points), ..SurfaceOptions::default() };
+    Ok(reconstruct(&cloud, spacing, &options, progress)?)
 }
 
-/// The points whose normals are known to be outward.
-fn of_known_side<'a>(model: &'a ModelCloud, outward: &[bool]) -> Cow<'a, Cloud> {
+/// The points whose normals are known to be outward, and their views.
+fn of_known_side<'a>(model: &'a ModelCloud, outward: &[bool]) -> (Cow<'a, Cloud>, Cow<'a, [u16]>) {
     let is_known: Vec<bool> = model.views.iter().map(|view| outward[usize::from(*view)]).collect();
     if is_known.iter().all(|known| *known) {
-        return Cow::Borrowed(&model.cloud);
+        return (Cow::Borrowed(&model.cloud), Cow::Borrowed(&model.views));
     }
-    Cow::Owned(model.cloud.kept(&is_known))
+    let views = model.views.iter().zip(&is_known).filter(|(_, known)| **known).map(|(view, _)| *view).collect();
+    (Cow::Owned(model.cloud.kept(&is_known)), Cow::Owned(views))
 }
 
 #[cfg(test)]
@@ -44,8 +46,9 @@ mod tests {
     fn points_of_views_of_unknown_side_are_left_out() {
         let points = (0..4).map(|k| Point3::new(f64::from(k), 0.0, 0.0)).collect();
         let model = ModelCloud { cloud: Cloud::from_points(points), views: vec![0, 1, 1, 2] };
-        assert!(matches!(of_known_side(&model, &[true; 3]), Cow::Borrowed(_)));
-        let known = of_known_side(&model, &[true, false, true]);
+        assert!(matches!(of_known_side(&model, &[true; 3]), (Cow::Borrowed(_), Cow::Borrowed(_))));
+        let (known, views) = of_known_side(&model, &[true, false, true]);
+        assert_eq!(*views, [0, 2]);
         assert_eq!(known.points, [model.cloud.points[0], model.cloud.points[3]]);
     }
 }
