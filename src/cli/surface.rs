@@ -116,7 +116,7 @@ fn of_cloud(
     let made = orient(surface, views, &place.progress)?;
     let spacing = args.spacing.unwrap_or(made.spacing);
     let order = SurfaceOrder { fill: args.fill, target: target(args), preview: false };
-    let Some(found) = make_surface(&made.cloud, spacing, &order, &place.progress)? else {
+    let Some(found) = make_surface(&made.cloud, made.views.as_deref(), spacing, &order, &place.progress)? else {
         bail!(
             "{} makes no surface: {points} points {spacing:.4} apart{}; are they those of a surface? A thinned cloud needs \
              --spacing, one with wrong normals a file without them",

@@ -30,6 +30,8 @@ pub enum NormalsFrom {
 pub struct Oriented {
     /// The points with their normals; those that have none are left out.
     pub cloud: Cloud,
+    /// For each of them of which scan it is, if that is known.
+    pub views: Option<Vec<u16>>,
     /// Where the normals come from.
     pub normals: NormalsFrom,
     /// The distance of neighbours: of a scan if it is known which points are of one, else of all.
@@ -54,8 +56,11 @@ pub fn orient(surface: &Surface, views: Option<&[u16]>, progress: &Progress) -> 
     };
     let sound: Vec<bool> = normals.iter().map(|normal| normal.norm_squared() > 0.5).collect();
     let cloud = Cloud { normals: Some(normals), ..surface.cloud.clone() };
+    let of_kept =
+        |views: &[u16]| views.iter().zip(&sound).filter(|(_, sound)| **sound).map(|(view, _)| *view).collect();
+    let views = views.map(of_kept);
     let cloud = if sound.iter().all(|sound| *sound) { cloud } else { cloud.kept(&sound) };
-    Ok(Oriented { cloud, normals: from, spacing })
+    Ok(Oriented { cloud, views, normals: from, spacing })
 }
 
 /// The median spacing of the scans.

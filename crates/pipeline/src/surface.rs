@@ -55,19 +55,21 @@ impl MadeSurface {
     }
 }
 
-/// The surface of a cloud whose normals point outward; `spacing` is that of a single scan. `None` if it makes none.
+/// The surface of a cloud whose normals point outward; `views` says of which scan each point is, if that is known, and `spacing` is
+/// that of a single scan. `None` if it makes none.
 ///
 /// # Errors
 /// [`Canceled`], between steps.
 pub fn make_surface(
     cloud: &Cloud,
+    views: Option<&[u16]>,
     spacing: f64,
     order: &SurfaceOrder,
     progress: &Progress,
 ) -> Result<Option<MadeSurface>, Canceled> {
     let part = |from: f64, to: f64| progress.within(Stage::Surfacing, from, to);
     progress.report(Stage::Surfacing, 0.0);
-    let options = SurfaceOptions { fill: order.fill, ..SurfaceOptions::default() };
+    let options = SurfaceOptions { fill: order.fill, views, ..SurfaceOptions::default() };
     let Some(made) = reconstruct(cloud, spacing, &options, &part(0.0, 0.7))? else { return Ok(None) };
     let reconstruction = made.report;
     let mut surface = SurfaceMesh::from(made);
@@ -102,18 +104,19 @@ pub(super) fn surface(
     options: &Options,
     progress: &Progress,
 ) -> Result<Option<MadeSurface>, PipelineError> {
-    let cloud = of_known_side(model, outward);
+    let (cloud, views_of_points) = of_known_side(model, outward);
     let spacing = median_spacing(views.iter().zip(placed).filter(|(_, placed)| **placed).map(|(view, _)| view));
-    Ok(make_surface(&cloud, spacing, &options.into(), progress)?)
+    Ok(make_surface(&cloud, Some(&views_of_points), spacing, &options.into(), progress)?)
 }
 
-/// The points whose normals are known to be outward.
-fn of_known_side<'a>(model: &'a ModelCloud, outward: &[bool]) -> Cow<'a, Cloud> {
+/// The points whose normals are known to be outward, and their views.
+fn of_known_side<'a>(model: &'a ModelCloud, outward: &[bool]) -> (Cow<'a, Cloud>, Cow<'a, [u16]>) {
     let is_known: Vec<bool> = model.views.iter().map(|view| outward[usize::from(*view)]).collect();
     if is_known.iter().all(|known| *known) {
-        return Cow::Borrowed(&model.cloud);
+        return (Cow::Borrowed(&model.cloud), Cow::Borrowed(&model.views));
     }
-    Cow::Owned(model.cloud.kept(&is_known))
+    let views = model.views.iter().zip(&is_known).filter(|(_, known)| **known).map(|(view, _)| *view).collect();
+    (Cow::Owned(model.cloud.kept(&is_known)), Cow::Owned(views))
 }
 
 #[cfg(test)]
@@ -143,8 +146,9 @@ mod tests {
     fn points_of_views_of_unknown_side_are_left_out() {
         let points = (0..4).map(|k| Point3::new(f64::from(k), 0.0, 0.0)).collect();
         let model = ModelCloud { cloud: Cloud::from_points(points), views: vec![0, 1, 1, 2] };
-        assert!(matches!(of_known_side(&model, &[true; 3]), Cow::Borrowed(_)));
-        let known = of_known_side(&model, &[true, false, true]);
+        assert!(matches!(of_known_side(&model, &[true; 3]), (Cow::Borrowed(_), Cow::Borrowed(_))));
+        let (known, views) = of_known_side(&model, &[true, false, true]);
+        assert_eq!(*views, [0, 2]);
         assert_eq!(known.points, [model.cloud.points[0], model.cloud.points[3]]);
     }
 
@@ -152,7 +156,9 @@ mod tests {
     fn a_surface_is_as_coarse_as_is_wanted_and_says_what_that_cost() {
         let (cloud, spacing) = sphere();
         let make = |options: Options| {
-            make_surface(&cloud, spacing, &(&options).into(), &Progress::silent()).expect("not canceled").expect("one")
+            make_surface(&cloud, None, spacing, &(&options).into(), &Progress::silent())
+                .expect("not canceled")
+                .expect("one")
         };
         let whole = make(Options { preview: false, ..Options::default() });
         assert_eq!((whole.report.simplified.is_none(), &whole.preview), (true, &None));
@@ -172,7 +178,7 @@ mod tests {
     fn what_is_cut_is_gone_from_the_copy_too() {
         let (cloud, spacing) = sphere();
         let order = (&Options::default()).into();
-        let made = make_surface(&cloud, spacing, &order, &Progress::silent()).expect("not canceled");
+        let made = make_surface(&cloud, None, spacing, &order, &Progress::silent()).expect("not canceled");
         let mut made = made.expect("a surface");
         let before = made.surface.mesh.faces.len();
         made.cut(|place| place.z > 5.0);

@@ -57,7 +57,13 @@ impl Resurfacing {
         self.progress.report(Stage::Preparing, 0.0);
         let extent = if self.job.options.deface { self.face()? } else { None };
         let made = orient(&points.surface, points.views.as_deref(), &self.progress)?;
-        let found = make_surface(&made.cloud, made.spacing, &(&self.job.options).into(), &self.progress)?;
+        let found = make_surface(
+            &made.cloud,
+            made.views.as_deref(),
+            made.spacing,
+            &(&self.job.options).into(),
+            &self.progress,
+        )?;
         let mut found = found.ok_or_else(|| {
             let hint = "send a denser cloud, or one with normals that point outward";
             failed("no_surface", "the points of the model make no surface", None, hint)

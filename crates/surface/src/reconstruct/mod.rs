@@ -10,6 +10,7 @@
 //! The resolution is the scans' own: the edge of a cell goes with the spacing of a single scan and the cube root of the
 //! [`noise`]. Finer cells follow the noise: points that were left out of the input lie farther from the surface again.
 
+pub mod balance;
 pub mod coarse;
 pub mod colors;
 pub mod components;
@@ -49,16 +50,18 @@ const WIDER: f64 = 1.25;
 
 /// What is wanted of a surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SurfaceOptions {
+pub struct SurfaceOptions<'a> {
     /// What becomes of holes.
     pub fill: Fill,
     /// Memory that the grid may take (bytes); beyond it the cells become wider.
     pub max_bytes: u64,
+    /// For each point the view that it is of, if that is known: colours of views are made equally bright.
+    pub views: Option<&'a [u16]>,
 }
 
-impl Default for SurfaceOptions {
+impl Default for SurfaceOptions<'_> {
     fn default() -> Self {
-        SurfaceOptions { fill: Fill::default(), max_bytes: 2 << 30 }
+        SurfaceOptions { fill: Fill::default(), max_bytes: 2 << 30, views: None }
     }
 }
 
@@ -172,7 +175,7 @@ pub fn reconstruct(
         dropped_pieces: dropped,
         unseen_area,
     };
-    let colors = colors::colors(&frame, cloud, &triangles.vertices);
+    let colors = colors::colors(&frame, cloud, options.views, &triangles.vertices);
     let vertices = triangles.vertices.iter().map(|place| frame.world(place)).collect();
     let mesh = Mesh { vertices, faces: triangles.faces };
     Ok(Some(Reconstruction { mesh, support: triangles.support, colors, report }))
