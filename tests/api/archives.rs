@@ -240,3 +240,12 @@ async fn tiles_of_land_start_where_they_are() {
     let set = expect_json(set, StatusCode::CREATED).await;
     assert_eq!((&set["poses"]["count"], &set["poses"]["scans_without_pose"]), (&json!(2), &json!(["c.ply"])));
 }
+
+#[tokio::test]
+async fn a_file_of_too_many_scans_is_refused() {
+    let server = TestServer::start_with(|config| config.limits.scans_per_set = 3).await;
+    let four = e57(&["a", "b", "c", "d"]);
+    let refused = server.post_form(ROUTE, form(&[("room.e57", &four)])).await;
+    assert!(text(&expect_problem(refused, 422, "too_many_scans").await, "/detail").starts_with("4 scans came"));
+    assert_eq!(server.files("staging"), 0);
+}

@@ -134,6 +134,11 @@ fn only_what_has_to_be_sent_is_required() {
     assert_eq!(required("ProbeForm"), serde_json::json!(["probe"]));
     assert_eq!(required("NewModelForm"), serde_json::json!(["model"]));
     assert_eq!(required("NewStandardForm"), serde_json::json!(["model", "name", "landmarks"]));
+    for Operation { id, body } in operations(&document) {
+        for parameter in body["parameters"].as_array().into_iter().flatten().filter(|p| p["in"] == "query") {
+            assert_ne!(parameter["required"], true, "{id}: {}", parameter["name"]);
+        }
+    }
     // types made of a field with a default say that it is always there, in requests too
     walk("", &document["components"]["schemas"], &mut |place, schema| {
         let is_schema = schema["type"].is_string() || schema["type"].is_array();

@@ -26,7 +26,7 @@ use visage_service::storage::StagedFile;
 #[into_params(parameter_in = Query)]
 pub struct CloudQuery {
     /// The format, by its ending; `Accept` may name it instead. PLY if neither does.
-    #[param(value_type = CloudFormat)]
+    #[param(value_type = CloudFormat, required = false)]
     format: Option<String>,
 }
 
@@ -35,7 +35,7 @@ pub struct CloudQuery {
 #[into_params(parameter_in = Query)]
 pub struct MeshQuery {
     /// The format, by its ending; `Accept` may name it instead. PLY if neither does.
-    #[param(value_type = MeshFormat)]
+    #[param(value_type = MeshFormat, required = false)]
     format: Option<String>,
 }
 
@@ -45,7 +45,7 @@ pub struct MeshQuery {
 pub struct PosesQuery {
     /// The format, by its ending, or `matrices`: a zip archive with a text file of four rows for each scan. JSON if it is
     /// not named.
-    #[param(value_type = PosesFormat)]
+    #[param(value_type = PosesFormat, required = false)]
     format: Option<String>,
 }
 
@@ -55,7 +55,7 @@ pub struct PosesQuery {
 pub struct ScansQuery {
     /// `e57` for one file that holds all scans with their poses; any other for a zip archive of files in this format, moved
     /// to where they belong. E57 if it is not named.
-    #[param(value_type = ScansFormat)]
+    #[param(value_type = ScansFormat, required = false)]
     format: Option<String>,
 }
 

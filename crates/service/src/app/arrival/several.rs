@@ -1,6 +1,6 @@
 //! Files that hold several scans, and scans that are no file of their own: each is written as one.
 
-use super::{ArrivalError, CheckedScan, Coming, Content, Desk, ReceivedFile, scan_names};
+use super::{ArrivalError, CheckedScan, Coming, Content, Desk, ReceivedFile, check_count, scan_names};
 use crate::storage::StagedFile;
 use visage_formats::e57::{WrittenScan, write_scans};
 use visage_formats::{Dropped, FormatError, ScanReading, read_scans};
@@ -45,6 +45,8 @@ pub(super) async fn read(desk: &Desk, coming: Coming) -> Result<ReadFile, Arriva
                 let bytes = desk.objects.read_staged(&staged)?;
                 let mut scans = read_scans(&name, &bytes, &desk.limits.read_limits()).map_err(unreadable)?;
                 drop(bytes);
+                // before any of them is written
+                check_count(scans.len(), desk.limits.scans_per_set)?;
                 match (scans.pop(), scans.is_empty()) {
                     (Some(scan), true) => vec![whole(staged, scan)],
                     (last, _) => {
