@@ -70,7 +70,8 @@ fn crossings(mesh: &Mesh) -> usize {
     let edge = mesh.faces.iter().take(500).map(|f| (corners(f)[1] - corners(f)[0]).norm()).fold(0.0, f64::max);
     let cells = |points: &[Point3]| {
         let of = |p: &Point3| p.coords.map(|x| (x / edge).floor() as i32);
-        let (low, high) = points.iter().map(of).fold((of(&points[0]), of(&points[0])), |(l, h), p| (l.inf(&p), h.sup(&p)));
+        let (low, high) =
+            points.iter().map(of).fold((of(&points[0]), of(&points[0])), |(l, h), p| (l.inf(&p), h.sup(&p)));
         let mut found = Vec::new();
         for z in low.z..=high.z {
             for y in low.y..=high.y {
@@ -91,7 +92,8 @@ fn crossings(mesh: &Mesh) -> usize {
                 continue;
             }
             let (p, q) = (mesh.vertices[a as usize], mesh.vertices[b as usize]);
-            let mut others: Vec<u32> = cells(&[p, q]).iter().filter_map(|cell| near.get(cell)).flatten().copied().collect();
+            let mut others: Vec<u32> =
+                cells(&[p, q]).iter().filter_map(|cell| near.get(cell)).flatten().copied().collect();
             others.sort_unstable();
             others.dedup();
             let is_crossed = |other: &&u32| {
