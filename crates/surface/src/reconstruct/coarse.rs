@@ -5,6 +5,7 @@
 
 use rayon::prelude::*;
 
+use super::grid::corners;
 use super::samples::Samples;
 
 /// Nodes along the longest axis of the finest of these grids, about.
@@ -67,12 +68,8 @@ impl Dense {
             low[axis] = (at as usize).min(self.size[axis] - 2);
             share[axis] = at - low[axis] as f32;
         }
-        std::array::from_fn(|corner| {
-            let offset = [corner & 1, corner >> 1 & 1, corner >> 2];
-            let weight: f32 =
-                (0..3).map(|axis| if offset[axis] == 1 { share[axis] } else { 1.0 - share[axis] }).product();
-            (self.index(std::array::from_fn(|axis| low[axis] + offset[axis])), weight)
-        })
+        corners(&share)
+            .map(|(offset, weight)| (self.index(std::array::from_fn(|axis| low[axis] + offset[axis])), weight))
     }
 }
 

@@ -6,7 +6,7 @@
 
 use rayon::prelude::*;
 
-use super::grid::{BlockKey, Blocks, EDGE, NODES, around, first_node};
+use super::grid::{BlockKey, Blocks, EDGE, NODES, around, corners, first_node};
 use super::samples::{Sample, Samples};
 
 /// How far a sample has a say, in cells.
@@ -190,15 +190,8 @@ fn correct(samples: &Samples, missed: &[f32], key: BlockKey, block: &FieldBlock)
 fn interpolated(blocks: &[Option<&FieldBlock>; 27], first: &[i32; 3], place: &[f32; 3]) -> f32 {
     let low = place.map(|x| x.floor());
     let mut sum = 0.0;
-    for corner in 0..8 {
-        let offset = [corner & 1, corner >> 1 & 1, corner >> 2];
-        let weight: f32 = (0..3)
-            .map(|axis| {
-                let share = place[axis] - low[axis];
-                if offset[axis] == 1 { share } else { 1.0 - share }
-            })
-            .product();
-        let local: [i32; 3] = std::array::from_fn(|axis| low[axis] as i32 - first[axis] + offset[axis]);
+    for (offset, weight) in corners(&std::array::from_fn(|axis| place[axis] - low[axis])) {
+        let local: [i32; 3] = std::array::from_fn(|axis| low[axis] as i32 - first[axis] + offset[axis] as i32);
         let block = local.map(|x| (x >> 3) + 1);
         let at = (local[2] & 7) << 6 | (local[1] & 7) << 3 | (local[0] & 7);
         let value = blocks[(block[2] * 9 + block[1] * 3 + block[0]) as usize].map_or(0.0, |b| b.values[at as usize]);

@@ -52,6 +52,17 @@ pub fn node_at(first: &Node, place: usize) -> Node {
     [first[0] + (place & 7) as i32, first[1] + (place >> 3 & 7) as i32, first[2] + (place >> 6) as i32]
 }
 
+/// The corners of a cell, each by its offset along x, y, z, with their weights at a place that lies at `share` of the cell's
+/// edges: trilinear interpolation.
+#[inline]
+pub fn corners(share: &[f32; 3]) -> [([usize; 3], f32); 8] {
+    std::array::from_fn(|corner| {
+        let offset = [corner & 1, corner >> 1 & 1, corner >> 2];
+        let along = |axis: usize| if offset[axis] == 1 { share[axis] } else { 1.0 - share[axis] };
+        (offset, along(0) * along(1) * along(2))
+    })
+}
+
 /// Blocks in the order of their keys, each with what is kept of it.
 #[derive(Debug, Clone)]
 pub struct Blocks<T> {

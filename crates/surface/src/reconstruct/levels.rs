@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::coarse::Dense;
 use super::field::{Field, FieldBlock};
-use super::grid::{BlockKey, Blocks, NODES, around, block_of, first_node, node_at, place_of};
+use super::grid::{BlockKey, Blocks, NODES, around, block_of, corners, first_node, node_at, place_of};
 
 /// Values beyond this, in cells, say only which side it is.
 pub const FAR: f32 = 2.0;
@@ -75,13 +75,9 @@ fn above(levels: &[Level], coarse: &Dense, place: &[f32; 3]) -> f32 {
     let at = place.map(|x| x / last.step as f32);
     let low = at.map(|x| x.floor());
     let mut sum = 0.0;
-    for corner in 0..8 {
-        let offset = [corner & 1, corner >> 1 & 1, corner >> 2];
-        let weight: f32 = (0..3)
-            .map(|axis| if offset[axis] == 1 { at[axis] - low[axis] } else { 1.0 - at[axis] + low[axis] })
-            .product();
+    for (offset, weight) in corners(&std::array::from_fn(|axis| at[axis] - low[axis])) {
         if weight > 0.0 {
-            let node: [i32; 3] = std::array::from_fn(|axis| low[axis] as i32 + offset[axis]);
+            let node: [i32; 3] = std::array::from_fn(|axis| low[axis] as i32 + offset[axis] as i32);
             sum += weight
                 * match last.blocks.get(block_of(&node)) {
                     Some(block) => block.values[place_of(&node)],

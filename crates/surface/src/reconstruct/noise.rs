@@ -22,7 +22,7 @@ pub fn noise(frame: &Frame, cloud: &Cloud) -> Option<f64> {
     let is_chosen = |point: &Point3| {
         let block = block_of(&frame.local(point).map(|x| x as i32));
         // a multiplicative hash: blocks beside each other are in different parts
-        (block.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 32) % one_of == 0
+        (block.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 32).is_multiple_of(one_of)
     };
     let (points, normals): (Vec<Point3>, Vec<nalgebra::Vector3<f32>>) = cloud
         .points

@@ -227,3 +227,53 @@ fn grow(volume: &mut Volume, is_outer: bool, widest: f32) -> usize {
     }
     changed.len()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::reconstruct::grid::{Blocks, NODES, key};
+    use crate::reconstruct::samples::Samples;
+    use crate::reconstruct::{coarse, extract, levels};
+    use std::collections::BTreeSet;
+
+    /// The Euler characteristic of the surface of a torus that nobody saw for a sixth of its turn, if `is_seen` isn't told,
+    /// after handles were taken away up to a width.
+    fn euler_of_torus(is_seen: bool, widest: f32) -> i64 {
+        let keys: Vec<BlockKey> = (0..27).map(|k| key([k % 3, k / 3 % 3, k / 9])).collect();
+        let block = |of: &BlockKey| {
+            let first = first_node(*of);
+            let mut block = FieldBlock { values: Box::new([0.0; NODES]), weights: Box::new([0.0; NODES]) };
+            for place in 0..NODES {
+                let [x, y, z] = node_at(&first, place).map(|x| x as f32 - 11.7);
+                let value = (x.hypot(y) - 6.3).hypot(z) - 2.7;
+                let is_unseen = !is_seen && y.atan2(x).abs() < 0.5;
+                block.values[place] = if is_unseen { value.max(-1.0) } else { value };
+                block.weights[place] = if is_unseen { 0.5 * SEEN } else { 10.0 };
+            }
+            block
+        };
+        let values = keys.iter().map(block).collect();
+        let field = Blocks::new(keys, values);
+        let nothing = Samples { samples: Vec::new(), blocks: Blocks::new(Vec::new(), Vec::new()) };
+        let coarse = coarse::sides(&nothing, &[24; 3]);
+        let mut volume = levels::volume(&field, &coarse);
+        extract::close(&mut volume);
+        simplify(&mut volume, widest);
+        let found = extract::extract(&volume);
+        let edges: BTreeSet<[u32; 2]> = found
+            .faces
+            .iter()
+            .flat_map(|f| [[f[0], f[1]], [f[1], f[2]], [f[2], f[0]]])
+            .map(|[a, b]| [a.min(b), a.max(b)])
+            .collect();
+        assert_eq!(3 * found.faces.len(), 2 * edges.len(), "closed");
+        found.vertices.len() as i64 - edges.len() as i64 + found.faces.len() as i64
+    }
+
+    #[test]
+    fn a_doubtful_neck_is_cut_unless_it_is_wide_and_a_ring_that_was_seen_stays() {
+        assert_eq!(euler_of_torus(false, 20.0), 2);
+        assert_eq!(euler_of_torus(false, 3.0), 0);
+        assert_eq!(euler_of_torus(true, 20.0), 0);
+    }
+}

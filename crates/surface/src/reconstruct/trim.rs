@@ -221,7 +221,8 @@ impl Triangles {
     pub fn unseen_area(&self) -> f64 {
         let is_unseen = |face: &&[u32; 3]| face.iter().all(|v| self.support[*v as usize] < SEEN);
         let all: f64 = self.faces.iter().map(|face| area(self, face)).sum();
-        self.faces.iter().filter(is_unseen).map(|face| area(self, face)).sum::<f64>() / all.max(f64::MIN_POSITIVE)
+        (self.faces.iter().filter(is_unseen).map(|face| area(self, face)).sum::<f64>() + 0.0)
+            / all.max(f64::MIN_POSITIVE)
     }
 
     /// A vertex on an edge where its support is [`SEEN`].
