@@ -32,7 +32,7 @@ const LAYERS: &[(&str, &[&str])] = &[
     // records go in and come out; of the algorithms only which versions are current
     ("storage", &["geometry", "faces", "classes", "domain"]),
     // use cases, the gallery index kept current, and what runs now
-    ("app", &["geometry", "faces", "classes", "retrieval", "pipeline", "domain", "config", "storage"]),
+    ("app", &["geometry", "faces", "classes", "retrieval", "pipeline", "domain", "config", "machine", "storage"]),
     (
         "jobs",
         &[
