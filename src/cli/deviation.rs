@@ -8,10 +8,9 @@ use clap::Args;
 use super::surface::length;
 use super::surfaces;
 use super::workplace::Workplace;
-use crate::formats::ply::{VertexAttributes, write_surface};
-use crate::geometry::{Mesh, Surface, Unit};
+use crate::geometry::Unit;
+use crate::pipeline::deviation::{Deviation, DeviationReport, Question};
 use crate::progress::Stage;
-use crate::reconstruction::deviation::{self, DeviationReport, Reference};
 
 /// Which two, and what is to be said.
 #[derive(Debug, Args)]
@@ -49,22 +48,16 @@ pub fn run(args: DeviationArgs) -> anyhow::Result<()> {
     let unit = surfaces::unit(args.unit, &model);
     let is_same = model.unit.zip(other.unit).is_none_or(|(a, b)| a == b);
     ensure!(is_same, "the files declare different units; convert one of them first");
-    let reach = args.reach.unwrap_or(f64::INFINITY);
-    let measured = |model: &Surface, reference: &Surface| -> anyhow::Result<(Vec<f64>, bool)> {
-        let reference = Reference::new(reference).context("a file without points is no reference")?;
-        let distances = reference.distances(&model.cloud.points, reach, &place.progress)?;
-        Ok((distances, reference.has_sides()))
-    };
+    let question = Question { limit: args.limit, reach: args.reach };
     place.progress.report(Stage::Judging, 0.0);
-    let ((forth, has_sides), (back, _)) = place.pool.install(|| -> anyhow::Result<_> {
-        Ok((measured(&model.surface, &other.surface)?, measured(&other.surface, &model.surface)?))
-    })?;
-    let reports = [&forth, &back].map(|distances| DeviationReport::of(distances, args.limit));
+    let measured = || Deviation::measured(&model.surface, &other.surface, question, &place.progress);
+    let deviation = place.pool.install(measured)?.context("a file without points is no reference")?;
     if let Some(out) = &args.out {
-        let full = args.limit.unwrap_or(reports[0].absolute.p95);
-        let bytes = coloured(model.surface, &forth, full);
+        let bytes = deviation.coloured(model.surface, args.limit);
         std::fs::write(out, bytes).with_context(|| format!("writing {}", out.display()))?;
     }
+    let Deviation { has_sides, forth, back, .. } = deviation;
+    let reports = [forth, back];
     place.done();
     if args.json {
         let unit = unit.name();
@@ -82,15 +75,6 @@ pub fn run(args: DeviationArgs) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The model in colours, with the property `deviation`.
-fn coloured(model: Surface, distances: &[f64], full: f64) -> Vec<u8> {
-    let colors = deviation::colors(distances, full);
-    let values: Vec<f32> = distances.iter().map(|distance| *distance as f32).collect();
-    let attributes =
-        VertexAttributes { colors: Some(&colors), deviation: Some(&values), ..VertexAttributes::default() };
-    write_surface(&Mesh { vertices: model.cloud.points, faces: model.faces }, &attributes)
-}
-
 fn in_words(way: &str, report: &DeviationReport, unit: Unit, limit: Option<f64>) -> String {
     let DeviationReport { points, out_of_reach, mean_signed, absolute, beyond_limit, .. } = report;
     let unit = surfaces::behind(unit);
@@ -100,9 +84,13 @@ fn in_words(way: &str, report: &DeviationReport, unit: Unit, limit: Option<f64>)
     };
     let without = if *out_of_reach > 0 { format!("; {out_of_reach} points out of reach") } else { String::new() };
     format!(
-        "{way}: {points} points, mean {mean_signed:+.4}{unit}, absolute mean {:.4}, rms {:.4}, 95 % {:.4}, 99 % {:.4}, \
-         largest {:.4}{beyond}{without}",
-        absolute.mean, absolute.rms, absolute.p95, absolute.p99, absolute.max
+        "{way}: {points} points, mean {}{unit}, absolute mean {}, rms {}, 95 % {}, 99 % {}, largest {}{beyond}{without}",
+        surfaces::short(*mean_signed),
+        surfaces::short(absolute.mean),
+        surfaces::short(absolute.rms),
+        surfaces::short(absolute.p95),
+        surfaces::short(absolute.p99),
+        surfaces::short(absolute.max)
     )
 }
 

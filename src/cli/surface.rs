@@ -14,10 +14,8 @@ use crate::jobs::artifacts::{RunFacts, write_mesh};
 use crate::pipeline::Fill;
 use crate::pipeline::orient::{NormalsFrom, orient};
 use crate::pipeline::report::{SimplifiedReport, SurfaceOutcome};
-use crate::pipeline::surface::{SurfaceOrder, make_surface};
+use crate::pipeline::surface::{SurfaceMesh, SurfaceOrder, Target, make_surface, simplify};
 use crate::progress::Stage;
-use crate::reconstruction::SurfaceMesh;
-use crate::reconstruction::simplify::{Target, simplify};
 
 /// Which cloud, and what is wanted of its surface.
 #[derive(Debug, Args)]
@@ -118,9 +116,10 @@ fn of_cloud(
     let order = SurfaceOrder { fill: args.fill, target: target(args), preview: false };
     let Some(found) = make_surface(&made.cloud, made.views.as_deref(), spacing, &order, &place.progress)? else {
         bail!(
-            "{} makes no surface: {points} points {spacing:.4} apart{}; are they those of a surface? A thinned cloud needs \
+            "{} makes no surface: {points} points {} apart{}; are they those of a surface? A thinned cloud needs \
              --spacing, one with wrong normals a file without them",
             args.cloud.display(),
+            surfaces::short(spacing),
             surfaces::behind(unit)
         );
     };
@@ -195,8 +194,11 @@ fn say(report: &Report, args: &SurfaceArgs, unit: Unit, place: &Workplace) -> an
     if let Some(SimplifiedReport { of_surface: of, .. }) = &report.simplified {
         let unit = surfaces::behind(unit);
         println!(
-            "made coarser: {} of {} triangles are left; farthest place off {:.4}{unit}, mean {:.4}{unit}",
-            of.triangles, of.from_triangles, of.error.max, of.error.mean
+            "made coarser: {} of {} triangles are left; farthest place off {}{unit}, mean {}{unit}",
+            of.triangles,
+            of.from_triangles,
+            surfaces::short(of.error.max),
+            surfaces::short(of.error.mean)
         );
     }
     Ok(())

@@ -53,16 +53,22 @@ pub(super) fn behind(unit: Unit) -> String {
     }
 }
 
+/// A length in three digits, whatever its unit.
+pub(super) fn short(length: f64) -> String {
+    let size = if length == 0.0 { 0.0 } else { length.abs().log10().floor() };
+    format!("{length:.0$}", (2.0 - size).clamp(0.0, 12.0) as usize)
+}
+
 /// How a surface came about, a line each.
 pub(super) fn in_words(surface: &SurfaceOutcome, unit: Unit, without: &str) -> Vec<String> {
     let made = &surface.reconstruction;
     let unit = behind(unit);
     let wider = if made.widened { ", wider than the scans resolve, to stay within memory" } else { "" };
     let mut lines = vec![format!(
-        "surface: {} triangles from cells of {:.3}{unit}{wider}; holes: {} closed, {} left open (--fill); \
+        "surface: {} triangles from cells of {}{unit}{wider}; holes: {} closed, {} left open (--fill); \
          {:.1} % of it nobody saw{without}",
         made.triangles,
-        made.cell,
+        short(made.cell),
         made.closed_holes,
         made.open_holes,
         100.0 * made.unseen_area
@@ -70,10 +76,26 @@ pub(super) fn in_words(surface: &SurfaceOutcome, unit: Unit, without: &str) -> V
     if let Some(simplified) = &surface.simplified {
         let (of, spacings) = (&simplified.of_surface, &simplified.error_spacings);
         lines.push(format!(
-            "made coarser: {} of {} triangles are left; farthest place off {:.4}{unit} ({:.2} spacings), mean {:.4}{unit} \
+            "made coarser: {} of {} triangles are left; farthest place off {}{unit} ({:.2} spacings), mean {}{unit} \
              ({:.2})",
-            of.triangles, of.from_triangles, of.error.max, spacings.max, of.error.mean, spacings.mean
+            of.triangles,
+            of.from_triangles,
+            short(of.error.max),
+            spacings.max,
+            short(of.error.mean),
+            spacings.mean
         ));
     }
     lines
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_length_is_told_in_three_digits() {
+        let told = [0.0, 0.000_123_45, 0.0625, 1.5, 98.76, 12_345.6, -0.01].map(short);
+        assert_eq!(told, ["0.00", "0.000123", "0.0625", "1.50", "98.8", "12346", "-0.0100"]);
+    }
 }

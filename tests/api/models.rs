@@ -134,6 +134,7 @@ async fn an_uploaded_model_comes_back_as_it_was_sent() {
         ("mesh.ply", visage::formats::ply::write_mesh(&mesh)),
         ("mesh.stl", visage::formats::stl::write_mesh(&mesh)),
         ("mesh.glb", visage::formats::gltf::write_mesh(&mesh)),
+        ("mesh.3mf", visage::formats::threemf::write_mesh(&(&mesh).into())),
         ("cloud.e57", visage::formats::e57::write_cloud(&surface.cloud)),
         ("cloud.las", visage::formats::las::write_cloud(&surface.cloud)),
         // the head says whether it is compressed

@@ -32,7 +32,21 @@ const LAYERS: &[(&str, &[&str])] = &[
     // records go in and come out; of the algorithms only which versions are current
     ("storage", &["geometry", "faces", "standards", "domain"]),
     // use cases, the gallery index kept current, and what runs now
-    ("app", &["geometry", "formats", "faces", "standards", "retrieval", "pipeline", "domain", "config", "storage"]),
+    (
+        "app",
+        &[
+            "geometry",
+            "formats",
+            "faces",
+            "standards",
+            "retrieval",
+            "pipeline",
+            "domain",
+            "config",
+            "machine",
+            "storage",
+        ],
+    ),
     (
         "jobs",
         &[

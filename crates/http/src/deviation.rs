@@ -14,7 +14,7 @@ use super::problem::{Code, Problem};
 use super::responses;
 use super::schemas::FileContent;
 use super::state::AppState;
-use visage_service::app::deviation::{DeviationError, Figures, Measured, Pair, Question, coloured};
+use visage_service::app::deviation::{DeviationError, DeviationReport, Measured, Pair, Question};
 
 /// What is measured to what.
 #[derive(Debug, Clone, Deserialize, utoipa::IntoParams)]
@@ -74,8 +74,8 @@ pub struct DeviationFigures {
     pub beyond_limit: Option<f64>,
 }
 
-impl From<Figures> for DeviationFigures {
-    fn from(of: Figures) -> Self {
+impl From<DeviationReport> for DeviationFigures {
+    fn from(of: DeviationReport) -> Self {
         DeviationFigures {
             points: of.points,
             out_of_reach: of.out_of_reach,
@@ -108,9 +108,9 @@ pub async fn figures(
 ) -> Result<Json<Deviation>, Problem> {
     let (pair, question) = asked(&state, &id, &query).await?;
     let unit = pair.unit();
-    let Measured { names: [file, reference_file], has_sides, forth, back, .. } =
-        measured(&state, pair, question).await?;
-    let (model_to_reference, reference_to_model) = (forth.into(), back.into());
+    let Measured { names: [file, reference_file], deviation, .. } = measured(&state, pair, question).await?;
+    let (model_to_reference, reference_to_model) = (deviation.forth.into(), deviation.back.into());
+    let has_sides = deviation.has_sides;
     let unit = unit.name();
     Ok(Json(Deviation { unit, file, reference_file, has_sides, model_to_reference, reference_to_model }))
 }
@@ -132,7 +132,7 @@ pub async fn map(
     let (pair, question) = asked(&state, &id, &query).await?;
     let measured = measured(&state, pair, question).await?;
     let headers = [(header::CONTENT_TYPE, "application/octet-stream"), (header::X_CONTENT_TYPE_OPTIONS, "nosniff")];
-    Ok((headers, coloured(measured, question.limit)))
+    Ok((headers, measured.coloured(question.limit)))
 }
 
 /// Checks what is asked for, and finds the files.

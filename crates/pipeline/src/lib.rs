@@ -9,6 +9,7 @@ mod cleaning;
 mod convention;
 mod copies;
 pub mod deface;
+pub mod deviation;
 mod hints;
 pub mod orient;
 mod ready;

@@ -8,7 +8,6 @@ use visage_geometry::progress::{Canceled, Progress};
 use visage_geometry::{Cloud, Surface, Vector3};
 use visage_shape::saliency::Side;
 use visage_shape::saliency::orientation::oriented_cloud;
-use visage_surface::deviation::spacing;
 
 /// Cells in which normals are made to agree, in spacings: a cell holds a few points, and thin walls lie in two.
 const CELL: f64 = 2.0;
@@ -61,6 +60,21 @@ pub fn orient(surface: &Surface, views: Option<&[u16]>, progress: &Progress) -> 
     let views = views.map(of_kept);
     let cloud = if sound.iter().all(|sound| *sound) { cloud } else { cloud.kept(&sound) };
     Ok(Oriented { cloud, views, normals: from, spacing })
+}
+
+/// The median distance of a point from its nearest neighbour, of a few points: what registration calls spacing.
+fn spacing(indexed: &IndexedPoints) -> f64 {
+    const ASKED: usize = 2000;
+    let step = indexed.points.len().div_ceil(ASKED).max(1);
+    let mut found = Vec::new();
+    let nearest = |point: &LocalPoint| {
+        // the point itself is the first
+        indexed.tree.k_nearest(point, 2, f32::INFINITY, &mut found);
+        found.get(1).map(|other| f64::from(other.distance2).sqrt())
+    };
+    let mut distances: Vec<f64> = indexed.points.iter().step_by(step).filter_map(nearest).collect();
+    distances.sort_unstable_by(f64::total_cmp);
+    distances.get(distances.len() / 2).copied().unwrap_or_default()
 }
 
 /// The median spacing of the scans.
@@ -133,10 +147,17 @@ mod tests {
 
     #[test]
     fn the_spacing_is_that_of_a_scan_where_scans_are_known() {
-        let surface = sphere(8000);
-        let views: Vec<u16> = (0..8000u32).map(|k| (k.wrapping_mul(2_654_435_761) >> 16) as u16 % 4).collect();
+        // four scans of one sphere, a little beside each other
+        let mut surface = sphere(2000);
+        let scan = surface.cloud.points.clone();
+        for k in 1..4 {
+            let beside = nalgebra::Vector3::new(0.03, 0.05, 0.02) * f64::from(k);
+            surface.cloud.points.extend(scan.iter().map(|point| point + beside));
+        }
+        let views: Vec<u16> = (0..8000u16).map(|k| k / 2000).collect();
         let of = |views: Option<&[u16]>| orient(&surface, views, &Progress::silent()).expect("not canceled").spacing;
-        assert!(of(Some(&views)) > 1.5 * of(None));
+        let of_scan = orient(&sphere(2000), None, &Progress::silent()).expect("not canceled").spacing;
+        assert!((of(Some(&views)) / of_scan - 1.0).abs() < 0.05 && of(None) < 0.3 * of_scan);
     }
 
     #[test]

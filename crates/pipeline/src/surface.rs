@@ -8,10 +8,11 @@ use visage_domain::options::Options;
 use visage_geometry::progress::{Canceled, Progress, Stage};
 use visage_geometry::{Cloud, Point3};
 use visage_registration::view::{View, median_spacing};
-use visage_surface::SurfaceMesh;
+pub use visage_surface::SurfaceMesh;
 use visage_surface::merge::ModelCloud;
 use visage_surface::reconstruct::{Fill, SurfaceOptions, reconstruct};
-use visage_surface::simplify::{Target, levels, simplify};
+use visage_surface::simplify::levels;
+pub use visage_surface::simplify::{Target, simplify};
 
 /// Triangles of the small copy.
 pub const PREVIEW_TRIANGLES: usize = 20_000;

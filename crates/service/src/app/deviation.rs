@@ -4,23 +4,10 @@ use super::context::ServiceContext;
 use crate::storage::{DatabaseError, ObjectError};
 use visage_domain::asset::{Asset, Kind};
 use visage_domain::{AssetRecord, ModelId};
-use visage_formats::FormatError;
-use visage_formats::ply::{VertexAttributes, write_surface};
 use visage_geometry::progress::{Canceled, Progress};
-use visage_geometry::{Mesh, Surface, Unit};
-use visage_surface::deviation::{self, DeviationReport, Reference};
-
-/// The distances of a model in figures.
-pub type Figures = DeviationReport;
-
-/// What is to be counted.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Question {
-    /// What is tolerated.
-    pub limit: Option<f64>,
-    /// How far a counterpart may be.
-    pub reach: Option<f64>,
-}
+use visage_geometry::{Surface, Unit};
+use visage_pipeline::deviation::{Deviation, FormatError, read_surface};
+pub use visage_pipeline::deviation::{DeviationReport, Question};
 
 /// Two models by the files that describe them best.
 #[derive(Debug, Clone)]
@@ -34,16 +21,17 @@ pub struct Pair {
 pub struct Measured {
     /// The files that were measured.
     pub names: [String; 2],
-    /// Whether distances have a sign.
-    pub has_sides: bool,
-    /// From the model to the reference.
-    pub forth: Figures,
-    /// From the reference to the model.
-    pub back: Figures,
+    /// The distances.
+    pub deviation: Deviation,
     /// The model.
     surface: Surface,
-    /// Its distances.
-    distances: Vec<f64>,
+}
+
+impl Measured {
+    /// The model as PLY in the colours of its distances.
+    pub fn coloured(self, limit: Option<f64>) -> Vec<u8> {
+        self.deviation.coloured(self.surface, limit)
+    }
 }
 
 /// Why nothing was measured.
@@ -98,22 +86,16 @@ impl Pair {
     ) -> Result<Measured, DeviationError> {
         let [surface, other] = [self.read(context, 0)?, self.read(context, 1)?];
         progress.check()?;
-        let reach = question.reach.unwrap_or(f64::INFINITY);
-        let measure = |index: usize, model: &Surface, to: &Surface| -> Result<(Vec<f64>, bool), DeviationError> {
-            let reference = Reference::new(to).ok_or(DeviationError::NoSurface(self.models[1 - index].0))?;
-            Ok((reference.distances(&model.cloud.points, reach, progress)?, reference.has_sides()))
-        };
-        let (distances, has_sides) = measure(0, &surface, &other)?;
-        let (back, _) = measure(1, &other, &surface)?;
-        let report = |distances: &[f64]| DeviationReport::of(distances, question.limit);
+        let deviation = Deviation::measured(&surface, &other, question, progress)?;
+        let deviation = deviation.ok_or(DeviationError::NoSurface(self.models[0].0))?;
         let names = self.models.each_ref().map(|(_, asset)| asset.name.clone());
-        Ok(Measured { names, has_sides, forth: report(&distances), back: report(&back), surface, distances })
+        Ok(Measured { names, deviation, surface })
     }
 
     fn read(&self, context: &ServiceContext, index: usize) -> Result<Surface, DeviationError> {
         let (id, asset) = &self.models[index];
         let bytes = context.objects.read_asset(*id, asset)?.ok_or(DeviationError::NoSurface(*id))?;
-        Ok(visage_formats::read_surface(&asset.name, &bytes, &context.config.limits.read_limits())?)
+        Ok(read_surface(&asset.name, &bytes, &context.config.limits.read_limits())?)
     }
 }
 
@@ -128,14 +110,4 @@ async fn best(context: &ServiceContext, id: ModelId) -> Result<(AssetRecord, Uni
     };
     let asset = of_kind(Kind::Mesh).or_else(|| of_kind(Kind::Cloud)).ok_or(DeviationError::NoSurface(id))?;
     Ok((asset.clone(), model.unit))
-}
-
-/// The model as PLY in the colours of its distances, full at the limit or at what 95 % don't exceed.
-pub fn coloured(measured: Measured, limit: Option<f64>) -> Vec<u8> {
-    let Measured { surface, distances, forth, .. } = measured;
-    let colors = deviation::colors(&distances, limit.unwrap_or(forth.absolute.p95));
-    let values: Vec<f32> = distances.iter().map(|distance| *distance as f32).collect();
-    let attributes =
-        VertexAttributes { colors: Some(&colors), deviation: Some(&values), ..VertexAttributes::default() };
-    write_surface(&Mesh { vertices: surface.cloud.points, faces: surface.faces }, &attributes)
 }

@@ -8,8 +8,8 @@ use visage_formats::ply::VertexAttributes;
 use visage_formats::{Dropped, Format, MeshContent, gltf, ply};
 use visage_geometry::{Unit, se3};
 use visage_pipeline::report::ModelReport;
+use visage_pipeline::surface::SurfaceMesh;
 use visage_pipeline::{PoseMatrix, RegisteredModel};
-use visage_surface::SurfaceMesh;
 
 /// Where something ran and what it took: `report.run`. Apart from the result, since it differs from run to run.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]

@@ -4,9 +4,9 @@
 use visage_domain::Room;
 
 /// The most bytes that a registration takes at its peak for each point of its scans. Measured: 120 to 140 with plain
-/// points, 200 with normals and colours (`docs/PERFORMANCE.md`); the rest is room for what a set may have beyond
-/// those.
-pub const BYTES_PER_POINT: u64 = 256;
+/// points, 200 with normals and colours, 225 to 271 with a mesh (`docs/PERFORMANCE.md`); the rest is room for what a set may
+/// have beyond those.
+pub const BYTES_PER_POINT: u64 = 320;
 
 /// The memory that all running jobs together may take; `None` if it is not limited.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -55,13 +55,13 @@ mod tests {
     #[test]
     fn what_is_too_large_is_said_in_figures() {
         let budget = Budget(Some(1_000_000_000));
-        assert_eq!(budget.admit(3_906_250), Ok(()));
+        assert_eq!(budget.admit(3_125_000), Ok(()));
         let refused = budget.admit(20_000_000).expect_err("too large");
         assert_eq!(
             refused.to_string(),
-            "registering 20000000 points takes up to 5120 MB of memory, and jobs may take 1000 MB here"
+            "registering 20000000 points takes up to 6400 MB of memory, and jobs may take 1000 MB here"
         );
-        assert_eq!(budget.room(3_000_000), Some(Room { free_points: 906_250, all_points: 3_906_250 }));
+        assert_eq!(budget.room(3_000_000), Some(Room { free_points: 125_000, all_points: 3_125_000 }));
         assert_eq!((Budget(None).admit(u64::MAX), Budget(None).room(5)), (Ok(()), None));
     }
 }
