@@ -134,11 +134,15 @@ fn only_what_has_to_be_sent_is_required() {
     assert_eq!(required("ProbeForm"), serde_json::json!(["probe"]));
     assert_eq!(required("NewModelForm"), serde_json::json!(["model"]));
     assert_eq!(required("NewStandardForm"), serde_json::json!(["model", "name", "landmarks"]));
+    // `Accept` may name a format instead
+    let mut formats = 0;
     for Operation { id, body } in operations(&document) {
-        for parameter in body["parameters"].as_array().into_iter().flatten().filter(|p| p["in"] == "query") {
-            assert_ne!(parameter["required"], true, "{id}: {}", parameter["name"]);
+        for format in body["parameters"].as_array().into_iter().flatten().filter(|p| p["name"] == "format") {
+            assert_eq!(format["required"], false, "{id}");
+            formats += 1;
         }
     }
+    assert!(formats >= 4);
     // types made of a field with a default say that it is always there, in requests too
     walk("", &document["components"]["schemas"], &mut |place, schema| {
         let is_schema = schema["type"].is_string() || schema["type"].is_array();

@@ -302,6 +302,6 @@ mod tests {
         let found = of([25.0, 1.0, 1.0], [false, true, true], Unit::In);
         assert!(found[0].contains("millimetres among inches?") && found[0].ends_with("\"mm\"}}"), "{found:?}");
         assert!(of([0.0015, 1.5, 1.4], [true; 3], Unit::Mm).is_empty(), "it has found its place");
-        assert!(of([0.3, 1.5, 1.4], [false, true, true], Unit::Mm).is_empty(), "finer, but no unit explains it");
+        assert!(of([0.5, 1.5, 1.4], [false, true, true], Unit::Mm).is_empty(), "finer, but no unit explains it");
     }
 }
