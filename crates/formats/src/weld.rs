@@ -244,8 +244,11 @@ mod tests {
     use crate::ReadLimits;
     use std::collections::HashMap;
 
-    /// Corners on a grid of so many places a side, and the vertices and triangles that a map makes of them.
-    fn soup(faces: usize, side: u64) -> (Vec<[[f64; 3]; 3]>, Vec<Point3>, Vec<[u32; 3]>) {
+    /// Corners, and the vertices and triangles that they are.
+    type Soup = (Vec<[[f64; 3]; 3]>, Vec<Point3>, Vec<[u32; 3]>);
+
+    /// Corners on a grid of so many places a side, and what a map makes of them.
+    fn soup(faces: usize, side: u64) -> Soup {
         let mut state = 1u64;
         let mut corner = || {
             state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
