@@ -3,6 +3,7 @@
 mod additions;
 mod conventions;
 mod faces;
+mod far;
 mod registration;
 mod surface;
 mod turntables;

@@ -27,6 +27,7 @@ pub mod columns;
 pub mod depth_image;
 pub mod e57;
 pub mod gltf;
+mod guard;
 mod header_lines;
 pub mod kitti_bin;
 pub mod las;

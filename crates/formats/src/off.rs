@@ -126,15 +126,19 @@ impl Kind {
         }
     }
 
-    /// The same with the order that the values of a vertex show, where only one has a normal in its place.
+    /// The same with the order that the values of a vertex show: which has a normal in its place, or none (0 0 0). Where both
+    /// have, the letters say it.
     fn as_shown(self, values: &[f64]) -> Self {
-        let other = Kind { colors_first: !self.colors_first, ..self };
-        let is_unit = |kind: Kind| {
-            let normal = kind.places(values.len()).0;
+        let has_normal = |colors_first: bool| {
+            let normal = Kind { colors_first, ..self }.places(values.len()).0;
             let length2: f64 = values.iter().skip(normal).take(3).map(|x| x * x).sum();
-            (length2.sqrt() - 1.0).abs() <= UNIT_TOLERANCE
+            length2 == 0.0 || (length2.sqrt() - 1.0).abs() <= UNIT_TOLERANCE
         };
-        if self.normals && self.colors && !is_unit(self) && is_unit(other) { other } else { self }
+        let colors_first = match (has_normal(false), has_normal(true)) {
+            (true, true) => self.colors_first,
+            (_, is_behind) => is_behind,
+        };
+        Kind { colors_first, ..self }
     }
 
     fn name(self) -> String {

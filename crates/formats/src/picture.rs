@@ -9,6 +9,7 @@ use zune_jpeg::zune_core::options::DecoderOptions;
 
 use crate::FormatError;
 use crate::budget::Budget;
+use crate::guard::guarded;
 
 /// No texture is wider or higher.
 const MOST_SIDE: usize = 1 << 16;
@@ -27,13 +28,15 @@ pub(crate) struct Picture {
 impl Picture {
     /// Unpacks a picture; why it can't be read, in words, is the inner error: that costs colours and not the file.
     pub(crate) fn read(bytes: &[u8], budget: &mut Budget) -> Result<Result<Picture, String>, FormatError> {
-        if bytes.starts_with(b"\x89PNG") {
-            png(bytes, budget)
+        let unpack = if bytes.starts_with(b"\x89PNG") {
+            png
         } else if bytes.starts_with(b"\xff\xd8") {
-            jpeg(bytes, budget)
+            jpeg
         } else {
-            Ok(Err(format!("is neither PNG nor JPEG: it begins with {}", crate::quote(&bytes[..bytes.len().min(8)]))))
-        }
+            let begin = crate::quote(&bytes[..bytes.len().min(8)]);
+            return Ok(Err(format!("is neither PNG nor JPEG: it begins with {begin}")));
+        };
+        guarded(|| unpack(bytes, budget)).unwrap_or_else(|| Ok(Err("is a picture that makes no sense".into())))
     }
 
     /// The colour of the pixel at a place, both coordinates from 0 to 1 and from the top left.

@@ -106,6 +106,12 @@ impl Points {
         }
     }
 
+    /// Points without attributes, whose coordinates have been checked.
+    pub(super) fn of(positions: Vec<Point3>) -> Self {
+        let dropped = Dropped::default();
+        Points { positions, normals: None, colors: None, is_packed: false, intensities: None, places: None, dropped }
+    }
+
     /// Takes the next point of the file. Finite coordinates that are too large are an error: they are no "no return",
     /// and no measurement either.
     #[inline]
@@ -154,12 +160,6 @@ impl Points {
         self.places.get_or_insert_with(|| (0..kept).collect()).push(NONE);
         self.dropped.no_return += 1;
         Ok(())
-    }
-
-    /// The points that are kept so far.
-    #[inline]
-    pub(super) fn positions(&self) -> &[Point3] {
-        &self.positions
     }
 
     /// Points of the file so far, those without a return included.

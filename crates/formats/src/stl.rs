@@ -5,13 +5,12 @@
 //! corners say the same.
 
 use super::budget::Budget;
-use super::colors::Channels;
 use super::header_lines::lines_of;
-use super::points::{Layout, NORMAL, Points, SLOTS, X};
+use super::points::Points;
 use super::table::{self, BYTES, Content, Format, Writers};
-use super::weld::Places;
-use super::{FormatError, ReadLimits, Reading, number, quote, text_start};
-use visage_geometry::{Mesh, Point3, Vector3};
+use super::weld::Weld;
+use super::{Dropped, FormatError, ReadLimits, Reading, checked_coordinate, number, quote, text_start};
+use visage_geometry::{Mesh, Vector3};
 
 /// Its line in the table of formats.
 pub const FORMAT: Format = Format {
@@ -29,9 +28,6 @@ const HEADER: usize = 80;
 const HEAD: usize = HEADER + 4;
 /// Bytes of a facet: normal, three corners, two bytes that some programs use for a colour.
 const FACET: usize = 50;
-
-/// Facets whose vertices are looked for together.
-const BLOCK: usize = 128;
 
 const REPAIR: &str = "repair the file or export it again";
 
@@ -79,9 +75,8 @@ pub fn read(bytes: &[u8], limits: &ReadLimits) -> Result<Reading, FormatError> {
 struct Facets<'a> {
     limits: &'a ReadLimits,
     budget: Budget,
-    points: Points,
-    places: Places,
-    faces: Vec<[u32; 3]>,
+    weld: Weld,
+    dropped: Dropped,
     /// Facets of the file, with those that were left out.
     seen: u64,
 }
@@ -91,88 +86,51 @@ impl<'a> Facets<'a> {
     fn new(limits: &'a ReadLimits, expected: usize) -> Result<Self, FormatError> {
         // a closed surface has half as many vertices as facets
         let vertices = (expected / 2).min(limits.most_points() as usize);
-        let layout = Layout::of(|slot| slot < NORMAL, |_| Channels::Floats)?;
         let mut budget = limits.budget();
-        let places = Places::new(vertices, &mut budget)?;
-        Ok(Facets {
-            limits,
-            budget,
-            points: Points::new(&layout, vertices),
-            places,
-            faces: Vec::with_capacity(expected),
-            seen: 0,
-        })
+        let weld = Weld::new(vertices, expected, limits.most_points(), &mut budget)?;
+        Ok(Facets { limits, budget, weld, dropped: Dropped::default(), seen: 0 })
     }
 
     /// Takes the next facet; `place` says where it is.
     #[inline]
     fn push(&mut self, corners: &[[f64; 3]; 3], place: impl Fn() -> String) -> Result<(), FormatError> {
-        let hashes = corners.map(|corner| self.places.hash(&corner));
-        self.push_hashed(corners, hashes, place)
-    }
-
-    /// Takes the next facets.
-    #[inline]
-    fn push_block(&mut self, facets: &[[[f64; 3]; 3]], place: impl Fn(usize) -> String) -> Result<(), FormatError> {
-        let mut hashes = [0; 3 * BLOCK];
-        self.places.fetch(facets.as_flattened(), &mut hashes);
-        for (index, (corners, hashes)) in facets.iter().zip(hashes.as_chunks().0).enumerate() {
-            self.push_hashed(corners, *hashes, || place(index))?;
-        }
-        Ok(())
-    }
-
-    #[inline]
-    fn push_hashed(
-        &mut self,
-        corners: &[[f64; 3]; 3],
-        hashes: [u64; 3],
-        place: impl Fn() -> String,
-    ) -> Result<(), FormatError> {
         self.seen += 1;
-        if !corners.iter().flatten().all(|x| x.is_finite()) {
-            self.points.dropped.faces += 1;
-            return Ok(());
+        let is_coordinate = |x: &f64| checked_coordinate(*x).is_ok();
+        if !corners.iter().flatten().all(is_coordinate) {
+            return self.leave_out(corners, place);
         }
         let limit = self.limits.max_faces;
-        if self.faces.len() as u64 >= limit {
+        if self.weld.faces.len() as u64 >= limit {
             return Err(FormatError::TooLarge { what: "faces", found: limit + 1, limit });
         }
         self.budget.take(1, size_of::<[u32; 3]>())?;
-        let mut face = [0; 3];
-        for ((vertex, corner), hash) in face.iter_mut().zip(corners).zip(hashes) {
-            *vertex = match self.places.find(hash, corner, self.points.positions(), &mut self.budget)? {
-                Some(known) => known,
-                None => self.add(corner, &place)?,
-            };
+        self.weld.push(corners, &mut self.budget)
+    }
+
+    /// Passes over a facet with a corner that is none; finite coordinates that are too large are an error.
+    #[cold]
+    fn leave_out(&mut self, corners: &[[f64; 3]; 3], place: impl Fn() -> String) -> Result<(), FormatError> {
+        if corners.iter().flatten().any(|x| !x.is_finite()) {
+            self.dropped.faces += 1;
+            return Ok(());
         }
-        self.faces.push(face);
+        for (axis, value) in corners.iter().flat_map(|corner| ["x", "y", "z"].into_iter().zip(corner)) {
+            checked_coordinate(*value)
+                .map_err(|problem| FormatError::malformed(place(), format!("{axis} {problem}"), REPAIR))?;
+        }
         Ok(())
     }
 
-    /// A new vertex.
-    fn add(&mut self, corner: &[f64; 3], place: impl Fn() -> String) -> Result<u32, FormatError> {
-        let next = self.points.seen() as u32;
-        let limit = self.limits.most_points();
-        if u64::from(next) >= limit {
-            return Err(FormatError::TooLarge { what: "points", found: limit + 1, limit });
-        }
-        self.budget.take(1, size_of::<Point3>())?;
-        let mut values = [0.0; SLOTS];
-        values[X..X + 3].copy_from_slice(corner);
-        self.points.push(&values).map_err(|problem| FormatError::malformed(place(), problem, REPAIR))?;
-        Ok(next)
-    }
-
-    fn finish(self) -> Result<Reading, FormatError> {
+    fn finish(mut self) -> Result<Reading, FormatError> {
         if self.seen == 0 {
-            return Err(FormatError::malformed(
-                "the whole file",
-                "there are no facets",
-                "send an STL file with facets",
-            ));
+            let problem = "there are no facets";
+            return Err(FormatError::malformed("the whole file", problem, "send an STL file with facets"));
         }
-        self.points.finish(self.faces, None, None)
+        self.weld.settle(&mut self.budget)?;
+        let Weld { positions, faces, .. } = self.weld;
+        let mut points = Points::of(positions);
+        points.dropped = self.dropped;
+        points.finish(faces, None, None)
     }
 }
 
@@ -184,20 +142,11 @@ fn read_binary(bytes: &[u8], count: u32, limits: &ReadLimits) -> Result<Reading,
     }
     let mut facets = Facets::new(limits, count as usize)?;
     let (records, rest) = bytes[HEAD..].split_at((count as usize * FACET).min(bytes.len() - HEAD));
-    let mut block = [[[0.0; 3]; 3]; BLOCK];
-    for (first, records) in records.chunks(BLOCK * FACET).enumerate() {
-        let records = records.as_chunks::<FACET>().0;
-        for (corners, record) in block.iter_mut().zip(records) {
-            *corners = corners_of(record);
-        }
-        let place = |index: usize| {
-            let index = first * BLOCK + index;
-            format!("facet {index} (byte {})", HEAD + index * FACET)
-        };
-        facets.push_block(&block[..records.len()], place)?;
+    for (index, record) in records.as_chunks().0.iter().enumerate() {
+        facets.push(&corners_of(record), || format!("facet {index} (byte {})", HEAD + index * FACET))?;
     }
     if !rest.is_empty() {
-        facets.points.dropped.notes.push(format!("{} bytes behind the last facet are not read", rest.len()));
+        facets.dropped.notes.push(format!("{} bytes behind the last facet are not read", rest.len()));
     }
     facets.finish()
 }
@@ -285,7 +234,7 @@ fn read_text(text: &[u8], limits: &ReadLimits) -> Result<Reading, FormatError> {
         return Err(FormatError::Truncated { declared: "endloop".into(), found: format!("facet {}", facets.seen) });
     }
     if !is_ended {
-        facets.points.dropped.notes.push("there is no endsolid: the file may be cut short".into());
+        facets.dropped.notes.push("there is no endsolid: the file may be cut short".into());
     }
     facets.finish()
 }
@@ -312,6 +261,7 @@ pub fn write_mesh(mesh: &Mesh) -> Vec<u8> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use visage_geometry::Point3;
 
     const TEXT: &str = "solid a facet of rock\n facet normal 0 0 1\n  outer loop\n   vertex 0 0 0\n   vertex 1 0 0\n   \
         vertex 0 1 0\n  endloop\n endfacet\n facet normal 9 9 9\n  outer loop\n   vertex 1 0 0\n   vertex 1 1 0\n   \

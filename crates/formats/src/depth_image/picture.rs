@@ -3,6 +3,7 @@
 use std::io::Cursor;
 
 use crate::budget::Budget;
+use crate::guard::guarded;
 use crate::{FormatError, ReadLimits};
 
 /// The values of a depth image, row by row.
@@ -41,6 +42,16 @@ type Decoded = (png::OutputInfo, Vec<u8>);
 
 /// Unpacks a PNG of a size that is allowed.
 fn decode(
+    bytes: &[u8],
+    transformations: png::Transformations,
+    limits: &ReadLimits,
+    budget: &mut Budget,
+) -> Result<Decoded, FormatError> {
+    let senseless = || FormatError::malformed("the PNG", "it makes no sense", "export or upload it again");
+    guarded(|| unpack(bytes, transformations, limits, budget)).unwrap_or_else(|| Err(senseless()))
+}
+
+fn unpack(
     bytes: &[u8],
     transformations: png::Transformations,
     limits: &ReadLimits,

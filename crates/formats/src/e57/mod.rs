@@ -13,6 +13,7 @@ mod tests;
 
 use std::io::Cursor;
 
+use super::guard::guarded;
 use super::table::{BYTES, Content, Format, Reader, Writers};
 use super::{DeclaredUnit, FormatError, ReadLimits, ScanReading};
 
@@ -57,7 +58,9 @@ const NODE: usize = 160;
 pub fn read(bytes: &[u8], limits: &ReadLimits) -> Result<Vec<ScanReading>, FormatError> {
     let mut budget = limits.budget();
     check_description(bytes, &mut budget)?;
-    let file = e57::E57Reader::new(Cursor::new(bytes)).map_err(|error| described("the description", &error))?;
+    let file = guarded(|| e57::E57Reader::new(Cursor::new(bytes)))
+        .ok_or_else(|| FormatError::malformed("the description", "it makes no sense", REPAIR))?
+        .map_err(|error| described("the description", &error))?;
     let clouds = file.pointclouds();
     drop(file);
     let mut scans: Vec<ScanReading> = Vec::new();

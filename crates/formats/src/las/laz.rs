@@ -4,7 +4,6 @@
 //! the items of a record, the sizes of layers; a chunk that makes it panic all the same is an error.
 
 use std::io::{Cursor, Seek, SeekFrom};
-use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use laz::laszip::ChunkTable;
 use laz::{DecompressionSelection, LasZipDecompressor, LazVlr};
@@ -12,6 +11,7 @@ use rayon::prelude::*;
 
 use super::header::Header;
 use super::{REPAIR, Records};
+use crate::guard::guarded;
 use crate::{FormatError, ReadLimits};
 
 /// Kinds of compression: all records in one chunk, chunks, chunks whose records are stored field by field.
@@ -220,5 +220,5 @@ fn unpack(chunk: &Chunk, header: &Header, alone: &LazVlr) -> Result<Vec<u8>, For
 
 /// Runs what may panic on bytes that no writer makes.
 fn caught<T>(run: impl FnOnce() -> Result<T, FormatError>) -> Result<T, FormatError> {
-    catch_unwind(AssertUnwindSafe(run)).unwrap_or_else(|_| Err(wrong("they make no sense")))
+    guarded(run).unwrap_or_else(|| Err(wrong("they make no sense")))
 }
