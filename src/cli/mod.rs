@@ -31,7 +31,7 @@ enum Command {
     /// Run the service.
     Serve(serve::ServeArgs),
     /// Register the scans of a folder, without a server.
-    Register(register::RegisterArgs),
+    Register(Box<register::RegisterArgs>),
     /// Write a scan, a model or poses in another format.
     Convert(convert::ConvertArgs),
     /// Make a mesh of a cloud from elsewhere, or a mesh coarser.
@@ -57,7 +57,7 @@ pub fn main() -> ExitCode {
     }
     let done = match command {
         Command::Serve(args) => serve::run(args),
-        Command::Register(args) => register::run(args),
+        Command::Register(args) => register::run(*args),
         Command::Convert(args) => convert::run(args),
         Command::Surface(args) => surface::run(args),
         Command::Deviation(args) => deviation::run(args),

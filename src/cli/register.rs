@@ -64,9 +64,6 @@ pub struct RegisterArgs {
     /// units
     #[arg(long, value_name = "FILE")]
     hints: Option<PathBuf>,
-    #[arg(long, value_name = "ENDING",
-          help = format!("Write the mesh in another format too: {}", surfaces::mesh_endings()))]
-    mesh_format: Option<String>,
     #[arg(long, help = format!("The folder to write {} to; made if it isn't there", results()))]
     out: PathBuf,
 }

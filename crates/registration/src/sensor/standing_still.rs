@@ -33,11 +33,10 @@ visage_geometry::tuning! {
         /// Scans from one place show the same if this share of both is the same surface: a scanner that is turned on its tripod sees
         /// other parts. Code-made turntables have 0.75 and more.
         same_picture: f64 = 0.5,
-        /// Where it is not known from where they were taken, they have to show more of the same, and break off at the same places but
-        /// for what moved: of the rims that meet surface at all this share meets a rim. Both together hold for code-made turntables
-        /// (0.75 to 0.95 and 0.55 to 0.85); scans from different places have less than 0.65 of the one.
+        /// Where it is not known from where they were taken, they have to show this much of the same (code-made turntables: 0.75
+        /// to 0.95; scans from different places: less than 0.65),
         same_all_over: f64 = 0.7,
-        /// This share of the rims.
+        /// and break off at the same places: of the rims that meet surface this share meets a rim (turntables: 0.55 to 0.85).
         same_rims: f64 = 0.53,
         /// Pairs of views that share less of what they show than this, as it was measured already, need not be compared.
         least_overlap: f64 = 0.25,
@@ -55,16 +54,15 @@ visage_geometry::tuning! {
         picture_points: usize = 40_000,
         /// What is said of so many points together is said of each:
         together: usize = 20,
-        /// they moved if it is looked through them in more than this share of what says anything. What stands still is never looked
-        /// through, but for noise at edges; what turned is often where it was before by chance.
+        /// they moved if they are looked through in more than this share: what stands still never is, but for noise at edges.
         looked_through: f32 = 0.2,
         /// What moved hangs together over gaps of this many spacings,
         link: f64 = 5.0,
         /// is spread over less than this share of what all points are spread over,
         compact: f64 = 0.7,
-        /// and parts of fewer points than this, or than this share of the largest part, are noise at edges.
+        /// and parts of fewer points than this are noise at edges,
         least_points: usize = 15,
-        /// As a share of the largest part.
+        /// or of less than this share of the largest part.
         least_share: f64 = 0.05,
     }
 }

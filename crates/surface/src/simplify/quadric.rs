@@ -66,7 +66,8 @@ impl Quadric {
         let determinant = xx * c0 + xy * c1 + xz * c2;
         let size = (xx + yy + zz) / 3.0;
         // false for what is not a number, too
-        if !(determinant > SINGULAR * size * size * size) {
+        let is_one_place = determinant > SINGULAR * size * size * size;
+        if !is_one_place {
             return None;
         }
         let (c3, c4, c5) = (xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy);

@@ -19,7 +19,7 @@ impl<T> Queue<T> {
 
     /// The costs that are one; the bits of numbers from 0 are in the order of the numbers.
     fn step(cost: f32) -> usize {
-        (cost.max(0.0).min(f32::MAX).to_bits() >> DROPPED_BITS) as usize
+        (if cost > 0.0 { cost.min(f32::MAX) } else { 0.0 }.to_bits() >> DROPPED_BITS) as usize
     }
 
     pub(super) fn push(&mut self, cost: f32, value: T) {
