@@ -30,8 +30,7 @@ visage_geometry::tuning! {
         far: f64 = 10.0,
         /// and if that is only read off the density of their points.
         guessed_place: f64 = 0.15,
-        /// Scans from one place show the same if this share of both is the same surface: a scanner that is turned on its tripod sees
-        /// other parts. Code-made turntables have 0.75 and more.
+        /// Scans from one place show the same if this share of both is the same surface (code-made turntables: 0.75 and more).
         same_picture: f64 = 0.5,
         /// Where it is not known from where they were taken, they have to show this much of the same (code-made turntables: 0.75
         /// to 0.95; scans from different places: less than 0.65),
