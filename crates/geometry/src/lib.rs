@@ -19,7 +19,7 @@
 //! - [`normals`], [`thinning`], [`organised`], [`own_frame`], [`viewpoint`], [`coincidence`]: what points alone tell
 //! - [`cleaning`]: what of a surface is support or far off
 //! - [`union_find`], [`progress`]: which things hang together; what algorithms know of jobs
-//! - [`tuning`]: the constants of a stage
+//! - [`mod@tuning`]: the constants of a stage
 
 pub mod cleaning;
 pub mod cloud;
