@@ -99,7 +99,7 @@ impl From<DeviationReport> for DeviationFigures {
     get, path = "/v1/models/{id}/deviation", tag = TAG, operation_id = "measureDeviation",
     params(("id" = String, Path, format = "uuid", description = "The model."), DeviationQuery),
     responses((status = 200, description = "The figures.", body = Deviation), responses::BadRequest, responses::NotFound,
-              responses::Unprocessable, responses::NotReady, responses::Other)
+              responses::Conflict, responses::Unprocessable, responses::NotReady, responses::Other)
 )]
 pub async fn figures(
     State(state): State<AppState>,
@@ -122,7 +122,8 @@ pub async fn figures(
     get, path = "/v1/models/{id}/deviation.ply", tag = TAG, operation_id = "paintDeviation",
     params(("id" = String, Path, format = "uuid", description = "The model."), DeviationQuery),
     responses((status = 200, description = "The file.", body = inline(FileContent), content_type = "application/octet-stream"),
-              responses::BadRequest, responses::NotFound, responses::Unprocessable, responses::NotReady, responses::Other)
+              responses::BadRequest, responses::NotFound, responses::Conflict, responses::Unprocessable, responses::NotReady,
+              responses::Other)
 )]
 pub async fn map(
     State(state): State<AppState>,
@@ -163,7 +164,7 @@ impl From<DeviationError> for Problem {
                 Problem::new(Code::NotFound, detail, "GET /v1/models/{id} lists the files of a model")
             }
             DeviationError::OtherUnit(..) => {
-                Problem::new(Code::InvalidField, detail, "name a reference in the unit of the model")
+                Problem::new(Code::OtherUnit, detail, "name a reference in the unit of the model")
             }
             DeviationError::Unreadable(_) => Problem::internal(detail),
             DeviationError::Canceled(_) => Problem::internal(detail),

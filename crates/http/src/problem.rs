@@ -57,6 +57,7 @@ codes! {
     DuplicateStandard = "duplicate_standard", CONFLICT, "a standard has this name already";
     BuiltIn = "built_in", CONFLICT, "what is built in can't be changed";
     ScanChanged = "scan_changed", CONFLICT, "a scan is not the one that the model was made of";
+    OtherUnit = "other_unit", CONFLICT, "the models are not in one unit";
     WrongStatus = "wrong_status", CONFLICT, "the job's status does not allow this";
     RequestInProgress = "request_in_progress", CONFLICT, "the same request is being worked on";
     PreconditionFailed = "precondition_failed", PRECONDITION_FAILED, "the resource is not as If-Match or If-None-Match wants it";

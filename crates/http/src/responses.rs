@@ -32,7 +32,7 @@ problem_responses! {
     Stalled = "408", "The body came too slowly or not to its end (`upload_stalled`).";
     /// 409
     Conflict = "409", "An unfinished job, its status or a request in progress forbids it (`in_use`, `wrong_status`, \
-                       `request_in_progress`, `scan_changed`).";
+                       `request_in_progress`, `scan_changed`), or two models are not in one unit (`other_unit`).";
     /// 412
     OtherState = "412", "The resource is not as `If-Match` or `If-None-Match` wants it (`precondition_failed`).";
     /// 413
