@@ -55,7 +55,7 @@ pub struct Standard {
 
 impl Standard {
     /// The version of the operator; stored beside what it made.
-    pub const VERSION: u32 = 1;
+    pub const VERSION: u32 = 2;
 
     /// Makes a class of a surface with landmarks. Runs inside the caller's rayon pool.
     pub fn annotated(
