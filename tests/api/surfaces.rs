@@ -102,7 +102,7 @@ async fn the_deviation_of_a_model_is_told_in_figures_and_colours() {
     let map = file(&server, &format!("/v1/models/{model}/deviation.ply?reference={other}&limit=0.5")).await;
     assert!(map.cloud.colors.is_some_and(|colors| colors.contains(&[255, 0, 0]) && colors.contains(&[0, 0, 255])));
     assert!(!map.faces.is_empty());
-    expect_problem(server.get(&path(&metres, "")).await, 422, "invalid_field").await;
+    expect_problem(server.get(&path(&metres, "")).await, 409, "other_unit").await;
     expect_problem(server.get(&path(&same, "&limit=-1")).await, 422, "invalid_field").await;
     expect_problem(server.get(&path("nobody", "")).await, 404, "not_found").await;
     expect_problem(server.get(&format!("/v1/models/{model}/deviation")).await, 400, "malformed_request").await;
