@@ -16,6 +16,7 @@ mod corpus;
 mod mutate;
 mod readers;
 mod seeds;
+mod words;
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
