@@ -1,4 +1,4 @@
-//! What registration from scans alone hangs on: each of its constants taken 20 % less and 20 % more.
+//! How much registration from scans alone depends on each of its constants: each is made 20 % smaller and 20 % larger.
 //!
 //! `cargo run --release --features vary --example tuning -- SET...` registers the code-made sets (each `SENSOR_SCENE_SEED`, or a
 //! seed for all of them) once as they are and twice for each constant that was used, and prints what changed, most first.

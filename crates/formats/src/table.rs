@@ -163,7 +163,8 @@ pub fn scan_files(names: &[&str]) -> Vec<bool> {
     names.iter().map(|name| may_be(name) && (!has_sure || !is_common(name))).collect()
 }
 
-/// Where scans are that share a frame by the definition of their formats: as they stand. Nothing is told by one alone.
+/// Identity poses for the scans whose formats share one frame by definition (map coordinates, for example). None if there is only one
+/// such scan.
 pub fn shared_frame<'a>(names: impl IntoIterator<Item = &'a str>) -> Vec<(String, Motion)> {
     let is_shared = |name: &&str| super::check_name(name).is_ok_and(Format::shares_frame);
     let shared: Vec<&str> = names.into_iter().filter(is_shared).collect();

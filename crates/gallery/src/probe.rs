@@ -1,8 +1,8 @@
 //! The search for the stored models that look like a probe most; what that means is told in [`super::likeness`].
 //!
-//! It goes over everything by what is cheap and measures only what that leaves ([`super::probe_pass`]). Of what is not told by
-//! dense signatures alone the most that the score can be is told by the profiles; it is looked at from the top, and only
-//! there triangles are compared. So the answer is that of measuring all.
+//! Cheap lower bounds rule out most models, and only the rest are measured ([`super::probe_pass`]). For models that dense signatures
+//! alone do not decide, the profiles give an upper bound of the score; these models are visited in falling order of that bound, and
+//! their triangles are compared until no bound is high enough. The answer is the same as if all were measured.
 
 use rayon::prelude::*;
 

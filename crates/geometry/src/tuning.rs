@@ -1,7 +1,7 @@
 //! The constants of a stage, as one struct that stands where they are used: name, unit, value, and where it comes from.
 //!
-//! They are constants of the program. With the feature `vary`, which only the bench turns on, each is read once from a table
-//! before its first use: so one can see what a result hangs on, and what could go. See `visage-bench tuning`.
+//! They are constants of the program. With the feature `vary`, which only `examples/tuning.rs` turns on, one of them is multiplied by
+//! a factor: that example shows how much results depend on each, and which could be removed.
 
 /// Defines the constants of a file: `tuning! { const TUNING: Tuning { /// What it means, its unit. name: f64 = 1.0, } }`.
 #[cfg(not(feature = "vary"))]
