@@ -250,35 +250,3 @@ fn simulated_heads_are_placed_within_half_a_millimetre_of_the_truth() {
         }
     }
 }
-
-#[test]
-#[ignore = "needs VISAGE_DATA"]
-fn the_bunny_as_a_whole_process_takes_under_ten_cpu_seconds_and_500_mb() {
-    let out = tempfile::tempdir().expect("a folder");
-    for method in [Method::Joint, Method::MaAticp] {
-        let before = children();
-        let status = std::process::Command::new(env!("CARGO_BIN_EXE_visage"))
-            .args(["register", "--unit", "m", "--method", method.name(), "--poses"])
-            .arg(data("init/bunny_a0.04_o_s0.json"))
-            .arg("--out")
-            .arg(out.path())
-            .arg(data("stanford/bunny"))
-            .status()
-            .expect("the binary runs");
-        assert!(status.success());
-        let after = children();
-        let cpu_seconds = after.0 - before.0;
-        println!("{method}: {cpu_seconds:.2} CPU s, at most {} MB", after.1 / 1024);
-        assert!(cpu_seconds < 10.0, "{cpu_seconds}");
-        assert!(after.1 < 500 * 1024, "{} kB", after.1);
-    }
-}
-
-/// CPU seconds of all finished child processes so far, and the largest resident size of one in kB.
-fn children() -> (f64, i64) {
-    use nix::sys::resource::{UsageWho, getrusage};
-    use nix::sys::time::TimeValLike;
-    let usage = getrusage(UsageWho::RUSAGE_CHILDREN).expect("the system counts");
-    let micros = usage.user_time().num_microseconds() + usage.system_time().num_microseconds();
-    (micros as f64 * 1e-6, usage.max_rss())
-}
