@@ -2,6 +2,7 @@
 
 #![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used))]
 
+mod client;
 mod convert;
 pub mod demo;
 pub mod deviation;
@@ -38,6 +39,16 @@ enum Command {
     Surface(surface::SurfaceArgs),
     /// Measure how far one model is from another of the same frame.
     Deviation(deviation::DeviationArgs),
+    /// Send scans to a running service and register them there.
+    Upload(Box<client::upload::UploadArgs>),
+    /// Jobs of a running service: list, show, wait, cancel, retry, delete.
+    Jobs(client::jobs::JobsArgs),
+    /// Models of a running service: list, show, add, download, delete.
+    Models(client::models::ModelsArgs),
+    /// Ask a running service which of its models are faces, or like this one.
+    Query(client::query::QueryArgs),
+    /// Tell how good a model of a running service is, and why.
+    Report(client::report::ReportArgs),
     /// Show everything on code-made scans: server, uploads, jobs, queries.
     Demo(demo::DemoArgs),
     /// Look whether a data folder is sound, and say what to do where it isn't.
@@ -61,6 +72,11 @@ pub fn main() -> ExitCode {
         Command::Convert(args) => convert::run(args),
         Command::Surface(args) => surface::run(args),
         Command::Deviation(args) => deviation::run(args),
+        Command::Upload(args) => client::upload::run(*args),
+        Command::Jobs(args) => client::jobs::run(args),
+        Command::Models(args) => client::models::run(args),
+        Command::Query(args) => client::query::run(args),
+        Command::Report(args) => client::report::run(args),
         Command::Demo(args) => demo::run(args),
         Command::Doctor(args) => doctor::run(args),
         Command::Openapi => openapi::run(),

@@ -2,7 +2,7 @@
 
 mod depth_folder;
 mod folder;
-mod options;
+pub(super) mod options;
 mod others;
 mod out_folder;
 mod pose_files;

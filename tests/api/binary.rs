@@ -110,7 +110,7 @@ fn it_prints_its_contract() {
 }
 
 /// A folder with three scans, and their names.
-fn folder_of_scans(folder: &Path) -> Vec<String> {
+pub fn folder_of_scans(folder: &Path) -> Vec<String> {
     let names: Vec<String> = (0..3).map(|index| format!("s{index}.ply")).collect();
     for (index, name) in names.iter().enumerate() {
         std::fs::write(folder.join(name), coarse_scan(index, 40)).expect("written");

@@ -3,6 +3,7 @@
 mod additions;
 mod archives;
 mod binary;
+mod client_commands;
 mod common;
 mod conditions;
 mod contract;

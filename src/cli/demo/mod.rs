@@ -1,6 +1,6 @@
 //! `visage demo`: the whole path on scans made by code, through the real service, with a known truth.
 
-mod client;
+mod calls;
 mod exhibits;
 mod verdict;
 
@@ -10,11 +10,11 @@ use std::time::Duration;
 
 use anyhow::{Context, ensure};
 use clap::Args;
-use indicatif::{ProgressBar, ProgressStyle};
 
-use self::client::{Client, Job};
 use self::exhibits::Exhibit;
 use self::verdict::{Finding, PoseFinding};
+use super::client::http::Client;
+use super::client::watch;
 use crate::config::ServerConfig;
 use crate::domain::asset::Asset;
 use crate::http::Server;
@@ -55,7 +55,7 @@ async fn show(args: &DemoArgs) -> anyhow::Result<()> {
     let folder = tempfile::tempdir().context("making a temporary folder")?;
     let server = Server::start(ServerConfig::new(args.addr, folder.path())).await?;
     println!("\nThe service listens on {} and keeps its data in {}.", server.url(), folder.path().display());
-    let client = Client::new(&server.url())?;
+    let client = Client::new(&server.url(), None)?;
     let result = tell(&client, &exhibits, args).await;
     if args.keep && result.is_ok() {
         println!("\nThe server stays up until Ctrl-C.");
@@ -73,20 +73,20 @@ async fn tell(client: &Client, exhibits: &[Exhibit], args: &DemoArgs) -> anyhow:
     println!("\nUploading the scans with disturbed poses and registering them:");
     let mut queued = Vec::new();
     for exhibit in exhibits {
-        let set = client.create_scan_set(exhibit.name, &exhibit.files(), &exhibit.initial_poses()).await?;
-        queued.push(client.create_job(&set, exhibit.label()).await?);
+        let set = calls::create_scan_set(client, exhibit.name, &exhibit.files(), &exhibit.initial_poses()).await?;
+        queued.push(calls::create_job(client, &set, exhibit.label()).await?);
     }
     let mut findings = Vec::new();
     for (exhibit, job) in exhibits.iter().zip(queued) {
-        let finished = follow(client, exhibit.name, &job).await?;
-        let model_id = finished.model(exhibit.name)?;
-        let poses = PoseFinding::new(exhibit, &client.poses(&model_id).await?)?;
+        let finished = watch::until_finished(client, &job.id, &format!("{:<6}", exhibit.name)).await?;
+        let model_id = finished.model()?.with_context(|| format!("the {} left no model", exhibit.name))?.to_owned();
+        let poses = PoseFinding::new(exhibit, &calls::poses(client, &model_id).await?)?;
         println!("  {:<6} {poses}", exhibit.name);
         findings.push(Finding::new(exhibit, model_id, poses));
     }
 
     println!("\nAsking which of these are faces (POST /v1/queries {{\"standard\": \"face\"}}):");
-    let matches = client.query_standard("face").await?;
+    let matches = calls::query_standard(client, "face").await?;
     for finding in &mut findings {
         finding.answer(&matches)?;
         println!("  {finding}");
@@ -99,23 +99,6 @@ async fn tell(client: &Client, exhibits: &[Exhibit], args: &DemoArgs) -> anyhow:
     }
     say_how_to_look(client, &findings, args);
     Ok(findings)
-}
-
-/// Waits for the end of a job, its progress in a bar (on a terminal).
-async fn follow(client: &Client, name: &str, job: &Job) -> anyhow::Result<Job> {
-    const GLANCE: Duration = Duration::from_millis(150);
-    let style = ProgressStyle::with_template("  {prefix:<6} [{bar:30}] {percent:>3} % {msg}")?.progress_chars("=> ");
-    let bar = ProgressBar::new(1000).with_style(style).with_prefix(name.to_owned());
-    loop {
-        let now = client.job(&job.id).await?;
-        bar.set_position((now.progress * 1000.0) as u64);
-        bar.set_message(now.stage.clone().unwrap_or_else(|| now.status.clone()));
-        if now.is_finished() {
-            bar.finish_and_clear();
-            return Ok(now);
-        }
-        tokio::time::sleep(GLANCE).await;
-    }
 }
 
 /// Writes what was uploaded: for each object a folder of its scans with the disturbed poses.
@@ -136,9 +119,9 @@ fn save_scans(exhibits: &[Exhibit], out: &Path) -> anyhow::Result<()> {
 async fn save(client: &Client, findings: &[Finding], out: &Path) -> anyhow::Result<()> {
     std::fs::create_dir_all(out).with_context(|| format!("making {}", out.display()))?;
     for finding in findings {
-        for asset in [Asset::Cloud, Asset::Poses, Asset::Report].map(Asset::name) {
-            let bytes = client.asset(&finding.model_id, &asset).await?;
-            let path = out.join(format!("{}_{asset}", finding.name));
+        for asset in [Asset::Cloud, Asset::Poses, Asset::Report] {
+            let bytes = calls::asset(client, &finding.model_id, asset).await?;
+            let path = out.join(format!("{}_{}", finding.name, asset.name()));
             std::fs::write(&path, bytes).with_context(|| format!("writing {}", path.display()))?;
         }
     }
@@ -156,11 +139,15 @@ fn say_how_to_look(client: &Client, findings: &[Finding], args: &DemoArgs) {
     if args.keep {
         println!("\nLook at the results (clouds open in MeshLab, CloudCompare or Blender):");
         for finding in findings {
-            println!("  curl -o {}.ply {}", finding.name, client.asset_url(&finding.model_id, &Asset::Cloud.name()));
+            println!(
+                "  curl -o {}.ply {}",
+                finding.name,
+                client.url(&["v1", "models", &finding.model_id, &Asset::Cloud.name()])
+            );
         }
-        println!("  curl {}", client.url("/v1/models"));
+        println!("  curl {}", client.url(&["v1", "models"]));
         let body = "'{\"standard\": \"face\"}'";
-        println!("  curl {} -H 'content-type: application/json' -d {body}", client.url("/v1/queries"));
+        println!("  curl {} -H 'content-type: application/json' -d {body}", client.url(&["v1", "queries"]));
     } else if args.out.is_none() {
         println!(
             "\nTo look at the results: `visage demo --out DIR` writes the clouds to DIR, `visage demo --keep` leaves"

@@ -4,7 +4,7 @@ use std::fmt;
 
 use anyhow::Context;
 
-use super::client::Match;
+use super::calls::Match;
 use super::exhibits::Exhibit;
 use crate::formats::poses::PoseFile;
 use crate::geometry::{Motion, Point3};

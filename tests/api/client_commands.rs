@@ -1,0 +1,115 @@
+//! The commands that talk to a running service, against the real binary.
+#![cfg(unix)]
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+use serde_json::Value;
+
+use crate::binary::{Process, folder_of_scans};
+
+/// Runs a command against a service.
+fn ask(url: &str, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_visage")).args(arguments).env("VISAGE_SERVER", url).output().expect("it runs")
+}
+
+fn told(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+fn complaint(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// What a command that has to succeed prints as JSON.
+fn json(url: &str, arguments: &[&str]) -> Value {
+    let output = ask(url, &[arguments, &["--json"]].concat());
+    assert!(output.status.success(), "{arguments:?}: {}", complaint(&output));
+    serde_json::from_str(&told(&output)).unwrap_or_else(|error| panic!("{arguments:?}: {error}: {}", told(&output)))
+}
+
+fn path(folder: &Path) -> &str {
+    folder.to_str().expect("UTF-8")
+}
+
+#[test]
+fn a_folder_goes_to_the_service_and_comes_back_as_a_model() {
+    let (data, scans) = (tempfile::tempdir().expect("a folder"), tempfile::tempdir().expect("a folder"));
+    let service = Process::start(data.path());
+    let url = service.url.as_str();
+    let names = folder_of_scans(scans.path());
+
+    let arguments = ["upload", path(scans.path()), "--unit", "mm", "--label", "ball", "--no-signature", "--wait"];
+    let job = json(url, &arguments);
+    assert_eq!((&job["status"], &job["label"]), (&"succeeded".into(), &"ball".into()), "{job}");
+    assert_eq!(job["options"]["signature"], false);
+    let (id, model) = (job["id"].as_str().expect("an id"), job["model_id"].as_str().expect("a model"));
+
+    let listed = told(&ask(url, &["jobs"]));
+    assert!(listed.contains(id) && listed.contains("succeeded"), "{listed}");
+    let models = told(&ask(url, &["models", "list"]));
+    assert!(models.contains(model) && models.contains("ball"), "{models}");
+    let report = told(&ask(url, &["report", model]));
+    assert!(report.contains("quality: ") && report.contains(&names[2]), "{report}");
+    let answer = json(url, &["query", "--standard", "face"]);
+    assert_eq!(answer["matches"].as_array().map(Vec::len), Some(0), "it has no signature");
+
+    for (file, begins) in [("cloud.xyz", ""), ("mesh.stl", ""), ("poses.json", "{"), ("model.ply", "ply")] {
+        let out = scans.path().join(file);
+        let done = ask(url, &["models", "download", model, path(&out)]);
+        assert!(done.status.success(), "{file}: {}", complaint(&done));
+        let content = std::fs::read(&out).expect("written");
+        assert!(!content.is_empty() && content.starts_with(begins.as_bytes()), "{file}");
+    }
+    let refused = ask(url, &["models", "download", model, "model.doc"]);
+    assert!(complaint(&refused).contains("are not written: choose"), "{}", complaint(&refused));
+
+    assert!(ask(url, &["models", "delete", model]).status.success());
+    let gone = ask(url, &["report", model]);
+    assert!(!gone.status.success() && complaint(&gone).contains("404"), "{}", complaint(&gone));
+}
+
+#[test]
+fn what_was_sent_is_not_sent_again_and_archives_are_taken_apart() {
+    let (data, scans) = (tempfile::tempdir().expect("a folder"), tempfile::tempdir().expect("a folder"));
+    let service = Process::start(data.path());
+    let url = service.url.as_str();
+    let names = folder_of_scans(scans.path());
+    let file = |index: usize| scans.path().join(&names[index]);
+
+    let set = json(url, &["upload", path(&file(0)), path(&file(1)), "--no-register"]);
+    let id = set["id"].as_str().expect("an id");
+    assert_eq!(set["scans"].as_array().map(Vec::len), Some(2));
+    let before = set["scans"][0]["checksum"].clone();
+    let more = json(url, &["upload", path(scans.path()), "--into", id, "--no-register"]);
+    assert_eq!(more["scans"].as_array().map(Vec::len), Some(3));
+    assert_eq!(more["scans"][0]["checksum"], before);
+
+    // a file that holds poses of all, in an archive with the scans: the service finds it
+    let identity = "[[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]";
+    let poses: Vec<String> = names.iter().map(|name| format!("{name:?}: {identity}")).collect();
+    std::fs::write(scans.path().join("poses.json"), format!("{{{}}}", poses.join(","))).expect("written");
+    std::fs::write(scans.path().join("notes.mtl"), "newmtl a\n").expect("written");
+    let packed = json(url, &["upload", path(scans.path()), "--no-register", "--name", "packed"]);
+    assert_eq!((&packed["name"], packed["scans"].as_array().map(Vec::len)), (&"packed".into(), Some(3)), "{packed}");
+    assert_eq!(packed["poses"]["count"], 3, "{packed}");
+}
+
+#[test]
+fn a_service_that_is_not_there_or_refuses_is_told_with_the_remedy() {
+    let nobody = ask("http://127.0.0.1:1", &["models"]);
+    assert!(!nobody.status.success());
+    assert!(
+        complaint(&nobody).contains("no service answers at http://127.0.0.1:1/: start one"),
+        "{}",
+        complaint(&nobody)
+    );
+
+    let data = tempfile::tempdir().expect("a folder");
+    let service = Process::start(data.path());
+    let scan = data.path().join("empty.ply");
+    std::fs::write(&scan, "ply\n").expect("written");
+    let refused = ask(&service.url, &["upload", path(&scan)]);
+    let text = complaint(&refused);
+    assert!(!refused.status.success() && text.contains("sending empty.ply") && text.contains("422"), "{text}");
+}
