@@ -13,7 +13,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     println!("cargo:rerun-if-changed=build.rs");
     let dist = Path::new(&env::var("CARGO_MANIFEST_DIR")?).join("../../web/dist");
     let is_built = dist.join("index.html").is_file();
-    let mut table = format!("/// Whether this is the real page.\n#[cfg(test)]\npub const IS_BUILT: bool = {is_built};\n");
+    let mut table =
+        format!("/// Whether this is the real page.\n#[cfg(test)]\npub const IS_BUILT: bool = {is_built};\n");
     table.push_str("/// Every file of the page.\npub static FILES: &[File] = &[\n");
     if is_built {
         println!("cargo:rerun-if-changed={}", dist.display());
@@ -24,7 +25,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             entry(&mut table, &dist, file)?;
         }
     } else {
-        println!("cargo:warning=web/dist is not there: `/` will say how to get the page (`just web` builds it, with Node.js)");
+        println!(
+            "cargo:warning=web/dist is not there: `/` will say how to get the page (`just web` builds it, with Node.js)"
+        );
         table.push_str("File { path: \"/\", plain: include_bytes!(concat!(env!(\"CARGO_MANIFEST_DIR\"), ");
         table.push_str("\"/src/page/missing.html\")), gzip: None, brotli: None },\n");
     }

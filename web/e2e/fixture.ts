@@ -6,8 +6,8 @@ import { Server } from "./server";
 interface Watch {
     /** What the console has said that it should not, and who was asked that is not the server. */
     faults: string[];
-    /** From now on the server may be away. */
-    mayLoseServer(): void;
+    /** Browsers tell of each answer that is an error and of each that did not come: these are wanted. */
+    allow(text: RegExp): void;
 }
 
 /** Tests with a server for each file, and a page that is watched. */
@@ -25,18 +25,18 @@ export const test = base.extend<{ watch: Watch }, { server: Server }>({
     watch: [
         async ({ page, server }, use) => {
             const faults: string[] = [];
-            let isServerSafe = true;
+            const wanted: RegExp[] = [];
             page.on("console", (message) => {
                 // a server that is older than its pictures has none: the page shows a sign instead
                 if (message.location().url.includes("/pictures/thumbnail")) return;
-                if (message.type() === "error" && (isServerSafe || !message.text().includes("ERR_"))) faults.push(message.text());
+                if (message.type() === "error" && !wanted.some((text) => text.test(message.text()))) faults.push(message.text());
             });
             page.on("pageerror", (error) => faults.push(String(error)));
             page.on("request", (request) => {
                 const url = new URL(request.url());
                 if (url.protocol.startsWith("http") && url.origin !== server.url) faults.push(`asked ${request.url()}`);
             });
-            await use({ faults, mayLoseServer: () => (isServerSafe = false) });
+            await use({ faults, allow: (text) => void wanted.push(text) });
             expect(faults).toEqual([]);
         },
         { auto: true },

@@ -74,7 +74,7 @@ function Frame({ current, children }: { current: string; children: ComponentChil
                 </div>
             </header>
             {isLost && <div class="banner" role="alert">{t.lost}</div>}
-            <main ref={content}>{children}</main>
+            <main ref={content} id="content" tabIndex={-1}>{children}</main>
             <div class="unseen" role="status" aria-live="polite">{spoken}</div>
         </>
     );

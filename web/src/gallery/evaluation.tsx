@@ -11,9 +11,10 @@ export function EvaluationPage() {
     const standards = useLoad(() => ok(api.GET("/v1/standards")), []);
     const [standard, setStandard] = useState("face");
     const [label, setLabel] = useState("");
-    const [asked, setAsked] = useState({ standard: "face", label: "" });
-    const query = { standard: asked.standard, ...(asked.label && { label: asked.label }) };
-    const answer = useLoad(() => ok(api.GET("/v1/gallery/evaluation", { params: { query } })), [asked]);
+    // it costs as much as hundreds of queries: it is done when somebody asks for it
+    const [asked, setAsked] = useState<{ standard: string; label: string }>();
+    const query = asked && { standard: asked.standard, ...(asked.label && { label: asked.label }) };
+    const answer = useLoad(() => (query ? ok(api.GET("/v1/gallery/evaluation", { params: { query } })) : Promise.resolve(undefined)), [asked]);
     const names = standards.data?.items.map((item) => item.name) ?? ["face"];
     const ask = (event: Event) => {
         event.preventDefault();
@@ -31,7 +32,7 @@ export function EvaluationPage() {
             </form>
             {answer.isLoading && <Loading />}
             <Trouble error={answer.error} />
-            {answer.data && !answer.error && (
+            {query && answer.data && !answer.error && (
                 <div class="halves">
                     <div class="panel">
                         <img class="plot" src={`/v1/gallery/evaluation.svg?${new URLSearchParams(query)}`} alt={t.evaluation.roc} />

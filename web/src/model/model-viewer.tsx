@@ -6,11 +6,12 @@ import { length, number, figure } from "../lib/format";
 import { t } from "../texts";
 import { Check, Choice } from "../ui/pieces";
 import { css, modesOf, viewColour, type ColourMode } from "../viewer/colours";
+import { byAxis, ofFace } from "../viewer/facing";
 import { fetchSurface } from "../viewer/load";
 import type { Markers, Place } from "../viewer/marker-types";
 import type { Cut } from "../viewer/scene";
 import type { Surface } from "../viewer/surface";
-import { Viewer, type Up } from "../viewer/viewer";
+import { Viewer } from "../viewer/viewer";
 import { CutControls } from "./cut-controls";
 import { markersOf, type Found } from "./marker-list";
 import { has, surfaceUrl, type Kind, type Matrix, type Report } from "./sources";
@@ -35,7 +36,9 @@ export function ModelViewer({ model, report, poses, found, marks, onMark }: Prop
     const [surface, setSurface] = useState<Surface>();
     const [wanted, setWanted] = useState<ColourMode>();
     const [range, setRange] = useState<[number, number]>();
-    const [up, setUp] = useState<Up>(1);
+    const face = useMemo(() => found && ofFace(found.landmarks), [found]);
+    const [up, setUp] = useState(face ? "face" : "1");
+    const facing = up === "face" && face ? face : (byAxis[Number(up)] ?? byAxis[1]);
     const [cut, setCut] = useState<Cut>();
     const [hidden, setHidden] = useState(nothingHidden);
     const [fitTurn, setFitTurn] = useState(0);
@@ -51,7 +54,7 @@ export function ModelViewer({ model, report, poses, found, marks, onMark }: Prop
         () => markersOf({ names, poses: shown.scanners ? poses : undefined, found, shown, marks, measured, distance: distance === undefined ? undefined : length(distance, model.unit) }),
         [poses, found, shown, marks, measured, report],
     );
-    const look = useMemo(() => ({ mode, up, cut, hidden }), [mode, up, cut, hidden]);
+    const look = useMemo(() => ({ mode, facing, cut, hidden }), [mode, facing, cut, hidden]);
     const measure = (place: Place) => {
         const next = measured.length === 1 ? [...measured, place] : [place];
         setMeasured(next);
@@ -60,13 +63,14 @@ export function ModelViewer({ model, report, poses, found, marks, onMark }: Prop
     };
     if (kinds.length === 0) return <p class="empty panel">{t.model.noSurface}</p>;
     const onPick = isMeasuring ? measure : onMark;
-    const ups = (["X", "Y", "Z"] as const).map((axis, index) => [String(index), axis] as const);
+    const axes = (["X", "Y", "Z"] as const).map((axis, index) => [String(index), axis] as const);
+    const ups = face ? [["face", t.viewer.upOfFace] as const, ...axes] : axes;
     return (
         <div>
             <div class="tools">
                 {kinds.length > 1 && <Choice label={t.viewer.show} value={kind} choices={kinds.map((name) => [name, t.viewer[name]] as const)} onChange={setKind} />}
                 <Choice label={t.viewer.colour} value={mode} choices={modes.map((name) => [name, t.viewer.colours[name]] as const)} onChange={setWanted} />
-                <Choice label={t.viewer.up} value={String(up)} choices={ups} onChange={(value) => setUp(Number(value) as Up)} />
+                <Choice label={t.viewer.up} value={up} choices={ups} onChange={setUp} />
                 <button type="button" onClick={() => setFitTurn((count) => count + 1)}>{t.viewer.fit}</button>
                 <button type="button" aria-pressed={isMeasuring} onClick={() => { setMeasuring(!isMeasuring); setMeasured([]); }}>{t.viewer.measure}</button>
             </div>

@@ -158,7 +158,7 @@ export const de: Texts = {
         show: "Zeigen", mesh: "Netz", cloud: "Punktwolke",
         colour: "Farbe nach",
         colours: { plain: "Eine Farbe", scan: "Farbe der Scans", view: "Scan, aus dem es stammt", support: "Stützung", height: "Höhe" },
-        up: "Oben", fit: "Alles zeigen",
+        up: "Oben", upOfFace: "Wie das Gesicht", fit: "Alles zeigen",
         section: "Schnitt", sectionAxis: "Schneiden quer zu", sectionOff: "Kein Schnitt", sectionAt: "Lage des Schnitts", sectionFlip: "Andere Seite",
         measure: "Messen", measureHelp: "Zwei Punkte wählen.", distance: (value) => `Abstand ${value}`, measureNext: "Nun den zweiten Punkt.",
         pickHint: "Einen Punkt anklicken, oder das Modell drehen, bis er unter dem Kreuz liegt, und Eingabe drücken.",
@@ -248,7 +248,7 @@ export const de: Texts = {
     },
     reference: {
         title: "API-Referenz", contents: "Aufrufe", back: "Zurück zur Seite",
-        parameters: "Parameter", body: "Inhalt", answers: "Antworten", run: "Ausführen", running: "Läuft …", example: "Mit curl",
+        parameters: "Parameter", body: "Inhalt", answers: "Antworten", run: "Ausführen", running: "Läuft …", example: "Mit curl", examples: "Beispiel",
         required: "nötig", answer: "Antwort", cut: "Der Rest wird nicht gezeigt.", binary: (type, size) => `${type}, ${size}`,
         files: "Formulare mit Dateien werden mit curl gesendet.",
         filter: "Aufruf suchen", download: "Der Vertrag als YAML",

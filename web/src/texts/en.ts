@@ -157,7 +157,7 @@ export const en = {
         show: "Show", mesh: "Mesh", cloud: "Cloud",
         colour: "Colour by",
         colours: { plain: "One colour", scan: "Colour of the scans", view: "Scan it comes from", support: "Support", height: "Height" },
-        up: "Up", fit: "Show all",
+        up: "Up", upOfFace: "As the face", fit: "Show all",
         section: "Section", sectionAxis: "Cut across", sectionOff: "No cut", sectionAt: "Position of the cut", sectionFlip: "Other side",
         measure: "Measure", measureHelp: "Pick two points.", distance: (value: string) => `Distance ${value}`, measureNext: "Now the second point.",
         pickHint: "Click a point, or turn the model until it is under the cross and press Enter.",
@@ -203,7 +203,7 @@ export const en = {
         pending: (count: number) => `${count} models are not judged yet: the answer is not complete.`,
         evaluation: "Evaluation",
         picture: (name: string) => `Picture of ${name}`,
-        probeIs: (is: boolean) => (is ? "Your file is one." : "Your file is none."),
+        probeIs: (is: boolean): string => (is ? "Your file is one." : "Your file is none."),
     },
     evaluation: {
         title: "Evaluation",
@@ -247,7 +247,7 @@ export const en = {
     },
     reference: {
         title: "API reference", contents: "Operations", back: "Back to the page",
-        parameters: "Parameters", body: "Body", answers: "Answers", run: "Run", running: "Running …", example: "With curl",
+        parameters: "Parameters", body: "Body", answers: "Answers", run: "Run", running: "Running …", example: "With curl", examples: "Example",
         required: "required", answer: "Answer", cut: "The rest is not shown.", binary: (type: string, size: string) => `${type}, ${size}`,
         files: "Forms with files are sent with curl.",
         filter: "Find an operation", download: "The contract as YAML",

@@ -5,6 +5,7 @@ import {
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 
 import { colour, shade, type ColourMode } from "./colours";
+import type { Facing } from "./facing";
 import { noMarkers, type Markers, type Place } from "./marker-types";
 import { dispose, markerGroup } from "./markers";
 import { pickCloud, pickMesh, type Spot } from "./picking";
@@ -69,7 +70,7 @@ export class Stage {
     }
 
     /** Puts another surface on; the view stays if `keepView`. */
-    show(surface: Surface, mode: ColourMode, up: 0 | 1 | 2, keepView: boolean): void {
+    show(surface: Surface, mode: ColourMode, facing: Facing, keepView: boolean): void {
         this.clear();
         this.surface = surface;
         const geometry = new BufferGeometry();
@@ -96,16 +97,16 @@ export class Stage {
             this.points.visible = !this.mesh;
             this.scene.add(this.points);
         }
-        this.paint(mode, up);
+        this.paint(mode, facing.axis);
         this.setMarkers(this.markers);
-        if (!keepView) this.fit(up);
+        if (!keepView) this.fit(facing);
         this.request();
     }
 
     /** Colours it anew; answers which values the ends of the scale stand for. */
-    paint(mode: ColourMode, up: 0 | 1 | 2): [number, number] | undefined {
+    paint(mode: ColourMode, axis: 0 | 1 | 2): [number, number] | undefined {
         if (!this.surface) return undefined;
-        const { colors, range } = colour(this.surface, mode, up);
+        const { colors, range } = colour(this.surface, mode, axis);
         const painted = this.mesh ? colors : shade(colors, this.surface.normals);
         // eyes see steps of brightness as screens write them, lights add up otherwise
         const attribute = new BufferAttribute(linear(painted), 3, true);
@@ -154,10 +155,12 @@ export class Stage {
         this.request();
     }
 
-    /** Looks at all of it, from a little above the front. */
-    fit(up: 0 | 1 | 2): void {
-        const upward = new Vector3().setComponent(up, 1);
-        const front = up === 1 ? new Vector3(0.45, 0.3, 1) : up === 2 ? new Vector3(0.45, -1, 0.3) : new Vector3(0.3, 0.45, 1);
+    /** Looks at all of it. */
+    fit(facing: Facing): void {
+        const upward = new Vector3(...facing.up);
+        const front = new Vector3(...facing.front);
+        const side = upward.clone().cross(front);
+        const toEye = front.addScaledVector(side, facing.aside).addScaledVector(upward, facing.above).normalize();
         this.camera.up.copy(upward);
         // the controls take the upward direction when they are made
         this.controls.dispose();
@@ -165,7 +168,7 @@ export class Stage {
         const half = Math.min(this.camera.fov, this.camera.fov * this.camera.aspect) / 2;
         const distance = (this.bounds.radius * 1.05) / Math.sin((half * Math.PI) / 180);
         this.controls.target.copy(this.bounds.center);
-        this.camera.position.copy(this.bounds.center).addScaledVector(front.normalize(), distance);
+        this.camera.position.copy(this.bounds.center).addScaledVector(toEye, distance);
         this.camera.lookAt(this.bounds.center);
         this.controls.minDistance = this.bounds.radius * 0.02;
         this.controls.maxDistance = this.bounds.radius * 30;

@@ -5,15 +5,14 @@ import { percent } from "../lib/format";
 import { t } from "../texts";
 import { Trouble } from "../ui/pieces";
 import type { ColourMode } from "./colours";
+import type { Facing } from "./facing";
 import { noMarkers, type Markers, type Place } from "./marker-types";
 import type { Cut, Label, Stage } from "./scene";
 import type { Surface } from "./surface";
 
-export type Up = 0 | 1 | 2;
-
 export interface Look {
     mode: ColourMode;
-    up: Up;
+    facing: Facing;
     cut?: Cut | undefined;
     hidden: ReadonlySet<number>;
 }
@@ -87,18 +86,18 @@ export function Viewer(props: Props) {
     }, [source]);
     useEffect(() => {
         if (!stage || !surface) return;
-        stage.show(surface, look.mode, look.up, hasShown.current && props.keepsView === true);
+        stage.show(surface, look.mode, look.facing, hasShown.current && props.keepsView === true);
         hasShown.current = true;
     }, [stage, surface]);
     useEffect(() => {
-        if (stage && surface) props.onRange?.(stage.paint(look.mode, look.up));
-    }, [stage, surface, look.mode, look.up]);
+        if (stage && surface) props.onRange?.(stage.paint(look.mode, look.facing.axis));
+    }, [stage, surface, look.mode, look.facing.axis]);
     useEffect(() => stage?.setCut(look.cut), [stage, surface, look.cut]);
     useEffect(() => stage?.showViews(look.hidden), [stage, surface, look.hidden]);
     useEffect(() => stage?.setMarkers(markers), [stage, surface, markers]);
     useEffect(() => {
-        if (stage && surface && hasShown.current) stage.fit(look.up);
-    }, [stage, look.up, props.fitTurn]);
+        if (stage && surface && hasShown.current) stage.fit(look.facing);
+    }, [stage, look.facing, props.fitTurn]);
 
     const pick = (x: number, y: number) => {
         if (!stage || !props.onPick) return;
@@ -108,7 +107,7 @@ export function Viewer(props: Props) {
     };
     const onKey = (event: KeyboardEvent) => {
         if (!stage || event.ctrlKey || event.metaKey || event.altKey) return;
-        if (!press(stage, event, look.up, () => pick((canvas.current?.clientWidth ?? 0) / 2, (canvas.current?.clientHeight ?? 0) / 2))) return;
+        if (!press(stage, event, look.facing, () => pick((canvas.current?.clientWidth ?? 0) / 2, (canvas.current?.clientHeight ?? 0) / 2))) return;
         event.preventDefault();
     };
     return (
@@ -135,7 +134,7 @@ export function Viewer(props: Props) {
 }
 
 /** What the keys do; false for those that mean nothing here. */
-function press(stage: Stage, event: KeyboardEvent, up: Up, pick: () => void): boolean {
+function press(stage: Stage, event: KeyboardEvent, facing: Facing, pick: () => void): boolean {
     const arrows: Record<string, [number, number]> = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
     const arrow = arrows[event.key];
     if (arrow) {
@@ -146,7 +145,7 @@ function press(stage: Stage, event: KeyboardEvent, up: Up, pick: () => void): bo
     }
     if (event.key === "+" || event.key === "=") stage.zoom(0.87);
     else if (event.key === "-") stage.zoom(1.15);
-    else if (event.key === "f" || event.key === "F") stage.fit(up);
+    else if (event.key === "f" || event.key === "F") stage.fit(facing);
     else if (event.key === "Enter" || event.key === " ") pick();
     else return false;
     return true;

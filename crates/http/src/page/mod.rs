@@ -162,7 +162,11 @@ mod tests {
             assert!(!file.path.starts_with("/v1") && !file.path.ends_with('z'), "{}", file.path);
             if is_page {
                 let text = std::str::from_utf8(file.plain).expect("text");
-                assert!(!text.contains("<script>") && !text.contains("style=") && !text.contains("<style"), "{}", file.path);
+                assert!(
+                    !text.contains("<script>") && !text.contains("style=") && !text.contains("<style"),
+                    "{}",
+                    file.path
+                );
                 assert_eq!(response.headers()[header::CACHE_CONTROL], ASKED_AGAIN);
             }
         }
