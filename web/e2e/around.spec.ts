@@ -107,7 +107,7 @@ test("the reference shows every operation, and runs its examples", async ({ page
     await query.getByRole("button", { name: "Run: query" }).click();
     await expect(query.getByText('"searched"')).toBeVisible();
     await expectAccessible(page);
-    await page.getByLabel("Find an operation").fill("cancel");
+    await page.getByLabel("Find an operation").fill("/cancel");
     await expect(page.locator("article")).toHaveCount(1);
 });
 

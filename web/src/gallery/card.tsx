@@ -1,7 +1,7 @@
 import { useState } from "preact/hooks";
 
 import { api, ok } from "../api/client";
-import { number } from "../lib/format";
+import { number, score } from "../lib/format";
 import { href } from "../lib/router";
 import { t } from "../texts";
 import { DeleteButton } from "../ui/confirm";
@@ -27,7 +27,7 @@ export function Card({ model, onDeleted }: { model: Shown; onDeleted: () => void
                 <a href={href("models", model.id)}>{model.name}</a>
                 <div class="row">
                     {model.isMatch !== undefined && <Tag kind={model.isMatch ? "good" : undefined}>{model.isMatch ? t.gallery.card.match : t.gallery.card.noMatch}</Tag>}
-                    {model.score !== undefined && <span class="quiet small number">{t.gallery.card.score(number(model.score, 2))}</span>}
+                    {model.score !== undefined && <span class="quiet small number">{t.gallery.card.score(score(model.score))}</span>}
                     <Quality quality={model.quality} />
                     {model.label && <span class="quiet small">{model.label}</span>}
                 </div>

@@ -1,3 +1,4 @@
+import { number } from "../lib/format";
 import { t } from "../texts";
 import { Field } from "../ui/pieces";
 import { invalid, type Entered, type OptionInfo } from "./option-values";
@@ -35,14 +36,14 @@ function shown(value: unknown): string {
 }
 
 function helpOf(option: OptionInfo): string {
-    const range = typeof option.minimum === "number" && typeof option.maximum === "number" ? [t.options.range(String(option.minimum), String(option.maximum))] : [];
+    const range = typeof option.minimum === "number" && typeof option.maximum === "number" ? [t.options.range(number(option.minimum, 6), number(option.maximum, 6))] : [];
     const point = option.type === "array" ? [t.options.point] : [];
     return [option.help, ...range, ...point].join(" · ");
 }
 
 function Control(props: { id: string; help: string | undefined; option: OptionInfo; value: string | undefined; isWrong: boolean; scans: readonly string[]; onChange: (text: string) => void }) {
     const { id, help, option } = props;
-    const asItComes = t.options.defaultIs(shown(option.default));
+    const asItComes = option.default === null ? t.options.byData : t.options.defaultIs(shown(option.default));
     const choices = option.type === "boolean" ? ["true", "false"] : option.choices?.map(String);
     if (choices) {
         const value = props.value ?? String(option.default);

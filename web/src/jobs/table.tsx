@@ -28,7 +28,7 @@ export function JobTable({ jobs, onChange }: { jobs: readonly Job[]; onChange: (
             <table class="folds">
                 <caption class="unseen">{t.jobs.table}</caption>
                 <thead>
-                    <tr><th scope="col">{t.jobs.job}</th><th scope="col">{t.jobs.statusTitle}</th><th scope="col">{t.jobs.stage}</th><th scope="col">{t.jobs.time}</th><th scope="col">{t.created}</th><th><span class="unseen">{t.remove}</span></th></tr>
+                    <tr><th scope="col">{t.jobs.job}</th><th scope="col">{t.jobs.statusTitle}</th><th scope="col">{t.jobs.stage}</th><th scope="col" class="number">{t.jobs.time}</th><th scope="col">{t.created}</th><th><span class="unseen">{t.remove}</span></th></tr>
                 </thead>
                 <tbody>
                     {jobs.map((job) => {
@@ -41,7 +41,7 @@ export function JobTable({ jobs, onChange }: { jobs: readonly Job[]; onChange: (
                                 <td data-title={t.jobs.stage}>{job.stage && !isFinished(job) ? (t.jobs.stages[job.stage] ?? job.stage) : ""}</td>
                                 <td data-title={t.jobs.time} class="number">{seconds === undefined ? "" : duration(seconds)}</td>
                                 <td data-title={t.created}>{date(job.created_at)}</td>
-                                <td>
+                                <td class="act">
                                     {isFinished(job) && (
                                         <DeleteButton
                                             name={name} consequence={t.confirm.job} label={`${t.remove}: ${name}`} className="bare"

@@ -14,6 +14,11 @@ export function percent(share: number): string {
     return new Intl.NumberFormat(language.get(), { style: "percent", maximumFractionDigits: 1 }).format(share);
 }
 
+/** A score between 0 and 1. */
+export function score(value: number): string {
+    return new Intl.NumberFormat(language.get(), { minimumFractionDigits: 2, maximumFractionDigits: 2 }).format(value);
+}
+
 /** A length in the unit of its model; without one the bare figure, since a guess would be worse. */
 export function length(value: number, unit: string): string {
     return unit === "unknown" ? figure(value) : `${figure(value)}\u00a0${unit}`;

@@ -1,5 +1,5 @@
 import type { Schema } from "../api/client";
-import { number } from "../lib/format";
+import { score } from "../lib/format";
 import { t } from "../texts";
 import { Quality, Tag } from "../ui/pieces";
 import type { Report } from "./sources";
@@ -44,7 +44,7 @@ function ClassVerdict({ verdict }: { verdict: Schema["Verdict"] }) {
                 <strong>{title}</strong>
                 {verdict.standard !== "face" && <Tag kind={verdict.is_match ? "good" : undefined}>{verdict.is_match ? t.model.match : t.model.noMatch}</Tag>}
             </p>
-            <p class="small">{t.model.score(number(verdict.score, 2), number(verdict.threshold, 2))}</p>
+            <p class="small">{t.model.score(score(verdict.score), score(verdict.threshold))}</p>
             {verdict.reason && <p class="small">{verdict.reason.text}</p>}
         </div>
     );

@@ -48,7 +48,7 @@ export function ScanSetList() {
                                         <td class="number" data-title={t.points}>{number(set.scans.reduce((sum, scan) => sum + scan.points, 0))}</td>
                                         <td data-title={t.unit}>{set.unit === "unknown" ? t.units.unknown : set.unit}</td>
                                         <td data-title={t.created}>{date(set.created_at)}</td>
-                                        <td>
+                                        <td class="act">
                                             <DeleteButton
                                                 name={set.name} consequence={t.confirm.set} label={`${t.remove}: ${set.name}`} className="bare"
                                                 onConfirm={() => ok(api.DELETE("/v1/scan-sets/{id}", { params: { path: { id: set.id } } }))}

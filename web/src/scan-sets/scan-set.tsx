@@ -82,7 +82,7 @@ function ScanTable({ set, onChange }: { set: Schema["ScanSet"]; onChange: () => 
                                 <td class="number" data-title={t.points}>{number(scan.points)}</td>
                                 <td class="number" data-title={t.size}>{bytes(scan.bytes)}</td>
                                 <td class="small" data-title={t.set.notes}>{readingNotes(scan.reading).join(" · ")}</td>
-                                <td>
+                                <td class="act">
                                     <DeleteButton
                                         name={scan.name} consequence={t.confirm.scan} label={`${t.remove}: ${scan.name}`} className="bare"
                                         onConfirm={() => ok(api.DELETE("/v1/scan-sets/{id}/scans/{name}", { params: { path: { id: set.id, name: scan.name } } }))}

@@ -88,7 +88,7 @@ export const en = {
     options: {
         title: "Options",
         changed: (count: number) => (count === 0 ? "all as they come" : `${count} changed`),
-        byData: "decided by the data",
+        byData: "left to the data",
         yes: "yes", no: "no",
         range: (least: string, most: string) => `${least} to ${most}`,
         defaultIs: (value: string) => `as it comes: ${value}`,

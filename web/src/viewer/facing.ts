@@ -19,13 +19,17 @@ export const byAxis: readonly [Facing, Facing, Facing] = [
     { front: [0, -1, 0], up: [0, 0, 1], aside: 0.4, above: 0.3, axis: 2 },
 ];
 
-/** What a face looks at: from the inner corners of its eyes and the tip of its nose, right and left being its own. */
+/** What lies below the eyes in a face that stands upright; the tip of the nose sticks out too far to tell it. */
+const below = ["chin", "subnasale", "nose_tip"];
+
+/** Where a face looks: from the inner corners of its eyes and a place below them, right and left being its own. */
 export function ofFace(landmarks: Record<string, readonly number[]>): Facing | undefined {
-    const [right, left, nose] = ["eye_r_inner", "eye_l_inner", "nose_tip"].map((name) => landmarks[name]);
-    if (!right || !left || !nose) return undefined;
+    const [right, left] = [landmarks["eye_r_inner"], landmarks["eye_l_inner"]];
+    const low = below.map((name) => landmarks[name]).find((place) => place !== undefined);
+    if (!right || !left || !low) return undefined;
     const across = difference(left, right);
     const middle = right.map((value, axis) => (value + (left[axis] as number)) / 2);
-    const rise = difference(middle, nose);
+    const rise = difference(middle, low);
     // who is looked at has the right eye on the left
     const front = unit(cross(across, rise));
     const up = front && unit(cross(front, across));

@@ -27,7 +27,13 @@ export interface Label {
     text: string;
     x: number;
     y: number;
+    /** Whether an earlier one stands there. */
+    isCovered: boolean;
 }
+
+/** How much room a text takes, in pixels. */
+const letterWidth = 7;
+const lineHeight = 18;
 
 /** Draws one surface with what stands beside it, and only when something has changed. */
 export class Stage {
@@ -166,7 +172,7 @@ export class Stage {
         this.controls.dispose();
         this.controls = this.newControls();
         const half = Math.min(this.camera.fov, this.camera.fov * this.camera.aspect) / 2;
-        const distance = (this.bounds.radius * 1.05) / Math.sin((half * Math.PI) / 180);
+        const distance = (this.bounds.radius * 0.95) / Math.sin((half * Math.PI) / 180);
         this.controls.target.copy(this.bounds.center);
         this.camera.position.copy(this.bounds.center).addScaledVector(toEye, distance);
         this.camera.lookAt(this.bounds.center);
@@ -300,11 +306,16 @@ export class Stage {
 
     private labels(): Label[] {
         const { clientWidth, clientHeight } = this.canvas;
+        const taken: [number, number, number][] = [];
         return this.markers.points.flatMap(({ at, text }) => {
             if (!text) return [];
             const place = this.local(at).project(this.camera);
             if (place.z > 1 || Math.abs(place.x) > 1 || Math.abs(place.y) > 1) return [];
-            return [{ text, x: ((place.x + 1) / 2) * clientWidth, y: ((1 - place.y) / 2) * clientHeight }];
+            const [x, y] = [((place.x + 1) / 2) * clientWidth, ((1 - place.y) / 2) * clientHeight];
+            const end = x + (text.length + 2) * letterWidth;
+            const isCovered = taken.some(([from, to, height]) => Math.abs(height - y) < lineHeight && x < to && end > from);
+            if (!isCovered) taken.push([x, end, y]);
+            return [{ text, x, y, isCovered }];
         });
     }
 }

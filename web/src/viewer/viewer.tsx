@@ -121,8 +121,8 @@ export function Viewer(props: Props) {
                     if (event.button === 0 && Math.hypot(event.offsetX - x, event.offsetY - y) < clickReach) pick(event.offsetX, event.offsetY);
                 }}
             />
-            {labels.map(({ text, x, y }) => (
-                <span key={text} class="spot" style={{ left: `${x}px`, top: `${y}px` }} aria-hidden="true">{text}</span>
+            {labels.map(({ text, x, y, isCovered }) => (
+                <span key={text} class={`spot ${isCovered ? "covered" : ""}`} style={{ left: `${x}px`, top: `${y}px` }} aria-hidden="true">{text}</span>
             ))}
             {props.onPick && (
                 <svg class="cross" viewBox="0 0 21 21" aria-hidden="true"><path d="M10.5 1v7M10.5 13v7M1 10.5h7M13 10.5h7" stroke="currentColor" stroke-width="2" /></svg>
