@@ -7,6 +7,8 @@ export default defineConfig({
     oxc: { jsx: { runtime: "automatic", importSource: "preact" } },
     build: {
         target: "es2022",
+        // the licences of what is bundled go with it
+        license: { fileName: "licenses.txt" },
         // nothing may stand in the text as a data address or an inline script: the policy of the server forbids it
         assetsInlineLimit: 0,
         modulePreload: { polyfill: false },

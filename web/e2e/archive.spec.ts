@@ -15,17 +15,27 @@ function tar(files: { name: string; content: Buffer }[]): Buffer {
         head.write("00000000000\0", 136);
         head.write("        0", 148);
         head.write("ustar\u000000", 257);
-        head.write(`${head.reduce((sum, byte) => sum + byte, 0).toString(8).padStart(6, "0")}\0 `, 148);
+        head.write(
+            `${head
+                .reduce((sum, byte) => sum + byte, 0)
+                .toString(8)
+                .padStart(6, "0")}\0 `,
+            148,
+        );
         return [head, content, Buffer.alloc((512 - (content.length % 512)) % 512)];
     });
     return Buffer.concat([...parts, Buffer.alloc(1024)]);
 }
 
 test("an archive makes a set; what it holds beside scans is said", async ({ page, server, watch }) => {
-    const scans = scansOfHead().slice(0, 2).map((path) => ({ name: `captured/${basename(path)}`, content: readFileSync(path) }));
+    const scans = scansOfHead()
+        .slice(0, 2)
+        .map((path) => ({ name: `captured/${basename(path)}`, content: readFileSync(path) }));
     const archive = gzipSync(tar([...scans, { name: "captured/notes.md", content: Buffer.from("taken on a Sunday") }]));
     await page.goto("/");
-    await page.getByTestId("files").setInputFiles({ name: "captured.tar.gz", mimeType: "application/gzip", buffer: archive });
+    await page
+        .getByTestId("files")
+        .setInputFiles({ name: "captured.tar.gz", mimeType: "application/gzip", buffer: archive });
     await expect(page.getByLabel("Taken as: captured.tar.gz")).toHaveValue("archive");
     await expect(page.getByLabel("Name (optional)")).toHaveValue("captured");
     // the first attempt does not arrive: the second is the same request

@@ -6,11 +6,14 @@ import { scansOfHead } from "./server";
 
 test("a folder that is dropped makes a set of its name; its poses are known", async ({ page, server }) => {
     await page.goto("/");
-    const files = scansOfHead().slice(0, 2).map((path) => ({ name: basename(path), content: readFileSync(path).toString("base64") }));
+    const files = scansOfHead()
+        .slice(0, 2)
+        .map((path) => ({ name: basename(path), content: readFileSync(path).toString("base64") }));
     // a drop with real entries can only be made by hand of files: folders have their own test of names
     const transfer = await page.evaluateHandle((given) => {
         const transfer = new DataTransfer();
-        for (const { name, content } of given) transfer.items.add(new File([Uint8Array.from(atob(content), (sign) => sign.charCodeAt(0))], name));
+        for (const { name, content } of given)
+            transfer.items.add(new File([Uint8Array.from(atob(content), (sign) => sign.charCodeAt(0))], name));
         transfer.items.add(new File(["[]"], "notes.md"));
         return transfer;
     }, files);
@@ -81,7 +84,11 @@ test("all is told in German, too", async ({ page }) => {
     await page.getByLabel("Language").selectOption("de");
     await expect(page.getByText("Scans, einen Ordner oder ein Zip hier ablegen")).toBeVisible();
     await expect(page.locator("html")).toHaveAttribute("lang", "de");
-    for (const [link, title] of [["Aufträge", "Aufträge"], ["Galerie", "Galerie"], ["Muster", "Muster"]] as const) {
+    for (const [link, title] of [
+        ["Aufträge", "Aufträge"],
+        ["Galerie", "Galerie"],
+        ["Muster", "Muster"],
+    ] as const) {
         await page.getByRole("navigation").getByRole("link", { name: link }).click();
         await expect(page.getByRole("heading", { name: title, level: 1 })).toBeVisible();
         await expectAccessible(page);
@@ -120,7 +127,11 @@ test("hints are made by picking the same places in two scans", async ({ page, se
     const canvases = page.locator(".viewer canvas");
     await expect(canvases).toHaveCount(2);
     for (const index of [0, 1]) await expect(canvases.nth(index)).toHaveAttribute("data-ready", "yes");
-    for (const [dx, dy] of [[0, 0], [25, 5], [-5, 30]] as const) {
+    for (const [dx, dy] of [
+        [0, 0],
+        [25, 5],
+        [-5, 30],
+    ] as const) {
         for (const index of [0, 1]) {
             const canvas = canvases.nth(index);
             const box = (await canvas.boundingBox())!;
@@ -136,7 +147,9 @@ test("hints are made by picking the same places in two scans", async ({ page, se
     // what the page makes of it is what the server takes, word by word
     const sent = page.waitForRequest((request) => request.method() === "POST" && request.url().endsWith("/v1/jobs"));
     // no registration is needed to see what is sent
-    await page.route("**/v1/jobs", (route) => (route.request().method() === "POST" ? route.fulfill({ status: 202, json: { id: "none" } }) : route.continue()));
+    await page.route("**/v1/jobs", (route) =>
+        route.request().method() === "POST" ? route.fulfill({ status: 202, json: { id: "none" } }) : route.continue(),
+    );
     await page.getByRole("button", { name: "Start a job with these hints" }).click();
     const body = (await sent).postDataJSON() as { hints: { points: { pairs: unknown[][][] }[]; overlaps: string[][] } };
     expect(body.hints.overlaps).toEqual([["scan_00.ply", "scan_01.ply"]]);

@@ -29,7 +29,8 @@ export const test = base.extend<{ watch: Watch }, { server: Server }>({
             page.on("console", (message) => {
                 // a server that is older than its pictures has none: the page shows a sign instead
                 if (message.location().url.includes("/pictures/thumbnail")) return;
-                if (message.type() === "error" && !wanted.some((text) => text.test(message.text()))) faults.push(message.text());
+                if (message.type() === "error" && !wanted.some((text) => text.test(message.text())))
+                    faults.push(message.text());
             });
             page.on("pageerror", (error) => faults.push(String(error)));
             page.on("request", (request) => {
@@ -48,18 +49,26 @@ export { expect };
 /** Nothing that axe knows stands in the way of people who can't see, hear or point. */
 export async function expectAccessible(page: Page): Promise<void> {
     const { violations } = await new AxeBuilder({ page }).analyze();
-    expect(violations.map(({ id, nodes }) => `${id}: ${nodes.map((node) => node.html.slice(0, 120)).join(" | ")}`)).toEqual([]);
+    expect(
+        violations.map(({ id, nodes }) => `${id}: ${nodes.map((node) => node.html.slice(0, 120)).join(" | ")}`),
+    ).toEqual([]);
 }
 
 /** Nothing is wider than the screen. */
 export async function expectFits(page: Page): Promise<void> {
-    const [content, screen] = await page.evaluate(() => [document.documentElement.scrollWidth, document.documentElement.clientWidth]);
+    const [content, screen] = await page.evaluate(() => [
+        document.documentElement.scrollWidth,
+        document.documentElement.clientWidth,
+    ]);
     expect(content).toBeLessThanOrEqual(screen ?? 0);
 }
 
 /** How often the surface was drawn. */
 export function drawn(page: Page): Promise<number> {
-    return page.locator(".viewer canvas").first().evaluate((canvas) => Number((canvas as HTMLElement).dataset["drawn"] ?? 0));
+    return page
+        .locator(".viewer canvas")
+        .first()
+        .evaluate((canvas) => Number((canvas as HTMLElement).dataset["drawn"] ?? 0));
 }
 
 /** A surface is on the screen. */

@@ -10,7 +10,10 @@ async function tabTo(page: Page, name: RegExp): Promise<void> {
         await page.keyboard.press("Tab");
         const focused = await page.evaluate(() => {
             const element = document.activeElement;
-            const labels = element instanceof HTMLInputElement || element instanceof HTMLSelectElement ? [...(element.labels ?? [])].map((label) => label.textContent) : [];
+            const labels =
+                element instanceof HTMLInputElement || element instanceof HTMLSelectElement
+                    ? [...(element.labels ?? [])].map((label) => label.textContent)
+                    : [];
             return [element?.getAttribute("aria-label"), ...labels, element?.textContent].filter(Boolean).join(" ");
         });
         if (name.test(focused)) return;

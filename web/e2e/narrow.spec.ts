@@ -3,12 +3,29 @@ import { devices } from "@playwright/test";
 import { expect, expectAccessible, expectFits, expectSurface, test } from "./fixture";
 import { addedModel, registeredHead } from "./seed";
 
-test.use({ viewport: { width: 360, height: 740 }, hasTouch: true, isMobile: true, userAgent: devices["Pixel 5"].userAgent });
+test.use({
+    viewport: { width: 360, height: 740 },
+    hasTouch: true,
+    isMobile: true,
+    userAgent: devices["Pixel 5"].userAgent,
+});
 
 test("every page fits on a phone, in light and dark, and can be touched", async ({ page, server }) => {
     const { set, job, model } = await registeredHead(server, "On a phone");
     const jug = await addedModel(server, "jug", "thing");
-    const places = ["", "scan-sets", `scan-sets/${set}`, `scan-sets/${set}/hints`, "jobs", `jobs/${job}`, `models/${model}`, "gallery", "gallery?standard=face", "evaluation", "standards"];
+    const places = [
+        "",
+        "scan-sets",
+        `scan-sets/${set}`,
+        `scan-sets/${set}/hints`,
+        "jobs",
+        `jobs/${job}`,
+        `models/${model}`,
+        "gallery",
+        "gallery?standard=face",
+        "evaluation",
+        "standards",
+    ];
     for (const scheme of ["light", "dark"] as const) {
         await page.emulateMedia({ colorScheme: scheme });
         for (const place of places) {

@@ -16,7 +16,9 @@ export class Server {
     /** Starts it, on the port that it had before if it had one. */
     async start(): Promise<void> {
         const address = this.url ? new URL(this.url).host : "127.0.0.1:0";
-        this.process = spawn(program, ["serve", "--addr", address, "--data", this.folder, "--log", "warn"], { stdio: ["ignore", "pipe", "inherit"] });
+        this.process = spawn(program, ["serve", "--addr", address, "--data", this.folder, "--log", "warn"], {
+            stdio: ["ignore", "pipe", "inherit"],
+        });
         const lines = createInterface({ input: this.process.stdout! });
         for await (const line of lines) {
             const found = /^listening on (\S+)/.exec(line);
@@ -54,5 +56,8 @@ export function demo(): string {
 /** The eight scans of the head that has a face. */
 export function scansOfHead(): string[] {
     const folder = join(demo(), "head");
-    return readdirSync(folder).filter((name) => name.endsWith(".ply")).sort().map((name) => join(folder, name));
+    return readdirSync(folder)
+        .filter((name) => name.endsWith(".ply"))
+        .sort()
+        .map((name) => join(folder, name));
 }

@@ -13,7 +13,9 @@ test("nothing is drawn while nothing changes", async ({ page, server }) => {
     // two frames of the browser's own later as many pictures were drawn as before
     const settled = async () => {
         const before = await drawn(page);
-        await page.evaluate(() => new Promise((resolve) => requestAnimationFrame(() => requestAnimationFrame(resolve))));
+        await page.evaluate(
+            () => new Promise((resolve) => requestAnimationFrame(() => requestAnimationFrame(resolve))),
+        );
         return (await drawn(page)) === before;
     };
     await expect.poll(settled).toBe(true);

@@ -77,7 +77,13 @@ test("scans are dropped, registered, looked at, found and deleted", async ({ pag
         await page.getByRole("button", { name: "Show all" }).click();
         await expect(spots.first()).toBeVisible();
         const box = (await page.locator(".viewer canvas").boundingBox())!;
-        const places = await spots.evaluateAll((all) => all.map((spot) => ({ text: spot.textContent ?? "", x: parseFloat((spot as HTMLElement).style.left), y: parseFloat((spot as HTMLElement).style.top) })));
+        const places = await spots.evaluateAll((all) =>
+            all.map((spot) => ({
+                text: spot.textContent ?? "",
+                x: parseFloat((spot as HTMLElement).style.left),
+                y: parseFloat((spot as HTMLElement).style.top),
+            })),
+        );
         const wanted = places.filter(({ text }) => /nose tip|eye . inner/.test(text)).slice(0, 3);
         expect(wanted, places.map(({ text }) => text).join()).toHaveLength(3);
         for (const [index, { x, y }] of wanted.entries()) {

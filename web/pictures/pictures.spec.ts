@@ -34,14 +34,25 @@ test("pictures of the page", async ({ page, server, watch }) => {
     await addedModel(server, "jug", "thing");
     await addedModel(server, "head", "face");
     const views: View[] = [
-        { name: "scan-sets", place: "scan-sets", prepare: async (page) => void (await page.getByTestId("files").setInputFiles(scansOfHead())), document: ["light", "page_scans"] },
-        { name: "scan-set", place: `scan-sets/${set}`, prepare: (page) => page.getByText("Options", { exact: false }).first().click() },
+        {
+            name: "scan-sets",
+            place: "scan-sets",
+            prepare: async (page) => void (await page.getByTestId("files").setInputFiles(scansOfHead())),
+            document: ["light", "page_scans"],
+        },
+        {
+            name: "scan-set",
+            place: `scan-sets/${set}`,
+            prepare: (page) => page.getByText("Options", { exact: false }).first().click(),
+        },
         { name: "hints", place: `scan-sets/${set}/hints` },
         { name: "jobs", place: "jobs" },
         { name: "job", place: `jobs/${job}` },
         { name: "model", place: `models/${model}`, prepare: surface, document: ["light", "page_model"] },
         {
-            name: "model-cloud", place: `models/${model}`, document: ["dark", "page_cloud"],
+            name: "model-cloud",
+            place: `models/${model}`,
+            document: ["dark", "page_cloud"],
             prepare: async (page) => {
                 await surface(page);
                 await page.getByLabel("Show", { exact: true }).selectOption("cloud");
@@ -52,7 +63,14 @@ test("pictures of the page", async ({ page, server, watch }) => {
         },
         { name: "gallery", place: "gallery?standard=face", document: ["light", "page_gallery"] },
         { name: "standards", place: "standards" },
-        { name: "evaluation", place: "evaluation", prepare: async (page) => { await page.getByRole("button", { name: "Evaluate" }).click(); await page.getByText("Area under", { exact: false }).waitFor(); } },
+        {
+            name: "evaluation",
+            place: "evaluation",
+            prepare: async (page) => {
+                await page.getByRole("button", { name: "Evaluate" }).click();
+                await page.getByText("Area under", { exact: false }).waitFor();
+            },
+        },
     ];
     if (all) mkdirSync(all, { recursive: true });
     for (const [size, viewport] of Object.entries(sizes)) {
@@ -68,7 +86,8 @@ test("pictures of the page", async ({ page, server, watch }) => {
                 await page.waitForLoadState("networkidle");
                 await prepare?.(page);
                 if (all) await page.screenshot({ path: join(all, `${name}-${size}-${scheme}.png`), fullPage: true });
-                if (isWanted && document) await page.screenshot({ path: join(documents, `${document[1]}.jpg`), type: "jpeg", quality: 72 });
+                if (isWanted && document)
+                    await page.screenshot({ path: join(documents, `${document[1]}.jpg`), type: "jpeg", quality: 72 });
             }
             await page.goto(`${server.url}/docs#info`);
             await page.getByRole("heading", { level: 1 }).waitFor();

@@ -31,7 +31,8 @@ export function App() {
 function page({ parts, query }: Place): ComponentChildren {
     const [kind, id, more] = parts;
     if (kind === undefined) return <ScanSetList />;
-    if (kind === "scan-sets") return id === undefined ? <ScanSetList /> : more === "hints" ? <HintsPage id={id} /> : <ScanSetPage id={id} />;
+    if (kind === "scan-sets")
+        return id === undefined ? <ScanSetList /> : more === "hints" ? <HintsPage id={id} /> : <ScanSetPage id={id} />;
     if (kind === "jobs") return id === undefined ? <JobList /> : <JobPage id={id} />;
     if (kind === "models" && id !== undefined) return <ModelPage id={id} />;
     if (kind === "gallery") return <Gallery query={query} />;
@@ -57,25 +58,44 @@ function Frame({ current, children }: { current: string; children: ComponentChil
         ["gallery", t.nav.gallery, href("gallery")],
         ["standards", t.nav.standards, href("standards")],
     ];
-    const isIn = (area: string) => area === current || (area === "gallery" && (current === "models" || current === "evaluation"));
+    const isIn = (area: string) =>
+        area === current || (area === "gallery" && (current === "models" || current === "evaluation"));
     return (
         <>
-            <a class="skip" href="#content" onClick={skip}>{t.skip}</a>
+            <a class="skip" href="#content" onClick={skip}>
+                {t.skip}
+            </a>
             <header class="top">
                 <div class="top-inner">
-                    <a class="brand" href={href("scan-sets")}><img src="/favicon.svg" alt="" />visage</a>
+                    <a class="brand" href={href("scan-sets")}>
+                        <img src="/favicon.svg" alt="" />
+                        visage
+                    </a>
                     <nav aria-label={t.nav.label}>
                         {areas.map(([area, text, address]) => (
-                            <a key={area} href={address} aria-current={isIn(area) ? "page" : undefined}>{text}</a>
+                            <a key={area} href={address} aria-current={isIn(area) ? "page" : undefined}>
+                                {text}
+                            </a>
                         ))}
                         <a href="/docs">{t.nav.docs}</a>
                     </nav>
                     <Settings />
                 </div>
             </header>
-            {isLost && <div class="banner" role="alert">{t.lost}</div>}
-            <main ref={content} id="content" tabIndex={-1}>{children}</main>
-            <div class="unseen" role="status" aria-live="polite">{spoken}</div>
+            {isLost && (
+                <div class="banner" role="alert">
+                    {t.lost}
+                </div>
+            )}
+            <main ref={content} id="content" tabIndex={-1}>
+                {children}
+            </main>
+            <footer>
+                <a href="/licenses.txt">{t.licences}</a>
+            </footer>
+            <div class="unseen" role="status" aria-live="polite">
+                {spoken}
+            </div>
         </>
     );
 }

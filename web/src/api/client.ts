@@ -32,7 +32,8 @@ export async function ok<T>(call: Promise<{ data?: T; error?: unknown; response:
         }
         throw error;
     }
-    if (result.error !== undefined || !result.response.ok) throw new ApiError(problemOf(result.error, result.response.status));
+    if (result.error !== undefined || !result.response.ok)
+        throw new ApiError(problemOf(result.error, result.response.status));
     return result.data as T;
 }
 

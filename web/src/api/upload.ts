@@ -24,7 +24,7 @@ interface Answer {
 
 /** Sends, and sends again after a lost connection or when the server is busy, until it is answered or stopped. */
 export async function send<T>(sending: Sending): Promise<T> {
-    for (let breaks = 0; ; ) {
+    for (let breaks = 0; ;) {
         sending.signal?.throwIfAborted();
         const answer = await once(sending);
         if (answer === undefined) {

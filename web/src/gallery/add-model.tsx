@@ -27,7 +27,12 @@ export function AddModel({ onAdded }: { onAdded: () => void }) {
         if (name.trim()) form.append("name", name.trim());
         if (label.trim()) form.append("label", label.trim());
         try {
-            const model = await send<Schema["Model"]>({ method: "POST", url: "/v1/models", body: form, onProgress: (sent) => setShare(Math.min(1, sent / file.size)) });
+            const model = await send<Schema["Model"]>({
+                method: "POST",
+                url: "/v1/models",
+                body: form,
+                onProgress: (sent) => setShare(Math.min(1, sent / file.size)),
+            });
             setAdded(model.name);
             announce(t.gallery.added(model.name));
             setName("");
@@ -44,16 +49,35 @@ export function AddModel({ onAdded }: { onAdded: () => void }) {
             <form class="stack" onSubmit={add}>
                 <div class="form-grid">
                     <Field label={t.gallery.addFile} help={t.gallery.addHelp}>
-                        {(id, help) => <input id={id} aria-describedby={help} type="file" required onChange={(event) => setFile(event.currentTarget.files?.[0])} />}
+                        {(id, help) => (
+                            <input
+                                id={id}
+                                aria-describedby={help}
+                                type="file"
+                                required
+                                onChange={(event) => setFile(event.currentTarget.files?.[0])}
+                            />
+                        )}
                     </Field>
                     <TextField label={`${t.name} (${t.optional})`} value={name} onInput={setName} />
-                    <TextField label={`${t.label} (${t.optional})`} help={t.labelHelp} value={label} onInput={setLabel} />
+                    <TextField
+                        label={`${t.label} (${t.optional})`}
+                        help={t.labelHelp}
+                        value={label}
+                        onInput={setLabel}
+                    />
                     <UnitChoice value={unit} onChange={setUnit} />
                 </div>
                 <Trouble error={error} />
                 {share !== undefined && <progress aria-label={t.upload.progress} max={1} value={share} />}
-                {added && <div class="note good"><p>{t.gallery.added(added)}</p></div>}
-                <button type="submit" class="main" disabled={share !== undefined}>{share === undefined ? t.gallery.add : t.gallery.adding}</button>
+                {added && (
+                    <div class="note good">
+                        <p>{t.gallery.added(added)}</p>
+                    </div>
+                )}
+                <button type="submit" class="main" disabled={share !== undefined}>
+                    {share === undefined ? t.gallery.add : t.gallery.adding}
+                </button>
             </form>
         </details>
     );

@@ -22,21 +22,42 @@ export interface Shown {
 export function Card({ model, onDeleted }: { model: Shown; onDeleted: () => void }) {
     return (
         <li class="card">
-            <a class="thumb" href={href("models", model.id)} tabIndex={-1} aria-hidden="true"><Thumbnail id={model.id} /></a>
+            <a class="thumb" href={href("models", model.id)} tabIndex={-1} aria-hidden="true">
+                <Thumbnail id={model.id} />
+            </a>
             <div class="body">
                 <a href={href("models", model.id)}>{model.name}</a>
                 <div class="row">
-                    {model.isMatch !== undefined && <Tag kind={model.isMatch ? "good" : undefined}>{model.isMatch ? t.gallery.card.match : t.gallery.card.noMatch}</Tag>}
-                    {model.score !== undefined && <span class="quiet small number">{t.gallery.card.score(score(model.score))}</span>}
+                    {model.isMatch !== undefined && (
+                        <Tag kind={model.isMatch ? "good" : undefined}>
+                            {model.isMatch ? t.gallery.card.match : t.gallery.card.noMatch}
+                        </Tag>
+                    )}
+                    {model.score !== undefined && (
+                        <span class="quiet small number">{t.gallery.card.score(score(model.score))}</span>
+                    )}
                     <Quality quality={model.quality} />
                     {model.label && <span class="quiet small">{model.label}</span>}
                 </div>
-                {model.points !== undefined && <span class="quiet small number">{number(model.points)} {t.points}</span>}
+                {model.points !== undefined && (
+                    <span class="quiet small number">
+                        {number(model.points)} {t.points}
+                    </span>
+                )}
                 {model.reason && <span class="quiet small">{model.reason}</span>}
                 <div class="actions">
-                    <a class="button small-button" href={`${href("gallery")}?like=${encodeURIComponent(model.id)}`} aria-label={`${t.gallery.card.like}: ${model.name}`}>{t.gallery.card.like}</a>
+                    <a
+                        class="button small-button"
+                        href={`${href("gallery")}?like=${encodeURIComponent(model.id)}`}
+                        aria-label={`${t.gallery.card.like}: ${model.name}`}
+                    >
+                        {t.gallery.card.like}
+                    </a>
                     <DeleteButton
-                        name={model.name} consequence={t.confirm.model} label={`${t.remove}: ${model.name}`} className="bare"
+                        name={model.name}
+                        consequence={t.confirm.model}
+                        label={`${t.remove}: ${model.name}`}
+                        className="bare"
                         onConfirm={() => ok(api.DELETE("/v1/models/{id}", { params: { path: { id: model.id } } }))}
                         onDone={onDeleted}
                     />
@@ -50,7 +71,16 @@ export function Card({ model, onDeleted }: { model: Shown; onDeleted: () => void
 function Thumbnail({ id }: { id: string }) {
     const [isMissing, setMissing] = useState(false);
     if (!isMissing) {
-        return <img src={`/v1/models/${encodeURIComponent(id)}/pictures/thumbnail?size=256x192`} alt="" width={256} height={192} loading="lazy" onError={() => setMissing(true)} />;
+        return (
+            <img
+                src={`/v1/models/${encodeURIComponent(id)}/pictures/thumbnail?size=256x192`}
+                alt=""
+                width={256}
+                height={192}
+                loading="lazy"
+                onError={() => setMissing(true)}
+            />
+        );
     }
     return (
         <svg viewBox="0 0 48 48" fill="none" stroke="currentColor" stroke-width="1.6" stroke-linejoin="round">

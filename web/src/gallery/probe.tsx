@@ -6,7 +6,13 @@ import { t } from "../texts";
 import { Choice, Field, Trouble, UnitChoice, type Unit } from "../ui/pieces";
 
 /** Asks about a file that is not stored: which models are like it, or whether it is of a class. */
-export function Probe({ standards, onAnswer }: { standards: readonly string[]; onAnswer: (answer: Schema["QueryAnswer"] | undefined) => void }) {
+export function Probe({
+    standards,
+    onAnswer,
+}: {
+    standards: readonly string[];
+    onAnswer: (answer: Schema["QueryAnswer"] | undefined) => void;
+}) {
     const [file, setFile] = useState<File>();
     const [unit, setUnit] = useState<Unit>("unknown");
     const [standard, setStandard] = useState("");
@@ -31,18 +37,31 @@ export function Probe({ standards, onAnswer }: { standards: readonly string[]; o
             setBusy(false);
         }
     };
-    const choices = [["", t.gallery.questions.probe] as const, ...standards.map((name) => [name, t.gallery.isItOf(name)] as const)];
+    const choices = [
+        ["", t.gallery.questions.probe] as const,
+        ...standards.map((name) => [name, t.gallery.isItOf(name)] as const),
+    ];
     return (
         <form class="panel stack" onSubmit={ask}>
             <div class="form-grid">
                 <Field label={t.gallery.probe} help={t.gallery.probeHelp}>
-                    {(id, help) => <input id={id} aria-describedby={help} type="file" required onChange={(event) => setFile(event.currentTarget.files?.[0])} />}
+                    {(id, help) => (
+                        <input
+                            id={id}
+                            aria-describedby={help}
+                            type="file"
+                            required
+                            onChange={(event) => setFile(event.currentTarget.files?.[0])}
+                        />
+                    )}
                 </Field>
                 <UnitChoice value={unit} onChange={setUnit} />
                 <Choice label={t.gallery.question} value={standard} choices={choices} onChange={setStandard} />
             </div>
             <Trouble error={error} />
-            <button type="submit" class="main" disabled={isBusy}>{isBusy ? t.loading : t.gallery.probeAsk}</button>
+            <button type="submit" class="main" disabled={isBusy}>
+                {isBusy ? t.loading : t.gallery.probeAsk}
+            </button>
         </form>
     );
 }

@@ -18,14 +18,24 @@ export interface Conditions {
 const pageSize = 60;
 
 /** A page of the answer. */
-export async function ask(question: Question, { label, onlyMatches }: Conditions, cursor: string | undefined): Promise<Page> {
+export async function ask(
+    question: Question,
+    { label, onlyMatches }: Conditions,
+    cursor: string | undefined,
+): Promise<Page> {
     if (question.kind === "all") {
         const query = { limit: pageSize, ...(cursor && { cursor }), ...(label && { label }) };
         const answer = await ok(api.GET("/v1/models", { params: { query } }));
         return { models: answer.items.map(ofSummary), next: answer.next_cursor ?? undefined, pending: 0 };
     }
     const about = question.kind === "standard" ? { standard: question.standard } : { model_id: question.id };
-    const body = { ...about, limit: pageSize, only_matches: onlyMatches, ...(cursor && { cursor }), ...(label && { filter: { labels: [label] } }) };
+    const body = {
+        ...about,
+        limit: pageSize,
+        only_matches: onlyMatches,
+        ...(cursor && { cursor }),
+        ...(label && { filter: { labels: [label] } }),
+    };
     return ofAnswer(await ok(api.POST("/v1/queries", { body })));
 }
 
@@ -38,16 +48,28 @@ function ofSummary(model: Schema["ModelSummary"]): Shown {
 }
 
 function ofMatch(match: Schema["Match"]): Shown {
-    return { id: match.model_id, name: match.name, label: match.label, score: match.score, isMatch: match.is_match, reason: match.reason?.text };
+    return {
+        id: match.model_id,
+        name: match.name,
+        label: match.label,
+        score: match.score,
+        isMatch: match.is_match,
+        reason: match.reason?.text,
+    };
 }
 
 /** All models, for a search by text: the interface itself searches by label and by look. */
 export function allModels(): Promise<Shown[]> {
-    return everything((cursor) => ok(api.GET("/v1/models", { params: { query: { limit: 100, ...(cursor && { cursor }) } } }))).then((models) => models.map(ofSummary));
+    return everything((cursor) =>
+        ok(api.GET("/v1/models", { params: { query: { limit: 100, ...(cursor && { cursor }) } } })),
+    ).then((models) => models.map(ofSummary));
 }
 
 /** Whether every word of the text stands in the name or the label. */
 export function fits(model: Pick<Shown, "name" | "label">, text: string): boolean {
     const where = `${model.name} ${model.label ?? ""}`.toLocaleLowerCase();
-    return text.toLocaleLowerCase().split(/\s+/).every((word) => where.includes(word));
+    return text
+        .toLocaleLowerCase()
+        .split(/\s+/)
+        .every((word) => where.includes(word));
 }

@@ -21,23 +21,36 @@ export function StandardsPage() {
             <Trouble error={standards.error} />
             {!standards.data && standards.isLoading && <Loading />}
             {standards.data?.items.map((standard) =>
-                "landmarks" in standard
-                    ? <OwnStandard key={standard.name} standard={standard} onChange={standards.reload} />
-                    : (
-                        <section class="panel" key={standard.name}>
-                            <div class="row spread">
-                                <h2 class="row">{standard.name} <Tag>{t.standards.builtIn}</Tag></h2>
-                                <Ask name={standard.name} />
-                            </div>
-                            <p class="quiet">{t.standards.landmarks}: {standard.corners.join(", ")}</p>
-                        </section>
-                    ))}
+                "landmarks" in standard ? (
+                    <OwnStandard key={standard.name} standard={standard} onChange={standards.reload} />
+                ) : (
+                    <section class="panel" key={standard.name}>
+                        <div class="row spread">
+                            <h2 class="row">
+                                {standard.name} <Tag>{t.standards.builtIn}</Tag>
+                            </h2>
+                            <Ask name={standard.name} />
+                        </div>
+                        <p class="quiet">
+                            {t.standards.landmarks}: {standard.corners.join(", ")}
+                        </p>
+                    </section>
+                ),
+            )}
         </>
     );
 }
 
 function Ask({ name }: { name: string }) {
-    return <a class="button" href={`${href("gallery")}?standard=${encodeURIComponent(name)}`} aria-label={`${t.standards.ask} ${name}`}>{t.standards.ask}</a>;
+    return (
+        <a
+            class="button"
+            href={`${href("gallery")}?standard=${encodeURIComponent(name)}`}
+            aria-label={`${t.standards.ask} ${name}`}
+        >
+            {t.standards.ask}
+        </a>
+    );
 }
 
 function OwnStandard({ standard, onChange }: { standard: Own; onChange: () => void }) {
@@ -46,19 +59,34 @@ function OwnStandard({ standard, onChange }: { standard: Own; onChange: () => vo
     return (
         <section class="panel">
             <div class="row spread">
-                <h2 class="row">{standard.name} <Tag>{t.standards.own}</Tag></h2>
+                <h2 class="row">
+                    {standard.name} <Tag>{t.standards.own}</Tag>
+                </h2>
                 <div class="row">
                     <Ask name={standard.name} />
                     <DeleteButton
-                        name={standard.name} consequence={t.confirm.standard} label={`${t.remove}: ${standard.name}`}
-                        onConfirm={() => ok(api.DELETE("/v1/standards/{name}", { params: { path: { name: standard.name } } }))}
+                        name={standard.name}
+                        consequence={t.confirm.standard}
+                        label={`${t.remove}: ${standard.name}`}
+                        onConfirm={() =>
+                            ok(api.DELETE("/v1/standards/{name}", { params: { path: { name: standard.name } } }))
+                        }
                         onDone={onChange}
                     />
                 </div>
             </div>
-            <p class="quiet">{t.standards.landmarks}: {Object.keys(standard.landmarks).join(", ")}</p>
-            <p>{t.standards.threshold(figure(threshold.limit_mm), t.standards.restsOn[threshold.rests_on] ?? threshold.rests_on)}</p>
-            <p class="quiet small">{t.standards.judged}: {number(standard.judged)} · {t.standards.pending}: {number(standard.pending)}</p>
+            <p class="quiet">
+                {t.standards.landmarks}: {Object.keys(standard.landmarks).join(", ")}
+            </p>
+            <p>
+                {t.standards.threshold(
+                    figure(threshold.limit_mm),
+                    t.standards.restsOn[threshold.rests_on] ?? threshold.rests_on,
+                )}
+            </p>
+            <p class="quiet small">
+                {t.standards.judged}: {number(standard.judged)} · {t.standards.pending}: {number(standard.pending)}
+            </p>
             <details onToggle={(event) => setMarking(event.currentTarget.open)}>
                 <summary>{t.standards.examples}</summary>
                 {isMarking && <Examples standard={standard} onChange={onChange} />}
@@ -71,7 +99,14 @@ type Mark = "yes" | "no" | "open";
 
 /** Which stored models are of the class: the threshold moves with them. */
 function Examples({ standard, onChange }: { standard: Own; onChange: () => void }) {
-    const models = useLoad(() => everything((cursor) => ok(api.GET("/v1/models", { params: { query: { limit: 100, ...(cursor && { cursor }) } } })), 500), []);
+    const models = useLoad(
+        () =>
+            everything(
+                (cursor) => ok(api.GET("/v1/models", { params: { query: { limit: 100, ...(cursor && { cursor }) } } })),
+                500,
+            ),
+        [],
+    );
     const [marks, setMarks] = useState<Record<string, Mark>>(() => ({
         ...Object.fromEntries((standard.examples.positive ?? []).map((id) => [id, "yes" as const])),
         ...Object.fromEntries((standard.examples.negative ?? []).map((id) => [id, "no" as const])),
@@ -80,9 +115,17 @@ function Examples({ standard, onChange }: { standard: Own; onChange: () => void 
     const save = async (event: Event) => {
         event.preventDefault();
         setError(undefined);
-        const of = (mark: Mark) => Object.entries(marks).filter(([, value]) => value === mark).map(([id]) => id);
+        const of = (mark: Mark) =>
+            Object.entries(marks)
+                .filter(([, value]) => value === mark)
+                .map(([id]) => id);
         try {
-            await ok(api.PUT("/v1/standards/{name}/examples", { params: { path: { name: standard.name } }, body: { positive: of("yes"), negative: of("no") } }));
+            await ok(
+                api.PUT("/v1/standards/{name}/examples", {
+                    params: { path: { name: standard.name } },
+                    body: { positive: of("yes"), negative: of("no") },
+                }),
+            );
             announce(t.standards.saved);
             onChange();
         } catch (fault) {
@@ -97,14 +140,24 @@ function Examples({ standard, onChange }: { standard: Own; onChange: () => void 
                 {models.data.map((model) => (
                     <li class="row spread" key={model.id}>
                         <a href={href("models", model.id)}>{model.name}</a>
-                        <select aria-label={`${standard.name}: ${model.name}`} value={marks[model.id] ?? "open"} onChange={(event) => setMarks({ ...marks, [model.id]: event.currentTarget.value as Mark })}>
-                            {(["open", "yes", "no"] as const).map((mark) => <option key={mark} value={mark} selected={mark === (marks[model.id] ?? "open")}>{t.standards[mark]}</option>)}
+                        <select
+                            aria-label={`${standard.name}: ${model.name}`}
+                            value={marks[model.id] ?? "open"}
+                            onChange={(event) => setMarks({ ...marks, [model.id]: event.currentTarget.value as Mark })}
+                        >
+                            {(["open", "yes", "no"] as const).map((mark) => (
+                                <option key={mark} value={mark} selected={mark === (marks[model.id] ?? "open")}>
+                                    {t.standards[mark]}
+                                </option>
+                            ))}
                         </select>
                     </li>
                 ))}
             </ul>
             <Trouble error={error} />
-            <button type="submit" class="main">{t.save}</button>
+            <button type="submit" class="main">
+                {t.save}
+            </button>
         </form>
     );
 }

@@ -23,18 +23,40 @@ export function ScanView({ set, scan, places, onPick }: Props) {
     const [given, setGiven] = useState<File>();
     const file = given ?? keptFile(set, scan);
     const look = useMemo(() => ({ mode: "plain" as const, facing: byAxis[1], hidden: nothingHidden }), []);
-    const markers: Markers = useMemo(() => ({ points: places.map((at, index) => ({ kind: "point", at, text: String(index + 1), colour })), lines: [] }), [places]);
+    const markers: Markers = useMemo(
+        () => ({
+            points: places.map((at, index) => ({ kind: "point", at, text: String(index + 1), colour })),
+            lines: [],
+        }),
+        [places],
+    );
     if (!file) {
         return (
             <div class="panel">
                 <Field label={t.hints.file(scan)} help={t.hints.fileHelp}>
-                    {(id, help) => <input id={id} aria-describedby={help} type="file" onChange={(event) => setGiven(event.currentTarget.files?.[0])} />}
+                    {(id, help) => (
+                        <input
+                            id={id}
+                            aria-describedby={help}
+                            type="file"
+                            onChange={(event) => setGiven(event.currentTarget.files?.[0])}
+                        />
+                    )}
                 </Field>
             </div>
         );
     }
     const load = async () => read(await file.arrayBuffer(), kindOf(file.name));
-    return <Viewer source={`${scan}/${file.name}/${file.lastModified}`} label={`${scan}. ${t.viewer.label}`} load={load} look={look} markers={markers} onPick={onPick} />;
+    return (
+        <Viewer
+            source={`${scan}/${file.name}/${file.lastModified}`}
+            label={`${scan}. ${t.viewer.label}`}
+            load={load}
+            look={look}
+            markers={markers}
+            onPick={onPick}
+        />
+    );
 }
 
 function kindOf(name: string): "ply" | "xyz" {

@@ -36,12 +36,13 @@ function useJob(id: string, turn: number) {
                 stop = follow(id, {
                     onJob: show,
                     onState: setLive,
-                    onRefused: () => void look().then(show, (fault) => {
-                        if (!isCurrent) return;
-                        setError(fault);
-                        // a job that was deleted does not come back
-                        if (fault instanceof ApiError && fault.problem.status === 404) stop?.();
-                    }),
+                    onRefused: () =>
+                        void look().then(show, (fault) => {
+                            if (!isCurrent) return;
+                            setError(fault);
+                            // a job that was deleted does not come back
+                            if (fault instanceof ApiError && fault.problem.status === 404) stop?.();
+                        }),
                 });
             },
             (fault) => isCurrent && setError(fault),
@@ -65,7 +66,15 @@ export function JobPage({ id }: { id: string }) {
         if (status && before.current && before.current !== status) announce(t.jobs.announce[status]);
         before.current = status;
     }, [status]);
-    if (!job) return error ? <><PageTitle title={t.jobs.title} /><Trouble error={error} /></> : <Loading />;
+    if (!job)
+        return error ? (
+            <>
+                <PageTitle title={t.jobs.title} />
+                <Trouble error={error} />
+            </>
+        ) : (
+            <Loading />
+        );
     const act = async (call: Promise<Job>) => {
         setActionError(undefined);
         try {
@@ -80,16 +89,24 @@ export function JobPage({ id }: { id: string }) {
         <>
             <PageTitle title={t.jobs.kind[job.kind]}>
                 {!isFinished(job) && (
-                    <button type="button" class="risky" disabled={job.cancel_asked} onClick={() => act(ok(api.POST("/v1/jobs/{id}/cancel", path)))}>
+                    <button
+                        type="button"
+                        class="risky"
+                        disabled={job.cancel_asked}
+                        onClick={() => act(ok(api.POST("/v1/jobs/{id}/cancel", path)))}
+                    >
                         {job.cancel_asked ? t.jobs.stopping : t.jobs.stop}
                     </button>
                 )}
                 {(job.status === "failed" || job.status === "canceled") && (
-                    <button type="button" onClick={() => act(ok(api.POST("/v1/jobs/{id}/retry", path)))}>{t.jobs.retry}</button>
+                    <button type="button" onClick={() => act(ok(api.POST("/v1/jobs/{id}/retry", path)))}>
+                        {t.jobs.retry}
+                    </button>
                 )}
                 {isFinished(job) && (
                     <DeleteButton
-                        name={t.jobs.kind[job.kind]} consequence={t.confirm.job}
+                        name={t.jobs.kind[job.kind]}
+                        consequence={t.confirm.job}
                         onConfirm={() => ok(api.DELETE("/v1/jobs/{id}", path))}
                         onDone={() => go(job.scan_set_id ? href("scan-sets", job.scan_set_id) : href("jobs"))}
                     />
@@ -97,13 +114,30 @@ export function JobPage({ id }: { id: string }) {
             </PageTitle>
             <Trouble error={actionError ?? error} />
             <Progress job={job} isLive={isLive} />
-            {job.error && <Fault code={job.error.code} message={job.error.message} hint={job.error.hint} scan={job.error.scan ?? null} />}
+            {job.error && (
+                <Fault
+                    code={job.error.code}
+                    message={job.error.message}
+                    hint={job.error.hint}
+                    scan={job.error.scan ?? null}
+                />
+            )}
             <div class="row">
-                {job.model_id && <a class="button main" href={href("models", job.model_id)}>{t.jobs.toModel}</a>}
-                {job.scan_set_id && <a class="button" href={href("scan-sets", job.scan_set_id)}>{t.jobs.toSet}</a>}
+                {job.model_id && (
+                    <a class="button main" href={href("models", job.model_id)}>
+                        {t.jobs.toModel}
+                    </a>
+                )}
+                {job.scan_set_id && (
+                    <a class="button" href={href("scan-sets", job.scan_set_id)}>
+                        {t.jobs.toSet}
+                    </a>
+                )}
             </div>
             <Stages job={job} />
-            {isFinished(job) && job.kind === "register" && job.scan_set_id && <Again job={job} setId={job.scan_set_id} />}
+            {isFinished(job) && job.kind === "register" && job.scan_set_id && (
+                <Again job={job} setId={job.scan_set_id} />
+            )}
         </>
     );
 }
@@ -120,7 +154,9 @@ function Progress({ job, isLive }: { job: Job; isLive: boolean }) {
                     {isRunning && job.stage && <span>{t.jobs.stageNow(t.jobs.stages[job.stage] ?? job.stage)}</span>}
                     {job.status === "queued" && <span>{t.jobs.waiting}</span>}
                 </span>
-                {!isFinished(job) && <Tag kind={isLive ? "busy" : undefined}>{isLive ? t.jobs.live : t.jobs.reconnecting}</Tag>}
+                {!isFinished(job) && (
+                    <Tag kind={isLive ? "busy" : undefined}>{isLive ? t.jobs.live : t.jobs.reconnecting}</Tag>
+                )}
             </div>
             <progress aria-label={t.jobs.progress} max={1} value={job.progress} />
             <div class="row spread quiet small number">
@@ -130,7 +166,11 @@ function Progress({ job, isLive }: { job: Job; isLive: boolean }) {
                     {isFinished(job) && elapsed !== undefined && t.jobs.took(duration(elapsed))}
                 </span>
             </div>
-            {job.attempts > 1 && <div class="note"><p>{t.jobs.attempts(job.attempts)}</p></div>}
+            {job.attempts > 1 && (
+                <div class="note">
+                    <p>{t.jobs.attempts(job.attempts)}</p>
+                </div>
+            )}
         </section>
     );
 }
@@ -140,14 +180,25 @@ function Stages({ job }: { job: Job }) {
     return (
         <section class="panel">
             <dl class="facts">
-                <dt>{t.created}</dt><dd>{date(job.created_at)}</dd>
-                {job.label && <><dt>{t.label}</dt><dd>{job.label}</dd></>}
+                <dt>{t.created}</dt>
+                <dd>{date(job.created_at)}</dd>
+                {job.label && (
+                    <>
+                        <dt>{t.label}</dt>
+                        <dd>{job.label}</dd>
+                    </>
+                )}
             </dl>
             {rows.length > 0 && (
                 <details>
                     <summary>{t.jobs.seconds}</summary>
                     <dl class="facts number">
-                        {rows.map(([stage, seconds]) => <><dt key={stage}>{t.jobs.stages[stage] ?? stage}</dt><dd>{duration(seconds)}</dd></>)}
+                        {rows.map(([stage, seconds]) => (
+                            <>
+                                <dt key={stage}>{t.jobs.stages[stage] ?? stage}</dt>
+                                <dd>{duration(seconds)}</dd>
+                            </>
+                        ))}
                     </dl>
                 </details>
             )}
@@ -161,14 +212,19 @@ function Again({ job, setId }: { job: Job; setId: string }) {
     const [error, setError] = useState<unknown>();
     const open = (isOpen: boolean) => {
         if (!isOpen || scans) return;
-        ok(api.GET("/v1/scan-sets/{id}", { params: { path: { id: setId } } })).then((set) => setScans(set.scans), setError);
+        ok(api.GET("/v1/scan-sets/{id}", { params: { path: { id: setId } } })).then(
+            (set) => setScans(set.scans),
+            setError,
+        );
     };
     return (
         <section class="panel">
             <details onToggle={(event) => open(event.currentTarget.open)}>
                 <summary>{t.jobs.other}</summary>
                 <Trouble error={error ?? info.error} />
-                {scans && info.data && <StartJob info={info.data} set={{ id: setId, scans }} like={job} text={t.options.start} />}
+                {scans && info.data && (
+                    <StartJob info={info.data} set={{ id: setId, scans }} like={job} text={t.options.start} />
+                )}
             </details>
         </section>
     );

@@ -14,7 +14,10 @@ const pause = 3000;
 export function JobList() {
     const [status, setStatus] = useState<Schema["JobStatus"] | "all">("all");
     const query = status === "all" ? {} : { status };
-    const jobs = usePages((cursor) => ok(api.GET("/v1/jobs", { params: { query: cursor ? { ...query, cursor } : query } })), [status]);
+    const jobs = usePages(
+        (cursor) => ok(api.GET("/v1/jobs", { params: { query: cursor ? { ...query, cursor } : query } })),
+        [status],
+    );
     const hasUnfinished = jobs.items?.some((job) => !isFinished(job)) ?? false;
     useEffect(() => {
         if (!hasUnfinished) return;
@@ -25,7 +28,9 @@ export function JobList() {
     return (
         <>
             <PageTitle title={t.jobs.title} />
-            <div class="tools"><Choice label={t.jobs.filter} value={status} choices={choices} onChange={setStatus} /></div>
+            <div class="tools">
+                <Choice label={t.jobs.filter} value={status} choices={choices} onChange={setStatus} />
+            </div>
             <section class="panel" aria-label={t.jobs.table}>
                 <Trouble error={jobs.error} />
                 {!jobs.items && jobs.isLoading && <Loading />}

@@ -2,20 +2,41 @@ import { expect, test } from "vitest";
 
 import { changed, enteredOf, invalid, valueOf, type OptionInfo } from "./option-values";
 
-const overlap: OptionInfo = { name: "min_overlap", type: "number", minimum: 0.05, maximum: 0.95, default: 0.5, help: "" };
+const overlap: OptionInfo = {
+    name: "min_overlap",
+    type: "number",
+    minimum: 0.05,
+    maximum: 0.95,
+    default: 0.5,
+    help: "",
+};
 const rounds: OptionInfo = { name: "max_rounds", type: "integer", minimum: 1, maximum: 1000, default: 20, help: "" };
 const mesh: OptionInfo = { name: "mesh", type: "boolean", default: true, help: "" };
-const fill: OptionInfo = { name: "fill", type: "string", choices: ["small", "none", "all"], default: "small", help: "" };
+const fill: OptionInfo = {
+    name: "fill",
+    type: "string",
+    choices: ["small", "none", "all"],
+    default: "small",
+    help: "",
+};
 const sensor: OptionInfo = { name: "sensor", type: "array", default: null, help: "" };
 const all = [overlap, rounds, mesh, fill, sensor];
 
 test("only what differs is sent", () => {
-    expect(changed(all, { min_overlap: "0.5", max_rounds: "30", mesh: "false", fill: "all", sensor: "" })).toEqual({ max_rounds: 30, mesh: false, fill: "all" });
+    expect(changed(all, { min_overlap: "0.5", max_rounds: "30", mesh: "false", fill: "all", sensor: "" })).toEqual({
+        max_rounds: 30,
+        mesh: false,
+        fill: "all",
+    });
     expect(changed(all, {})).toEqual({});
 });
 
 test("what can't be used is named", () => {
-    expect(invalid(all, { min_overlap: "1", max_rounds: "2.5", sensor: "1 2", fill: "small" })).toEqual(["min_overlap", "max_rounds", "sensor"]);
+    expect(invalid(all, { min_overlap: "1", max_rounds: "2.5", sensor: "1 2", fill: "small" })).toEqual([
+        "min_overlap",
+        "max_rounds",
+        "sensor",
+    ]);
     expect(invalid(all, { min_overlap: "" })).toEqual([]);
 });
 

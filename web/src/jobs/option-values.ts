@@ -10,11 +10,15 @@ export function valueOf(option: OptionInfo, text: string): unknown {
     if (option.type === "boolean") return text === "true";
     if (option.type === "string") return text === "" ? undefined : text;
     if (option.type === "array") {
-        const numbers = text.split(/[\s,;]+/).filter((part) => part !== "").map(Number);
+        const numbers = text
+            .split(/[\s,;]+/)
+            .filter((part) => part !== "")
+            .map(Number);
         return numbers.length === 3 && numbers.every(Number.isFinite) ? numbers : undefined;
     }
     const number = Number(text.replace(",", "."));
-    if (text.trim() === "" || !Number.isFinite(number) || (option.type === "integer" && !Number.isInteger(number))) return undefined;
+    if (text.trim() === "" || !Number.isFinite(number) || (option.type === "integer" && !Number.isInteger(number)))
+        return undefined;
     const isInside = number >= (option.minimum ?? -Infinity) && number <= (option.maximum ?? Infinity);
     return isInside ? number : undefined;
 }
@@ -24,7 +28,9 @@ export function changed(options: readonly OptionInfo[], entered: Entered): Recor
     const rows = options.flatMap((option) => {
         const text = entered[option.name];
         const value = text === undefined ? undefined : valueOf(option, text);
-        return value === undefined || JSON.stringify(value) === JSON.stringify(option.default) ? [] : [[option.name, value] as const];
+        return value === undefined || JSON.stringify(value) === JSON.stringify(option.default)
+            ? []
+            : [[option.name, value] as const];
     });
     return Object.fromEntries(rows);
 }
@@ -42,7 +48,8 @@ export function invalid(options: readonly OptionInfo[], entered: Entered): strin
 export function enteredOf(options: readonly OptionInfo[], values: Record<string, unknown>): Entered {
     const rows = options.flatMap((option) => {
         const value = values[option.name];
-        if (value === undefined || value === null || JSON.stringify(value) === JSON.stringify(option.default)) return [];
+        if (value === undefined || value === null || JSON.stringify(value) === JSON.stringify(option.default))
+            return [];
         return [[option.name, Array.isArray(value) ? value.join(" ") : String(value)] as const];
     });
     return Object.fromEntries(rows);

@@ -19,7 +19,12 @@ export function OptionsForm({ options, entered, scans, onChange }: Props) {
                 <Field key={option.name} label={option.name} help={helpOf(option)}>
                     {(id, help) => (
                         <Control
-                            id={id} help={help} option={option} value={entered[option.name]} isWrong={wrong.includes(option.name)} scans={scans}
+                            id={id}
+                            help={help}
+                            option={option}
+                            value={entered[option.name]}
+                            isWrong={wrong.includes(option.name)}
+                            scans={scans}
                             onChange={(text) => onChange({ ...entered, [option.name]: text })}
                         />
                     )}
@@ -36,21 +41,39 @@ function shown(value: unknown): string {
 }
 
 function helpOf(option: OptionInfo): string {
-    const range = typeof option.minimum === "number" && typeof option.maximum === "number" ? [t.options.range(number(option.minimum, 6), number(option.maximum, 6))] : [];
+    const range =
+        typeof option.minimum === "number" && typeof option.maximum === "number"
+            ? [t.options.range(number(option.minimum, 6), number(option.maximum, 6))]
+            : [];
     const point = option.type === "array" ? [t.options.point] : [];
     return [option.help, ...range, ...point].join(" · ");
 }
 
-function Control(props: { id: string; help: string | undefined; option: OptionInfo; value: string | undefined; isWrong: boolean; scans: readonly string[]; onChange: (text: string) => void }) {
+function Control(props: {
+    id: string;
+    help: string | undefined;
+    option: OptionInfo;
+    value: string | undefined;
+    isWrong: boolean;
+    scans: readonly string[];
+    onChange: (text: string) => void;
+}) {
     const { id, help, option } = props;
     const asItComes = option.default === null ? t.options.byData : t.options.defaultIs(shown(option.default));
     const choices = option.type === "boolean" ? ["true", "false"] : option.choices?.map(String);
     if (choices) {
         const value = props.value ?? String(option.default);
         return (
-            <select id={id} aria-describedby={help} value={value} onChange={(event) => props.onChange(event.currentTarget.value)}>
+            <select
+                id={id}
+                aria-describedby={help}
+                value={value}
+                onChange={(event) => props.onChange(event.currentTarget.value)}
+            >
                 {choices.map((choice) => (
-                    <option key={choice} value={choice} selected={choice === value}>{option.type === "boolean" ? shown(choice === "true") : choice}</option>
+                    <option key={choice} value={choice} selected={choice === value}>
+                        {option.type === "boolean" ? shown(choice === "true") : choice}
+                    </option>
                 ))}
             </select>
         );
@@ -60,11 +83,23 @@ function Control(props: { id: string; help: string | undefined; option: OptionIn
     return (
         <>
             <input
-                id={id} aria-describedby={help} aria-invalid={props.isWrong} value={props.value ?? ""} placeholder={asItComes} list={list} autocomplete="off"
+                id={id}
+                aria-describedby={help}
+                aria-invalid={props.isWrong}
+                value={props.value ?? ""}
+                placeholder={asItComes}
+                list={list}
+                autocomplete="off"
                 inputMode={option.type === "number" || option.type === "integer" ? "decimal" : "text"}
                 onInput={(event) => props.onChange(event.currentTarget.value)}
             />
-            {list && <datalist id={list}>{props.scans.map((name) => <option key={name} value={name} />)}</datalist>}
+            {list && (
+                <datalist id={list}>
+                    {props.scans.map((name) => (
+                        <option key={name} value={name} />
+                    ))}
+                </datalist>
+            )}
         </>
     );
 }

@@ -49,15 +49,36 @@ export function StartJob({ info, set, isFirst, like, hints, text }: Props) {
     return (
         <form class="stack" onSubmit={start}>
             <details open={like !== undefined}>
-                <summary>{t.options.title} <span class="quiet small">({t.options.changed(Object.keys(changed(options, entered)).length)})</span></summary>
+                <summary>
+                    {t.options.title}{" "}
+                    <span class="quiet small">
+                        ({t.options.changed(Object.keys(changed(options, entered)).length)})
+                    </span>
+                </summary>
                 <div class="stack">
-                    <TextField label={`${t.label} (${t.optional})`} help={t.labelHelp} value={label} onInput={setLabel} />
-                    <OptionsForm options={options} entered={entered} scans={set.scans.map((scan) => scan.name)} onChange={setEntered} />
+                    <TextField
+                        label={`${t.label} (${t.optional})`}
+                        help={t.labelHelp}
+                        value={label}
+                        onInput={setLabel}
+                    />
+                    <OptionsForm
+                        options={options}
+                        entered={entered}
+                        scans={set.scans.map((scan) => scan.name)}
+                        onChange={setEntered}
+                    />
                 </div>
             </details>
             <Trouble error={error} />
-            {isInvalid && <div class="note doubt" role="alert"><p>{t.options.invalid}</p></div>}
-            <button type="submit" class="main" disabled={isBusy || isInvalid}>{text ?? (isFirst === false ? t.set.startAgain : t.set.start)}</button>
+            {isInvalid && (
+                <div class="note doubt" role="alert">
+                    <p>{t.options.invalid}</p>
+                </div>
+            )}
+            <button type="submit" class="main" disabled={isBusy || isInvalid}>
+                {text ?? (isFirst === false ? t.set.startAgain : t.set.start)}
+            </button>
         </form>
     );
 }

@@ -9,7 +9,13 @@ export interface Place {
 // The address behind `#` never reaches the server: no address of the page can get in the way of one of the interface.
 export function parse(hash: string): Place {
     const [path = "", query = ""] = hash.replace(/^#\/?/, "").split("?");
-    return { parts: path.split("/").filter((part) => part !== "").map(decoded), query: new URLSearchParams(query) };
+    return {
+        parts: path
+            .split("/")
+            .filter((part) => part !== "")
+            .map(decoded),
+        query: new URLSearchParams(query),
+    };
 }
 
 /** An address may have been typed by hand: what is no encoding stands as it is. */

@@ -18,20 +18,40 @@ export function Downloads({ model }: { model: Schema["Model"] }) {
             {has(model, "poses") && <Formats what="scans" base={base} formats={scansFormats} />}
             <ul class="plain small">
                 {model.assets.map((asset) => (
-                    <li key={asset.name}><a href={asset.href} download={asset.name}>{asset.name}</a> <span class="quiet number">{bytes(asset.bytes)}</span></li>
+                    <li key={asset.name}>
+                        <a href={asset.href} download={asset.name}>
+                            {asset.name}
+                        </a>{" "}
+                        <span class="quiet number">{bytes(asset.bytes)}</span>
+                    </li>
                 ))}
             </ul>
         </section>
     );
 }
 
-function Formats<T extends string>({ what, base, formats }: { what: "mesh" | "cloud" | "poses" | "scans"; base: string; formats: readonly [T, ...T[]] }) {
+function Formats<T extends string>({
+    what,
+    base,
+    formats,
+}: {
+    what: "mesh" | "cloud" | "poses" | "scans";
+    base: string;
+    formats: readonly [T, ...T[]];
+}) {
     const [format, setFormat] = useState<T>(formats[0]);
     const choices = formats.map((name) => [name, name.toUpperCase()] as const);
     return (
         <div class="row downloads">
             <Choice label={t.model.what[what]} value={format} choices={choices} onChange={setFormat} />
-            <a class="button" href={`${base}/${what}?format=${format}`} download aria-label={`${t.model.download}: ${t.model.what[what]}, ${format.toUpperCase()}`}>{t.model.download}</a>
+            <a
+                class="button"
+                href={`${base}/${what}?format=${format}`}
+                download
+                aria-label={`${t.model.download}: ${t.model.what[what]}, ${format.toUpperCase()}`}
+            >
+                {t.model.download}
+            </a>
         </div>
     );
 }

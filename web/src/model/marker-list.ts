@@ -28,7 +28,8 @@ export function markersOf({ names, poses, found, shown, marks, measured, distanc
     const lines: Markers["lines"] = [];
     for (const [name, pose] of Object.entries(poses ?? {})) {
         const at = pose && originOf(pose);
-        if (at) points.push({ kind: "scanner", at, text: name, colour: css(viewColour(Math.max(0, names.indexOf(name)))) });
+        if (at)
+            points.push({ kind: "scanner", at, text: name, colour: css(viewColour(Math.max(0, names.indexOf(name)))) });
     }
     if (found && shown.landmarks) {
         for (const [name, at] of Object.entries(found.landmarks)) {
@@ -38,7 +39,14 @@ export function markersOf({ names, poses, found, shown, marks, measured, distanc
     const corners = found?.triangle?.filter(isPlace);
     if (corners?.length === 3 && shown.triangle) lines.push({ places: corners, isClosed: true, colour: foundColour });
     for (const [name, at] of marks) points.push({ kind: "point", at, text: name, colour: markColour });
-    measured.forEach((at, index) => points.push({ kind: "point", at, colour: measureColour, ...(index === 1 && distance ? { text: distance } : {}) }));
+    measured.forEach((at, index) =>
+        points.push({
+            kind: "point",
+            at,
+            colour: measureColour,
+            ...(index === 1 && distance ? { text: distance } : {}),
+        }),
+    );
     if (measured.length === 2) lines.push({ places: [...measured], isClosed: false, colour: measureColour });
     return { points, lines };
 }

@@ -18,8 +18,20 @@ import { VerdictPanel } from "./verdict";
 
 /** One model: its surface, what is to be thought of it, and its files. */
 export function ModelPage({ id }: { id: string }) {
-    const { data: model, error, isLoading } = useLoad(() => ok(api.GET("/v1/models/{id}", { params: { path: { id } } })), [id]);
-    if (!model) return isLoading ? <Loading /> : <><PageTitle title={t.gallery.title} /><Trouble error={error} /></>;
+    const {
+        data: model,
+        error,
+        isLoading,
+    } = useLoad(() => ok(api.GET("/v1/models/{id}", { params: { path: { id } } })), [id]);
+    if (!model)
+        return isLoading ? (
+            <Loading />
+        ) : (
+            <>
+                <PageTitle title={t.gallery.title} />
+                <Trouble error={error} />
+            </>
+        );
     return <Shown model={model} />;
 }
 
@@ -40,27 +52,51 @@ function Shown({ model }: { model: Schema["Model"] }) {
     return (
         <>
             <PageTitle title={model.name}>
-                <a class="button" href={`${href("gallery")}?like=${encodeURIComponent(model.id)}`}>{t.model.like}</a>
+                <a class="button" href={`${href("gallery")}?like=${encodeURIComponent(model.id)}`}>
+                    {t.model.like}
+                </a>
                 <DeleteButton
-                    name={model.name} consequence={t.confirm.model}
+                    name={model.name}
+                    consequence={t.confirm.model}
                     onConfirm={() => ok(api.DELETE("/v1/models/{id}", { params: { path: { id: model.id } } }))}
                     onDone={() => go(href("gallery"))}
                 />
             </PageTitle>
             <div class="columns">
                 <div>
-                    <ModelViewer model={model} report={report} poses={poses} found={found} marks={marks} onMark={isMarking ? mark : undefined} />
-                    <StandardMaker model={model} isMarking={isMarking} marks={marks} onMarking={setMarking} onMarks={setMarks} />
+                    <ModelViewer
+                        model={model}
+                        report={report}
+                        poses={poses}
+                        found={found}
+                        marks={marks}
+                        onMark={isMarking ? mark : undefined}
+                    />
+                    <StandardMaker
+                        model={model}
+                        isMarking={isMarking}
+                        marks={marks}
+                        onMarking={setMarking}
+                        onMarks={setMarks}
+                    />
                 </div>
                 <div>
                     <VerdictPanel model={model} report={report} />
                     <section class="panel">
                         <h2>{t.model.facts}</h2>
                         <dl class="facts">
-                            <dt>{t.points}</dt><dd class="number">{number(model.points)}</dd>
-                            <dt>{t.unit}</dt><dd>{model.unit === "unknown" ? t.units.unknown : model.unit}</dd>
-                            {model.label && <><dt>{t.label}</dt><dd>{model.label}</dd></>}
-                            <dt>{t.created}</dt><dd>{date(model.created_at)}</dd>
+                            <dt>{t.points}</dt>
+                            <dd class="number">{number(model.points)}</dd>
+                            <dt>{t.unit}</dt>
+                            <dd>{model.unit === "unknown" ? t.units.unknown : model.unit}</dd>
+                            {model.label && (
+                                <>
+                                    <dt>{t.label}</dt>
+                                    <dd>{model.label}</dd>
+                                </>
+                            )}
+                            <dt>{t.created}</dt>
+                            <dd>{date(model.created_at)}</dd>
                         </dl>
                         <div class="row">
                             {model.job_id && <a href={href("jobs", model.job_id)}>{t.model.openJob}</a>}
@@ -80,7 +116,10 @@ function usePoses(model: Schema["Model"]): Record<string, Matrix | null> | undef
     useEffect(() => {
         if (!has(model, "poses")) return;
         // a model without its poses is shown all the same
-        ok(api.GET("/v1/models/{id}/poses.json", { params: { path: { id: model.id } } })).then(setPoses, () => undefined);
+        ok(api.GET("/v1/models/{id}/poses.json", { params: { path: { id: model.id } } })).then(
+            setPoses,
+            () => undefined,
+        );
     }, [model]);
     return poses;
 }

@@ -2,10 +2,42 @@ import type { Schema } from "../api/client";
 
 export type Kind = "mesh" | "cloud";
 
-export const meshFormats = ["ply", "obj", "stl", "off", "glb", "3mf"] as const satisfies readonly Schema["MeshFormat"][];
-export const cloudFormats = ["ply", "pcd", "obj", "off", "xyz", "glb", "e57", "las"] as const satisfies readonly Schema["CloudFormat"][];
-export const posesFormats = ["json", "conf", "aln", "mlp", "log", "matrices"] as const satisfies readonly Schema["PosesFormat"][];
-export const scansFormats = ["e57", "ply", "pcd", "obj", "off", "xyz", "glb", "las"] as const satisfies readonly Schema["ScansFormat"][];
+export const meshFormats = [
+    "ply",
+    "obj",
+    "stl",
+    "off",
+    "glb",
+    "3mf",
+] as const satisfies readonly Schema["MeshFormat"][];
+export const cloudFormats = [
+    "ply",
+    "pcd",
+    "obj",
+    "off",
+    "xyz",
+    "glb",
+    "e57",
+    "las",
+] as const satisfies readonly Schema["CloudFormat"][];
+export const posesFormats = [
+    "json",
+    "conf",
+    "aln",
+    "mlp",
+    "log",
+    "matrices",
+] as const satisfies readonly Schema["PosesFormat"][];
+export const scansFormats = [
+    "e57",
+    "ply",
+    "pcd",
+    "obj",
+    "off",
+    "xyz",
+    "glb",
+    "las",
+] as const satisfies readonly Schema["ScansFormat"][];
 
 // a format that the contract gains and this table lacks does not compile
 type Lacking =

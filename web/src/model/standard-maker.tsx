@@ -52,27 +52,57 @@ export function StandardMaker({ model, isMarking, marks, onMarking, onMarks }: P
             setBusy(false);
         }
     };
-    const rename = (index: number, text: string) => onMarks(marks.map(([mark, at], other) => (other === index ? [text, at] : [mark, at])));
+    const rename = (index: number, text: string) =>
+        onMarks(marks.map(([mark, at], other) => (other === index ? [text, at] : [mark, at])));
     return (
         <section class="panel stack">
             <h2>{t.marks.title}</h2>
             <p class="quiet">{t.marks.lead}</p>
-            <button type="button" aria-pressed={isMarking} onClick={() => onMarking(!isMarking)}>{isMarking ? t.marks.stop : t.marks.start}</button>
-            {saved && <div class="note good"><p>{t.marks.saved(saved)} <a href={href("standards")}>{t.nav.standards}</a></p></div>}
+            <button type="button" aria-pressed={isMarking} onClick={() => onMarking(!isMarking)}>
+                {isMarking ? t.marks.stop : t.marks.start}
+            </button>
+            {saved && (
+                <div class="note good">
+                    <p>
+                        {t.marks.saved(saved)} <a href={href("standards")}>{t.nav.standards}</a>
+                    </p>
+                </div>
+            )}
             {marks.length > 0 && (
                 <form class="stack" onSubmit={save}>
                     <ul class="plain">
                         {marks.map(([mark, at], index) => (
                             <li class="row" key={at.join()}>
-                                <input aria-label={t.marks.nameOf(index + 1)} value={mark} required onInput={(event) => rename(index, event.currentTarget.value)} />
-                                <button type="button" class="bare" aria-label={t.marks.remove(mark)} onClick={() => onMarks(marks.filter((_, other) => other !== index))}>{t.remove}</button>
+                                <input
+                                    aria-label={t.marks.nameOf(index + 1)}
+                                    value={mark}
+                                    required
+                                    onInput={(event) => rename(index, event.currentTarget.value)}
+                                />
+                                <button
+                                    type="button"
+                                    class="bare"
+                                    aria-label={t.marks.remove(mark)}
+                                    onClick={() => onMarks(marks.filter((_, other) => other !== index))}
+                                >
+                                    {t.remove}
+                                </button>
                             </li>
                         ))}
                     </ul>
                     {marks.length < least && <p class="quiet">{t.marks.needed(least - marks.length)}</p>}
-                    <TextField label={t.marks.standardName} help={t.marks.standardHelp} value={name} pattern="[A-Za-z0-9_\-]+" required onInput={setName} />
+                    <TextField
+                        label={t.marks.standardName}
+                        help={t.marks.standardHelp}
+                        value={name}
+                        pattern="[A-Za-z0-9_\-]+"
+                        required
+                        onInput={setName}
+                    />
                     <Trouble error={error} />
-                    <button type="submit" class="main" disabled={!isReady || isBusy}>{isBusy ? t.marks.sending : t.marks.save}</button>
+                    <button type="submit" class="main" disabled={!isReady || isBusy}>
+                        {isBusy ? t.marks.sending : t.marks.save}
+                    </button>
                 </form>
             )}
         </section>

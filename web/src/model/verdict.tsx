@@ -9,13 +9,21 @@ export function VerdictPanel({ model, report }: { model: Schema["Model"]; report
     const quality = report?.verdict?.quality ?? model.quality;
     return (
         <section class="panel">
-            <h2 class="row">{t.model.verdict} <Quality quality={quality} /></h2>
+            <h2 class="row">
+                {t.model.verdict} <Quality quality={quality} />
+            </h2>
             {quality ? <p>{t.model.qualityHelp[quality]}</p> : <p class="quiet">{t.model.uploaded}</p>}
             {report?.verdict && report.verdict.reasons.length > 0 && (
-                <ul>{report.verdict.reasons.map((reason) => <li key={reason}>{reason}</li>)}</ul>
+                <ul>
+                    {report.verdict.reasons.map((reason) => (
+                        <li key={reason}>{reason}</li>
+                    ))}
+                </ul>
             )}
             {report && report.views.length > 0 && <Placed report={report} />}
-            {model.verdicts.map((verdict) => <ClassVerdict key={verdict.standard} verdict={verdict} />)}
+            {model.verdicts.map((verdict) => (
+                <ClassVerdict key={verdict.standard} verdict={verdict} />
+            ))}
             {!model.signature && <p class="quiet">{t.model.face.none}</p>}
         </section>
     );
@@ -29,7 +37,14 @@ function Placed({ report }: { report: Report }) {
             {without.length > 0 && (
                 <details>
                     <summary>{t.model.unplaced}</summary>
-                    <ul>{without.map((view) => <li key={view.name}><strong>{view.name}</strong>{view.unplaced && <>: {view.unplaced}</>}</li>)}</ul>
+                    <ul>
+                        {without.map((view) => (
+                            <li key={view.name}>
+                                <strong>{view.name}</strong>
+                                {view.unplaced && <>: {view.unplaced}</>}
+                            </li>
+                        ))}
+                    </ul>
                 </details>
             )}
         </>
@@ -37,12 +52,21 @@ function Placed({ report }: { report: Report }) {
 }
 
 function ClassVerdict({ verdict }: { verdict: Schema["Verdict"] }) {
-    const title = verdict.standard === "face" ? (verdict.is_match ? t.model.face.yes : t.model.face.no) : t.model.of(verdict.standard);
+    const title =
+        verdict.standard === "face"
+            ? verdict.is_match
+                ? t.model.face.yes
+                : t.model.face.no
+            : t.model.of(verdict.standard);
     return (
         <div class={`note ${verdict.is_match ? "good" : ""}`} data-testid={`verdict-${verdict.standard}`}>
             <p class="row">
                 <strong>{title}</strong>
-                {verdict.standard !== "face" && <Tag kind={verdict.is_match ? "good" : undefined}>{verdict.is_match ? t.model.match : t.model.noMatch}</Tag>}
+                {verdict.standard !== "face" && (
+                    <Tag kind={verdict.is_match ? "good" : undefined}>
+                        {verdict.is_match ? t.model.match : t.model.noMatch}
+                    </Tag>
+                )}
             </p>
             <p class="small">{t.model.score(score(verdict.score), score(verdict.threshold))}</p>
             {verdict.reason && <p class="small">{verdict.reason.text}</p>}

@@ -20,14 +20,22 @@ export function ViewList({ names, hidden, colourOf, onChange }: Props) {
             <div class="row spread">
                 <span class="label">{t.viewer.views}</span>
                 <span class="row">
-                    <button type="button" class="bare" onClick={() => onChange(new Set())}>{t.viewer.allViews}</button>
-                    <button type="button" class="bare" onClick={() => onChange(new Set(names.keys()))}>{t.viewer.noViews}</button>
+                    <button type="button" class="bare" onClick={() => onChange(new Set())}>
+                        {t.viewer.allViews}
+                    </button>
+                    <button type="button" class="bare" onClick={() => onChange(new Set(names.keys()))}>
+                        {t.viewer.noViews}
+                    </button>
                 </span>
             </div>
             <div class="views">
                 {names.map((name, index) => (
                     <label class="check" key={name}>
-                        <input type="checkbox" checked={!hidden.has(index)} onChange={(event) => toggle(index, event.currentTarget.checked)} />
+                        <input
+                            type="checkbox"
+                            checked={!hidden.has(index)}
+                            onChange={(event) => toggle(index, event.currentTarget.checked)}
+                        />
                         {colourOf && <span class="swatch" style={{ background: colourOf(index) }} />}
                         <span>{name}</span>
                     </label>

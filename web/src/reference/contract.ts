@@ -126,14 +126,24 @@ function exampleOf(contract: Contract, given: Schema, depth: number): unknown {
 
 /** An address with its parameters filled in; empty ones are left out, in the path they stand as their names. */
 export function addressOf(call: Pick<Call, "path" | "parameters">, values: Record<string, string>): string {
-    const filled = call.path.replace(/\{(\w+)\}/g, (whole, name: string) => (values[name] ? encodeURIComponent(values[name]) : whole));
+    const filled = call.path.replace(/\{(\w+)\}/g, (whole, name: string) =>
+        values[name] ? encodeURIComponent(values[name]) : whole,
+    );
     const query = (call.parameters ?? []).filter((parameter) => parameter.in === "query" && values[parameter.name]);
-    const text = new URLSearchParams(query.map((parameter) => [parameter.name, values[parameter.name] ?? ""])).toString();
+    const text = new URLSearchParams(
+        query.map((parameter) => [parameter.name, values[parameter.name] ?? ""]),
+    ).toString();
     return text ? `${filled}?${text}` : filled;
 }
 
 /** The same call for a shell. */
-export function curl(contract: Contract, call: Call, values: Record<string, string>, body: string | undefined, origin: string): string {
+export function curl(
+    contract: Contract,
+    call: Call,
+    values: Record<string, string>,
+    body: string | undefined,
+    origin: string,
+): string {
     const parts = ["curl"];
     if (call.method !== "get") parts.push("-X", call.method.toUpperCase());
     parts.push(quoted(origin + addressOf(call, values)));
@@ -142,12 +152,16 @@ export function curl(contract: Contract, call: Call, values: Record<string, stri
         parts.push("-H", quoted("content-type: application/json"), "-d", quoted(body.replace(/\s*\n\s*/g, " ")));
     } else if (type === "multipart/form-data") {
         const { schema } = followed(contract, media?.schema ?? {});
-        const required = Object.entries(schema.properties ?? {}).filter(([name]) => schema.required?.includes(name) ?? false);
-        for (const [name, property] of required) parts.push("-F", quoted(isFile(property) ? `${name}=@FILE` : `${name}=VALUE`));
+        const required = Object.entries(schema.properties ?? {}).filter(
+            ([name]) => schema.required?.includes(name) ?? false,
+        );
+        for (const [name, property] of required)
+            parts.push("-F", quoted(isFile(property) ? `${name}=@FILE` : `${name}=VALUE`));
     } else if (type) {
         parts.push("--data-binary", "@FILE");
     }
-    if (Object.keys(call.responses["200"]?.content ?? {}).some((name) => name === "text/event-stream")) parts.splice(1, 0, "-N");
+    if (Object.keys(call.responses["200"]?.content ?? {}).some((name) => name === "text/event-stream"))
+        parts.splice(1, 0, "-N");
     return parts.join(" ");
 }
 

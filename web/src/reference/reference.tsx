@@ -22,8 +22,14 @@ export function Reference() {
         <>
             <header class="top">
                 <div class="top-inner">
-                    <a class="brand" href="/"><img src="/favicon.svg" alt="" />visage</a>
-                    <nav aria-label={t.nav.label}><a href="/">{t.reference.back}</a><a href="/openapi.yaml">{t.reference.download}</a></nav>
+                    <a class="brand" href="/">
+                        <img src="/favicon.svg" alt="" />
+                        visage
+                    </a>
+                    <nav aria-label={t.nav.label}>
+                        <a href="/">{t.reference.back}</a>
+                        <a href="/openapi.yaml">{t.reference.download}</a>
+                    </nav>
                     <Settings />
                 </div>
             </header>
@@ -39,20 +45,29 @@ export function Reference() {
 function Contents({ contract }: { contract: Contract }) {
     const [wanted, setWanted] = useState("");
     const words = wanted.toLowerCase();
-    const fits = (call: Call) => `${call.method} ${call.path} ${call.operationId} ${call.summary}`.toLowerCase().includes(words);
-    const groups = callsByTag(contract).map(([tag, calls]) => [tag, calls.filter(fits)] as const).filter(([, calls]) => calls.length > 0);
+    const fits = (call: Call) =>
+        `${call.method} ${call.path} ${call.operationId} ${call.summary}`.toLowerCase().includes(words);
+    const groups = callsByTag(contract)
+        .map(([tag, calls]) => [tag, calls.filter(fits)] as const)
+        .filter(([, calls]) => calls.length > 0);
     // the address may name an operation that was not there when the browser looked
     useEffect(() => document.getElementById(location.hash.slice(1))?.scrollIntoView(), []);
     return (
         <>
-            <div class="quiet"><Prose text={contract.info.description ?? ""} /></div>
+            <div class="quiet">
+                <Prose text={contract.info.description ?? ""} />
+            </div>
             <div class="reference">
                 <nav class="contents" aria-label={t.reference.contents}>
                     <TextField label={t.reference.filter} type="search" value={wanted} onInput={setWanted} />
                     {groups.map(([tag, calls]) => (
                         <div key={tag}>
                             <p class="label">{tag}</p>
-                            {calls.map((call) => <a key={call.operationId} href={`#${call.operationId}`}>{call.summary}</a>)}
+                            {calls.map((call) => (
+                                <a key={call.operationId} href={`#${call.operationId}`}>
+                                    {call.summary}
+                                </a>
+                            ))}
                         </div>
                     ))}
                 </nav>
@@ -60,7 +75,9 @@ function Contents({ contract }: { contract: Contract }) {
                     {groups.map(([tag, calls]) => (
                         <section key={tag} aria-label={tag}>
                             <h2>{tag}</h2>
-                            {calls.map((call) => <OperationView key={call.operationId} contract={contract} call={call} />)}
+                            {calls.map((call) => (
+                                <OperationView key={call.operationId} contract={contract} call={call} />
+                            ))}
                         </section>
                     ))}
                 </div>
@@ -74,17 +91,28 @@ function OperationView({ contract, call }: { contract: Contract; call: Call }) {
     const body = Object.entries(call.requestBody?.content ?? {})[0];
     return (
         <article class="panel operation" id={call.operationId}>
-            <h3><span class={`method ${call.method}`}>{call.method.toUpperCase()}</span> <code>{call.path}</code></h3>
+            <h3>
+                <span class={`method ${call.method}`}>{call.method.toUpperCase()}</span> <code>{call.path}</code>
+            </h3>
             <p>{call.summary}</p>
-            {call.description && <div class="quiet small"><Prose text={call.description} /></div>}
+            {call.description && (
+                <div class="quiet small">
+                    <Prose text={call.description} />
+                </div>
+            )}
             <details open={isOpen} onToggle={(event) => setOpen(event.currentTarget.open)}>
-                <summary>{t.reference.run} · {t.reference.answers}<span class="unseen">: {call.operationId}</span></summary>
+                <summary>
+                    {t.reference.run} · {t.reference.answers}
+                    <span class="unseen">: {call.operationId}</span>
+                </summary>
                 {isOpen && (
                     <div class="stack">
                         <Runner contract={contract} call={call} />
                         {body && (
                             <details>
-                                <summary>{t.reference.body}: {body[0]}</summary>
+                                <summary>
+                                    {t.reference.body}: {body[0]}
+                                </summary>
                                 {call.requestBody?.description && <Prose text={call.requestBody.description} />}
                                 <SchemaView contract={contract} schema={body[1].schema ?? {}} />
                             </details>
@@ -93,10 +121,23 @@ function OperationView({ contract, call }: { contract: Contract; call: Call }) {
                             <p class="label">{t.reference.answers}</p>
                             {Object.entries(call.responses).map(([status, answer]) => {
                                 const [type, media] = Object.entries(answer.content ?? {})[0] ?? [];
-                                const line = <><code>{status}</code> <Prose text={answer.description} /></>;
-                                return status.startsWith("2") && media?.schema
-                                    ? <details key={status}><summary class="answer-line">{line} <span class="quiet small">{type}</span></summary><SchemaView contract={contract} schema={media.schema} /></details>
-                                    : <div class="answer-line small quiet" key={status}>{line}</div>;
+                                const line = (
+                                    <>
+                                        <code>{status}</code> <Prose text={answer.description} />
+                                    </>
+                                );
+                                return status.startsWith("2") && media?.schema ? (
+                                    <details key={status}>
+                                        <summary class="answer-line">
+                                            {line} <span class="quiet small">{type}</span>
+                                        </summary>
+                                        <SchemaView contract={contract} schema={media.schema} />
+                                    </details>
+                                ) : (
+                                    <div class="answer-line small quiet" key={status}>
+                                        {line}
+                                    </div>
+                                );
                             })}
                         </div>
                     </div>

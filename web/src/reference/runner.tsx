@@ -31,7 +31,10 @@ export function Runner({ contract, call }: { contract: Contract; call: Call }) {
         setBusy(true);
         setError(undefined);
         try {
-            const init: RequestInit = { method: call.method.toUpperCase(), ...(body !== undefined && { body, headers: { "content-type": "application/json" } }) };
+            const init: RequestInit = {
+                method: call.method.toUpperCase(),
+                ...(body !== undefined && { body, headers: { "content-type": "application/json" } }),
+            };
             setOutcome(await outcomeOf(await fetch(addressOf(call, values), init)));
         } catch (fault) {
             setError(fault);
@@ -47,9 +50,15 @@ export function Runner({ contract, call }: { contract: Contract; call: Call }) {
                         <Field key={parameter.name} label={parameter.name} help={parameter.description}>
                             {(id, help) => (
                                 <input
-                                    id={id} aria-describedby={help} value={values[parameter.name] ?? ""} required={parameter.required ?? false} autocomplete="off"
+                                    id={id}
+                                    aria-describedby={help}
+                                    value={values[parameter.name] ?? ""}
+                                    required={parameter.required ?? false}
+                                    autocomplete="off"
                                     placeholder={parameter.example === undefined ? "" : String(parameter.example)}
-                                    onInput={(event) => setValues({ ...values, [parameter.name]: event.currentTarget.value })}
+                                    onInput={(event) =>
+                                        setValues({ ...values, [parameter.name]: event.currentTarget.value })
+                                    }
                                 />
                             )}
                         </Field>
@@ -57,11 +66,24 @@ export function Runner({ contract, call }: { contract: Contract; call: Call }) {
                 </div>
             )}
             {examples.length > 1 && (
-                <Choice label={t.reference.examples} value={examples.find(([, text]) => text === body)?.[0] ?? ""} choices={examples.map(([name]) => [name, name] as const)} onChange={(name) => setBody(examples.find(([other]) => other === name)?.[1])} />
+                <Choice
+                    label={t.reference.examples}
+                    value={examples.find(([, text]) => text === body)?.[0] ?? ""}
+                    choices={examples.map(([name]) => [name, name] as const)}
+                    onChange={(name) => setBody(examples.find(([other]) => other === name)?.[1])}
+                />
             )}
             {body !== undefined && (
                 <Field label={t.reference.body}>
-                    {(id) => <textarea id={id} rows={Math.min(12, body.split("\n").length + 1)} value={body} spellcheck={false} onInput={(event) => setBody(event.currentTarget.value)} />}
+                    {(id) => (
+                        <textarea
+                            id={id}
+                            rows={Math.min(12, body.split("\n").length + 1)}
+                            value={body}
+                            spellcheck={false}
+                            onInput={(event) => setBody(event.currentTarget.value)}
+                        />
+                    )}
                 </Field>
             )}
             <div>
@@ -71,15 +93,26 @@ export function Runner({ contract, call }: { contract: Contract; call: Call }) {
             {!canRun && !isStream && <p class="quiet small">{t.reference.files}</p>}
             {canRun && (
                 <div class="row">
-                    <button type="submit" class={call.method === "get" ? "main" : "risky"} disabled={isBusy} aria-label={`${t.reference.run}: ${call.operationId}`}>{isBusy ? t.reference.running : t.reference.run}</button>
+                    <button
+                        type="submit"
+                        class={call.method === "get" ? "main" : "risky"}
+                        disabled={isBusy}
+                        aria-label={`${t.reference.run}: ${call.operationId}`}
+                    >
+                        {isBusy ? t.reference.running : t.reference.run}
+                    </button>
                     {call.method !== "get" && <span class="quiet small">{t.reference.changes}</span>}
                 </div>
             )}
             <Trouble error={error} />
             {outcome && (
                 <div role="status">
-                    <span class="label">{t.reference.answer}: {outcome.status}</span>
-                    <pre class="answer" tabIndex={0}>{outcome.text}</pre>
+                    <span class="label">
+                        {t.reference.answer}: {outcome.status}
+                    </span>
+                    <pre class="answer" tabIndex={0}>
+                        {outcome.text}
+                    </pre>
                 </div>
             )}
         </form>

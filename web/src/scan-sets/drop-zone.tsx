@@ -30,15 +30,39 @@ export function DropZone(props: { formats: readonly string[]; isBusy: boolean; o
                 if (event.dataTransfer) take(await dropped(event.dataTransfer));
             }}
         >
-            <p><strong>{t.upload.drop}</strong></p>
+            <p>
+                <strong>{t.upload.drop}</strong>
+            </p>
             <div class="row">
                 <span class="quiet">{t.upload.or}</span>
-                <button type="button" disabled={props.isBusy} onClick={() => files.current?.click()}>{t.upload.chooseFiles}</button>
-                <button type="button" disabled={props.isBusy} onClick={() => folder.current?.click()}>{t.upload.chooseFolder}</button>
+                <button type="button" disabled={props.isBusy} onClick={() => files.current?.click()}>
+                    {t.upload.chooseFiles}
+                </button>
+                <button type="button" disabled={props.isBusy} onClick={() => folder.current?.click()}>
+                    {t.upload.chooseFolder}
+                </button>
             </div>
-            <p class="quiet small">{t.upload.formats(props.formats.map((ending) => ending.replace(/^\./, "")).join(", "))}</p>
-            <input ref={files} type="file" multiple hidden aria-label={t.upload.chooseFiles} data-testid="files" onChange={(event) => changed(event.currentTarget)} />
-            <input ref={folder} type="file" multiple hidden aria-label={t.upload.chooseFolder} onChange={(event) => changed(event.currentTarget)} {...{ webkitdirectory: true }} />
+            <p class="quiet small">
+                {t.upload.formats(props.formats.map((ending) => ending.replace(/^\./, "")).join(", "))}
+            </p>
+            <input
+                ref={files}
+                type="file"
+                multiple
+                hidden
+                aria-label={t.upload.chooseFiles}
+                data-testid="files"
+                onChange={(event) => changed(event.currentTarget)}
+            />
+            <input
+                ref={folder}
+                type="file"
+                multiple
+                hidden
+                aria-label={t.upload.chooseFolder}
+                onChange={(event) => changed(event.currentTarget)}
+                {...{ webkitdirectory: true }}
+            />
         </div>
     );
 }

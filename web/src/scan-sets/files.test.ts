@@ -5,7 +5,13 @@ import { hasSeveralPoses, needsForm, needsUnit, roles, withoutCommonFolder } fro
 const formats = ["ply", "xyz", "txt", "csv", "glb", "e57", "las"];
 
 test("files are told apart by their endings", () => {
-    expect(roles(["a.ply", "b.PLY.gz", "rough.json", "readme.md", "set.tar.gz"], formats)).toEqual(["scan", "scan", "poses", "skip", "archive"]);
+    expect(roles(["a.ply", "b.PLY.gz", "rough.json", "readme.md", "set.tar.gz"], formats)).toEqual([
+        "scan",
+        "scan",
+        "poses",
+        "skip",
+        "archive",
+    ]);
     expect(roles([".hidden.ply", "__MACOSX/a.ply"], formats)).toEqual(["skip", "skip"]);
 });
 

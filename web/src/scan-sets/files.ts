@@ -41,7 +41,9 @@ export function roles(paths: readonly string[], formats: readonly string[]): Rol
 
 /** Whether more than one of the files that are left out may hold poses. */
 export function hasSeveralPoses(paths: readonly string[], taken: readonly Role[]): boolean {
-    return paths.filter((path, index) => taken[index] === "skip" && endsWith(path, [...poseFiles, ...doubtful])).length > 1;
+    return (
+        paths.filter((path, index) => taken[index] === "skip" && endsWith(path, [...poseFiles, ...doubtful])).length > 1
+    );
 }
 
 /** Whether the unit has to be asked for: some scan does not declare one. */
@@ -51,7 +53,9 @@ export function needsUnit(paths: readonly string[], taken: readonly Role[]): boo
 
 /** Whether all have to be sent in one form, since the server takes files apart. */
 export function needsForm(paths: readonly string[], taken: readonly Role[]): boolean {
-    return paths.some((path, index) => taken[index] === "archive" || (taken[index] === "scan" && endsWith(path, several)));
+    return paths.some(
+        (path, index) => taken[index] === "archive" || (taken[index] === "scan" && endsWith(path, several)),
+    );
 }
 
 /** The folder that holds all of them is no part of their names. */
@@ -68,7 +72,9 @@ export async function dropped(transfer: DataTransfer): Promise<Chosen[]> {
     // entries have to be taken before anything is waited for: afterwards the list is empty
     const items = [...transfer.items].filter((item) => item.kind === "file");
     const entries = items.map((item) => ({ entry: item.webkitGetAsEntry(), file: item.getAsFile() }));
-    const found = await Promise.all(entries.map(({ entry, file }) => (entry ? walk(entry) : file ? [{ file, path: file.name }] : [])));
+    const found = await Promise.all(
+        entries.map(({ entry, file }) => (entry ? walk(entry) : file ? [{ file, path: file.name }] : [])),
+    );
     return found.flat();
 }
 

@@ -12,7 +12,10 @@ import { Upload } from "./upload";
 /** All scan sets, and where new ones are made. */
 export function ScanSetList() {
     const info = useInfo();
-    const sets = usePages((cursor) => ok(api.GET("/v1/scan-sets", { params: { query: cursor ? { cursor } : {} } })), []);
+    const sets = usePages(
+        (cursor) => ok(api.GET("/v1/scan-sets", { params: { query: cursor ? { cursor } : {} } })),
+        [],
+    );
     return (
         <>
             <PageTitle title={t.scanSets.title} />
@@ -38,20 +41,50 @@ export function ScanSetList() {
                         <table class="folds">
                             <caption class="unseen">{t.scanSets.table}</caption>
                             <thead>
-                                <tr><th scope="col">{t.name}</th><th scope="col" class="number">{t.set.scans}</th><th scope="col" class="number">{t.points}</th><th scope="col">{t.unit}</th><th scope="col">{t.created}</th><th><span class="unseen">{t.remove}</span></th></tr>
+                                <tr>
+                                    <th scope="col">{t.name}</th>
+                                    <th scope="col" class="number">
+                                        {t.set.scans}
+                                    </th>
+                                    <th scope="col" class="number">
+                                        {t.points}
+                                    </th>
+                                    <th scope="col">{t.unit}</th>
+                                    <th scope="col">{t.created}</th>
+                                    <th>
+                                        <span class="unseen">{t.remove}</span>
+                                    </th>
+                                </tr>
                             </thead>
                             <tbody>
                                 {sets.items.map((set) => (
                                     <tr key={set.id}>
-                                        <td class="name"><a href={href("scan-sets", set.id)}>{set.name}</a></td>
-                                        <td class="number" data-title={t.set.scans}>{number(set.scans.length)}</td>
-                                        <td class="number" data-title={t.points}>{number(set.scans.reduce((sum, scan) => sum + scan.points, 0))}</td>
-                                        <td data-title={t.unit}>{set.unit === "unknown" ? t.units.unknown : set.unit}</td>
+                                        <td class="name">
+                                            <a href={href("scan-sets", set.id)}>{set.name}</a>
+                                        </td>
+                                        <td class="number" data-title={t.set.scans}>
+                                            {number(set.scans.length)}
+                                        </td>
+                                        <td class="number" data-title={t.points}>
+                                            {number(set.scans.reduce((sum, scan) => sum + scan.points, 0))}
+                                        </td>
+                                        <td data-title={t.unit}>
+                                            {set.unit === "unknown" ? t.units.unknown : set.unit}
+                                        </td>
                                         <td data-title={t.created}>{date(set.created_at)}</td>
                                         <td class="act">
                                             <DeleteButton
-                                                name={set.name} consequence={t.confirm.set} label={`${t.remove}: ${set.name}`} className="bare"
-                                                onConfirm={() => ok(api.DELETE("/v1/scan-sets/{id}", { params: { path: { id: set.id } } }))}
+                                                name={set.name}
+                                                consequence={t.confirm.set}
+                                                label={`${t.remove}: ${set.name}`}
+                                                className="bare"
+                                                onConfirm={() =>
+                                                    ok(
+                                                        api.DELETE("/v1/scan-sets/{id}", {
+                                                            params: { path: { id: set.id } },
+                                                        }),
+                                                    )
+                                                }
                                                 onDone={sets.reload}
                                             />
                                         </td>

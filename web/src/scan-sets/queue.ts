@@ -26,8 +26,15 @@ type Changed = (index: number, change: Partial<Item>) => void;
 const lanes = 3;
 
 /** Stores scans one by one, each of which is sent again by itself; then the poses, which name them. Returns the set. */
-export async function sendOneByOne(items: readonly Item[], target: Target, changed: Changed, signal: AbortSignal): Promise<string> {
-    const id = target.id ?? (await ok(api.POST("/v1/scan-sets", { body: { name: target.name || null, unit: target.unit }, signal }))).id;
+export async function sendOneByOne(
+    items: readonly Item[],
+    target: Target,
+    changed: Changed,
+    signal: AbortSignal,
+): Promise<string> {
+    const id =
+        target.id ??
+        (await ok(api.POST("/v1/scan-sets", { body: { name: target.name || null, unit: target.unit }, signal }))).id;
     const base = `/v1/scan-sets/${encodeURIComponent(id)}`;
     const put = async (index: number, url: string) => {
         const item = items[index];
@@ -35,7 +42,10 @@ export async function sendOneByOne(items: readonly Item[], target: Target, chang
         changed(index, { state: "sending", sent: 0, error: undefined });
         try {
             await send({
-                method: "PUT", url, body: item.file, signal,
+                method: "PUT",
+                url,
+                body: item.file,
+                signal,
                 headers: { "content-type": "application/octet-stream" },
                 onProgress: (sent) => changed(index, { state: "sending", sent }),
                 onRetry: () => changed(index, { state: "again", sent: 0 }),
@@ -46,7 +56,9 @@ export async function sendOneByOne(items: readonly Item[], target: Target, chang
             changed(index, { state: "failed", error });
         }
     };
-    const waiting = items.map((_, index) => index).filter((index) => items[index]?.role === "scan" && items[index]?.state !== "done");
+    const waiting = items
+        .map((_, index) => index)
+        .filter((index) => items[index]?.role === "scan" && items[index]?.state !== "done");
     const lane = async () => {
         for (let index = waiting.shift(); index !== undefined; index = waiting.shift()) {
             await put(index, `${base}/scans/${encodeURIComponent(items[index]?.name ?? "")}`);
@@ -60,7 +72,12 @@ export async function sendOneByOne(items: readonly Item[], target: Target, chang
 }
 
 /** Stores everything in one form: the server takes archives and files of several scans apart, all or nothing. */
-export async function sendForm(items: readonly Item[], target: Target, changed: Changed, signal: AbortSignal): Promise<string> {
+export async function sendForm(
+    items: readonly Item[],
+    target: Target,
+    changed: Changed,
+    signal: AbortSignal,
+): Promise<string> {
     const form = new FormData();
     if (target.name) form.append("name", target.name);
     form.append("unit", target.unit);
@@ -76,10 +93,17 @@ export async function sendForm(items: readonly Item[], target: Target, changed: 
     each(() => ({ state: "sending", sent: 0, error: undefined }));
     try {
         const set = await send<Schema["ScanSet"]>({
-            method: "POST", url: "/v1/scan-sets/upload", body: form, signal,
+            method: "POST",
+            url: "/v1/scan-sets/upload",
+            body: form,
+            signal,
             // the same form sent again after a lost connection makes no second set
             headers: { "idempotency-key": randomKey() },
-            onProgress: (sent) => each((item, before) => ({ state: "sending", sent: Math.max(0, Math.min(item.file.size, sent - before)) })),
+            onProgress: (sent) =>
+                each((item, before) => ({
+                    state: "sending",
+                    sent: Math.max(0, Math.min(item.file.size, sent - before)),
+                })),
             onRetry: () => each(() => ({ state: "again", sent: 0 })),
         });
         each((item) => ({ state: "done", sent: item.file.size }));

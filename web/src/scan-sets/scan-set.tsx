@@ -16,25 +16,45 @@ export function ScanSetPage({ id }: { id: string }) {
     const info = useInfo();
     const set = useLoad(() => ok(api.GET("/v1/scan-sets/{id}", { params: { path: { id } } })), [id]);
     const jobs = useLoad(() => ok(api.GET("/v1/jobs", { params: { query: { scan_set_id: id, limit: 100 } } })), [id]);
-    if (!set.data) return <>{set.isLoading ? <Loading /> : <><PageTitle title={t.scanSets.title} /><Trouble error={set.error} /></>}</>;
+    if (!set.data)
+        return (
+            <>
+                {set.isLoading ? (
+                    <Loading />
+                ) : (
+                    <>
+                        <PageTitle title={t.scanSets.title} />
+                        <Trouble error={set.error} />
+                    </>
+                )}
+            </>
+        );
     const scans = set.data.scans;
     return (
         <>
             <PageTitle title={set.data.name}>
-                {scans.length > 1 && <a class="button" href={href("scan-sets", id, "hints")}>{t.set.hints}</a>}
+                {scans.length > 1 && (
+                    <a class="button" href={href("scan-sets", id, "hints")}>
+                        {t.set.hints}
+                    </a>
+                )}
                 <DeleteButton
-                    name={set.data.name} consequence={t.confirm.set}
+                    name={set.data.name}
+                    consequence={t.confirm.set}
                     onConfirm={() => ok(api.DELETE("/v1/scan-sets/{id}", { params: { path: { id } } }))}
                     onDone={() => go(href("scan-sets"))}
                 />
             </PageTitle>
             <Trouble error={set.error} />
             <p class="quiet">
-                {t.scanSets.scans(scans.length)} · {t.unit}: {set.data.unit === "unknown" ? t.units.unknown : set.data.unit} · {date(set.data.created_at)}
+                {t.scanSets.scans(scans.length)} · {t.unit}:{" "}
+                {set.data.unit === "unknown" ? t.units.unknown : set.data.unit} · {date(set.data.created_at)}
             </p>
             <section class="panel" aria-label={t.set.start}>
                 {scans.length < 2 && <p class="quiet">{t.set.tooFew}</p>}
-                {scans.length >= 2 && info.data && <StartJob info={info.data} set={set.data} isFirst={jobs.data?.items.length === 0} />}
+                {scans.length >= 2 && info.data && (
+                    <StartJob info={info.data} set={set.data} isFirst={jobs.data?.items.length === 0} />
+                )}
             </section>
             {jobs.data && jobs.data.items.length > 0 && (
                 <section class="panel">
@@ -54,7 +74,8 @@ export function ScanSetPage({ id }: { id: string }) {
                 <details>
                     <summary>{t.upload.add}</summary>
                     <Upload
-                        info={info.data} set={set.data}
+                        info={info.data}
+                        set={set.data}
                         onStored={(_, files) => {
                             for (const item of files) if (item.role === "scan") keepFile(id, item.name, item.file);
                             set.reload();
@@ -73,19 +94,46 @@ function ScanTable({ set, onChange }: { set: Schema["ScanSet"]; onChange: () => 
                 <table class="folds">
                     <caption class="unseen">{t.set.scans}</caption>
                     <thead>
-                        <tr><th scope="col">{t.set.scan}</th><th scope="col" class="number">{t.points}</th><th scope="col" class="number">{t.size}</th><th scope="col">{t.set.notes}</th><th><span class="unseen">{t.remove}</span></th></tr>
+                        <tr>
+                            <th scope="col">{t.set.scan}</th>
+                            <th scope="col" class="number">
+                                {t.points}
+                            </th>
+                            <th scope="col" class="number">
+                                {t.size}
+                            </th>
+                            <th scope="col">{t.set.notes}</th>
+                            <th>
+                                <span class="unseen">{t.remove}</span>
+                            </th>
+                        </tr>
                     </thead>
                     <tbody>
                         {set.scans.map((scan) => (
                             <tr key={scan.name}>
                                 <td class="name">{scan.name}</td>
-                                <td class="number" data-title={t.points}>{number(scan.points)}</td>
-                                <td class="number" data-title={t.size}>{bytes(scan.bytes)}</td>
-                                <td class="small" data-title={t.set.notes}>{readingNotes(scan.reading).join(" · ")}</td>
+                                <td class="number" data-title={t.points}>
+                                    {number(scan.points)}
+                                </td>
+                                <td class="number" data-title={t.size}>
+                                    {bytes(scan.bytes)}
+                                </td>
+                                <td class="small" data-title={t.set.notes}>
+                                    {readingNotes(scan.reading).join(" · ")}
+                                </td>
                                 <td class="act">
                                     <DeleteButton
-                                        name={scan.name} consequence={t.confirm.scan} label={`${t.remove}: ${scan.name}`} className="bare"
-                                        onConfirm={() => ok(api.DELETE("/v1/scan-sets/{id}/scans/{name}", { params: { path: { id: set.id, name: scan.name } } }))}
+                                        name={scan.name}
+                                        consequence={t.confirm.scan}
+                                        label={`${t.remove}: ${scan.name}`}
+                                        className="bare"
+                                        onConfirm={() =>
+                                            ok(
+                                                api.DELETE("/v1/scan-sets/{id}/scans/{name}", {
+                                                    params: { path: { id: set.id, name: scan.name } },
+                                                }),
+                                            )
+                                        }
                                         onDone={onChange}
                                     />
                                 </td>
@@ -97,7 +145,13 @@ function ScanTable({ set, onChange }: { set: Schema["ScanSet"]; onChange: () => 
             {set.passed_over.length > 0 && (
                 <details>
                     <summary>{t.set.passedOver}</summary>
-                    <ul>{set.passed_over.map(({ file, why }) => <li key={file}><strong>{file}</strong> {why}</li>)}</ul>
+                    <ul>
+                        {set.passed_over.map(({ file, why }) => (
+                            <li key={file}>
+                                <strong>{file}</strong> {why}
+                            </li>
+                        ))}
+                    </ul>
                 </details>
             )}
         </>
@@ -118,8 +172,14 @@ function Poses({ set }: { set: Schema["ScanSet"] }) {
     return (
         <>
             <p>{t.set.posesOf(poses.file, poses.count)}</p>
-            {poses.scans_without_pose.length > 0 && <p class="quiet">{t.set.without(poses.scans_without_pose.join(", "))}</p>}
-            {poses.notes.map((note) => <p class="quiet" key={note}>{note}</p>)}
+            {poses.scans_without_pose.length > 0 && (
+                <p class="quiet">{t.set.without(poses.scans_without_pose.join(", "))}</p>
+            )}
+            {poses.notes.map((note) => (
+                <p class="quiet" key={note}>
+                    {note}
+                </p>
+            ))}
         </>
     );
 }

@@ -33,7 +33,9 @@ export function Upload({ info, set, onStored }: Props) {
     const paths = items.map((item) => item.path);
     const taken = items.map((item) => item.role);
     const sendable = items.filter((item) => item.role !== "skip");
-    const tooLarge = sendable.filter((item) => item.file.size > (item.role === "archive" ? info.limits.upload_bytes : info.limits.file_bytes));
+    const tooLarge = sendable.filter(
+        (item) => item.file.size > (item.role === "archive" ? info.limits.upload_bytes : info.limits.file_bytes),
+    );
     const scans = sendable.filter((item) => item.role === "scan").length + (set?.scans.length ?? 0);
     const tooMany = scans > info.limits.scans_per_set;
     const archiveInSet = set !== undefined && needsForm(paths, taken);
@@ -44,24 +46,40 @@ export function Upload({ info, set, onStored }: Props) {
         setError(undefined);
         setStored(undefined);
         if (!set && name === "") setName(suggestedName(chosen));
-        show(chosen.map((item, index) => ({ ...item, name: names[index] ?? item.path, role: taken[index] ?? "skip", state: "waiting", sent: 0 })));
+        show(
+            chosen.map((item, index) => ({
+                ...item,
+                name: names[index] ?? item.path,
+                role: taken[index] ?? "skip",
+                state: "waiting",
+                sent: 0,
+            })),
+        );
         const size = chosen.reduce((sum, item) => sum + item.file.size, 0);
         announce(t.upload.chosen(chosen.length, bytes(size)));
     };
     const setRole = (index: number, role: Role) =>
-        show(items.map((item, other) => {
-            if (other === index) return { ...item, role };
-            // a set starts from one file of poses
-            return role === "poses" && item.role === "poses" ? { ...item, role: "skip" } : item;
-        }));
+        show(
+            items.map((item, other) => {
+                if (other === index) return { ...item, role };
+                // a set starts from one file of poses
+                return role === "poses" && item.role === "poses" ? { ...item, role: "skip" } : item;
+            }),
+        );
     const start = async () => {
         const controller = new AbortController();
         setStop(controller);
         setError(undefined);
-        const changed = (index: number, change: Partial<Item>) => show(latest.current.map((item, other) => (other === index ? { ...item, ...change } : item)));
+        const changed = (index: number, change: Partial<Item>) =>
+            show(latest.current.map((item, other) => (other === index ? { ...item, ...change } : item)));
         const target = { name: name.trim(), unit, id: set?.id ?? stored };
         try {
-            const id = await (needsForm(paths, taken) ? sendForm : sendOneByOne)(items, target, changed, controller.signal);
+            const id = await (needsForm(paths, taken) ? sendForm : sendOneByOne)(
+                items,
+                target,
+                changed,
+                controller.signal,
+            );
             setStored(id);
             const failed = latest.current.filter((item) => item.state === "failed").length;
             announce(failed > 0 ? t.upload.partly(failed) : t.upload.done(sendable.length));
@@ -81,23 +99,72 @@ export function Upload({ info, set, onStored }: Props) {
                     {!set && (
                         <div class="form-grid">
                             <TextField label={`${t.name} (${t.optional})`} value={name} onInput={setName} />
-                            {needsUnit(paths, taken) && <UnitChoice value={unit} onChange={setUnit} help={t.upload.unitHelp} />}
+                            {needsUnit(paths, taken) && (
+                                <UnitChoice value={unit} onChange={setUnit} help={t.upload.unitHelp} />
+                            )}
                         </div>
                     )}
-                    {hasSeveralPoses(paths, taken) && !taken.includes("poses") && <div class="note"><p>{t.upload.several}</p></div>}
-                    {sendable.length === 0 && <div class="note doubt"><p>{t.upload.nothing}</p></div>}
-                    {archiveInSet && <div class="note doubt"><p>{t.upload.archiveNewSet}</p></div>}
-                    {tooMany && <div class="note doubt"><p>{t.upload.tooMany(info.limits.scans_per_set)}</p></div>}
-                    {tooLarge.map((item) => <div class="note doubt" key={item.path}><p>{item.name}: {t.upload.tooLarge(bytes(info.limits.file_bytes))}</p></div>)}
+                    {hasSeveralPoses(paths, taken) && !taken.includes("poses") && (
+                        <div class="note">
+                            <p>{t.upload.several}</p>
+                        </div>
+                    )}
+                    {sendable.length === 0 && (
+                        <div class="note doubt">
+                            <p>{t.upload.nothing}</p>
+                        </div>
+                    )}
+                    {archiveInSet && (
+                        <div class="note doubt">
+                            <p>{t.upload.archiveNewSet}</p>
+                        </div>
+                    )}
+                    {tooMany && (
+                        <div class="note doubt">
+                            <p>{t.upload.tooMany(info.limits.scans_per_set)}</p>
+                        </div>
+                    )}
+                    {tooLarge.map((item) => (
+                        <div class="note doubt" key={item.path}>
+                            <p>
+                                {item.name}: {t.upload.tooLarge(bytes(info.limits.file_bytes))}
+                            </p>
+                        </div>
+                    ))}
                     <FileTable items={items} isBusy={stop !== undefined} isSet={set !== undefined} onRole={setRole} />
                     <Trouble error={error} />
-                    {failed > 0 && stored && !stop && <div class="note doubt" role="alert"><p>{t.upload.partly(failed)}</p></div>}
+                    {failed > 0 && stored && !stop && (
+                        <div class="note doubt" role="alert">
+                            <p>{t.upload.partly(failed)}</p>
+                        </div>
+                    )}
                     <div class="row">
-                        <button type="button" class="main" onClick={start} disabled={stop !== undefined || sendable.length === 0 || tooLarge.length > 0 || tooMany || archiveInSet}>
-                            {stop ? t.upload.running : t.upload.start(sendable.filter((item) => item.state !== "done").length)}
+                        <button
+                            type="button"
+                            class="main"
+                            onClick={start}
+                            disabled={
+                                stop !== undefined ||
+                                sendable.length === 0 ||
+                                tooLarge.length > 0 ||
+                                tooMany ||
+                                archiveInSet
+                            }
+                        >
+                            {stop
+                                ? t.upload.running
+                                : t.upload.start(sendable.filter((item) => item.state !== "done").length)}
                         </button>
-                        {stop && <button type="button" onClick={() => stop.abort()}>{t.upload.stop}</button>}
-                        {stored && !stop && <button type="button" onClick={() => onStored(stored, items)}>{t.upload.openSet}</button>}
+                        {stop && (
+                            <button type="button" onClick={() => stop.abort()}>
+                                {t.upload.stop}
+                            </button>
+                        )}
+                        {stored && !stop && (
+                            <button type="button" onClick={() => onStored(stored, items)}>
+                                {t.upload.openSet}
+                            </button>
+                        )}
                     </div>
                 </div>
             )}
@@ -114,23 +181,51 @@ function suggestedName(chosen: readonly Chosen[]): string {
     return chosen.length === 1 ? first.file.name.replace(/\.(zip|tar|tgz|tar\.gz|e57|ptx)$/i, "") : "";
 }
 
-function FileTable(props: { items: readonly Item[]; isBusy: boolean; isSet: boolean; onRole: (index: number, role: Role) => void }) {
-    const choices = (["scan", "archive", "poses", "skip"] as const).map((role) => [role, t.upload.roles[role]] as const);
+function FileTable(props: {
+    items: readonly Item[];
+    isBusy: boolean;
+    isSet: boolean;
+    onRole: (index: number, role: Role) => void;
+}) {
+    const choices = (["scan", "archive", "poses", "skip"] as const).map(
+        (role) => [role, t.upload.roles[role]] as const,
+    );
     return (
         <div class="table-wrap">
             <table class="folds">
                 <caption class="unseen">{t.upload.table}</caption>
                 <thead>
-                    <tr><th scope="col">{t.upload.file}</th><th scope="col" class="number">{t.size}</th><th scope="col">{t.upload.role}</th><th scope="col">{t.upload.state}</th></tr>
+                    <tr>
+                        <th scope="col">{t.upload.file}</th>
+                        <th scope="col" class="number">
+                            {t.size}
+                        </th>
+                        <th scope="col">{t.upload.role}</th>
+                        <th scope="col">{t.upload.state}</th>
+                    </tr>
                 </thead>
                 <tbody>
                     {props.items.map((item, index) => (
                         <tr key={item.path}>
-                            <td class="name">{item.name}{item.error !== undefined && <Trouble error={item.error} />}</td>
-                            <td class="number" data-title={t.size}>{bytes(item.file.size)}</td>
+                            <td class="name">
+                                {item.name}
+                                {item.error !== undefined && <Trouble error={item.error} />}
+                            </td>
+                            <td class="number" data-title={t.size}>
+                                {bytes(item.file.size)}
+                            </td>
                             <td data-title={t.upload.role}>
-                                <select aria-label={`${t.upload.role}: ${item.name}`} disabled={props.isBusy || item.state === "done"} value={item.role} onChange={(event) => props.onRole(index, event.currentTarget.value as Role)}>
-                                    {choices.map(([role, text]) => <option key={role} value={role} selected={role === item.role}>{text}</option>)}
+                                <select
+                                    aria-label={`${t.upload.role}: ${item.name}`}
+                                    disabled={props.isBusy || item.state === "done"}
+                                    value={item.role}
+                                    onChange={(event) => props.onRole(index, event.currentTarget.value as Role)}
+                                >
+                                    {choices.map(([role, text]) => (
+                                        <option key={role} value={role} selected={role === item.role}>
+                                            {text}
+                                        </option>
+                                    ))}
                                 </select>
                             </td>
                             <td data-title={t.upload.state}>{item.role !== "skip" && <FileState item={item} />}</td>

@@ -40,15 +40,21 @@ export function DeleteButton({ name, consequence, text, label, className, onConf
     };
     return (
         <>
-            <button type="button" class={className ?? "risky"} aria-label={label} onClick={() => setOpen(true)}>{text ?? t.remove}</button>
+            <button type="button" class={className ?? "risky"} aria-label={label} onClick={() => setOpen(true)}>
+                {text ?? t.remove}
+            </button>
             {isOpen && (
                 <dialog ref={dialog} aria-labelledby={title} onClose={() => setOpen(false)}>
                     <h2 id={title}>{t.confirm.title(name)}</h2>
                     <p>{consequence}</p>
                     <Trouble error={error} />
                     <div class="row end">
-                        <button type="button" autofocus onClick={() => dialog.current?.close()}>{t.cancel}</button>
-                        <button type="button" class="risky" disabled={isBusy} onClick={confirm}>{t.remove}</button>
+                        <button type="button" autofocus onClick={() => dialog.current?.close()}>
+                            {t.cancel}
+                        </button>
+                        <button type="button" class="risky" disabled={isBusy} onClick={confirm}>
+                            {t.remove}
+                        </button>
                     </div>
                 </dialog>
             )}

@@ -32,6 +32,12 @@ export function usePages<T>(load: (cursor: string | undefined) => Promise<Answer
         error: error ?? first.error,
         isLoading: first.isLoading,
         reload: first.reload,
-        more: cursor ? <div class="row end"><button type="button" onClick={next}>{t.more}</button></div> : null,
+        more: cursor ? (
+            <div class="row end">
+                <button type="button" onClick={next}>
+                    {t.more}
+                </button>
+            </div>
+        ) : null,
     };
 }

@@ -27,12 +27,24 @@ export function Settings() {
     };
     return (
         <div class="settings">
-            <select aria-label={t.settings.language} value={language.get()} onChange={(event) => keepLanguage(event.currentTarget.value as Language)}>
+            <select
+                aria-label={t.settings.language}
+                value={language.get()}
+                onChange={(event) => keepLanguage(event.currentTarget.value as Language)}
+            >
                 <option value="en">{en.languageName}</option>
                 <option value="de">{de.languageName}</option>
             </select>
-            <select aria-label={t.settings.theme} value={theme} onChange={(event) => chooseTheme(event.currentTarget.value as Theme)}>
-                {themes.map((name) => <option key={name} value={name} selected={name === theme}>{t.settings[name]}</option>)}
+            <select
+                aria-label={t.settings.theme}
+                value={theme}
+                onChange={(event) => chooseTheme(event.currentTarget.value as Theme)}
+            >
+                {themes.map((name) => (
+                    <option key={name} value={name} selected={name === theme}>
+                        {t.settings[name]}
+                    </option>
+                ))}
             </select>
         </div>
     );

@@ -37,7 +37,14 @@ function hsl(hue: number, saturation: number, lightness: number): Rgb {
 }
 
 /** Dark to light without a false edge, and told apart by people who see few colours (viridis). */
-const scale: Rgb[] = [[68, 1, 84], [65, 68, 135], [42, 120, 142], [34, 168, 132], [122, 209, 81], [253, 231, 37]];
+const scale: Rgb[] = [
+    [68, 1, 84],
+    [65, 68, 135],
+    [42, 120, 142],
+    [34, 168, 132],
+    [122, 209, 81],
+    [253, 231, 37],
+];
 
 export function scaleColour(share: number): Rgb {
     const at = Math.max(0, Math.min(1, share)) * (scale.length - 1);
@@ -83,7 +90,12 @@ export function colour(surface: Surface, mode: ColourMode, up: 0 | 1 | 2): Colou
     return { colors };
 }
 
-function byValue(colors: Uint8Array, values: Float32Array, measure: (value: number) => number, fill: (rgb: (index: number) => Rgb) => void): Coloured {
+function byValue(
+    colors: Uint8Array,
+    values: Float32Array,
+    measure: (value: number) => number,
+    fill: (rgb: (index: number) => Rgb) => void,
+): Coloured {
     let [low, high] = [Infinity, -Infinity];
     for (const value of values) {
         low = Math.min(low, value);
@@ -100,7 +112,10 @@ export function shade(colors: Uint8Array, normals: Float32Array | undefined): Ui
     const light = [0.42, 0.64, 0.64];
     for (let index = 0; index < colors.length / 3; index += 1) {
         const at = index * 3;
-        const facing = (normals[at] as number) * light[0]! + (normals[at + 1] as number) * light[1]! + (normals[at + 2] as number) * light[2]!;
+        const facing =
+            (normals[at] as number) * light[0]! +
+            (normals[at + 1] as number) * light[1]! +
+            (normals[at + 2] as number) * light[2]!;
         const factor = 0.62 + 0.38 * facing;
         for (let axis = 0; axis < 3; axis += 1) colors[at + axis] = (colors[at + axis] as number) * factor;
     }

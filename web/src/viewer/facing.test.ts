@@ -9,10 +9,17 @@ test("a face is looked at from its front, the right eye on the left", () => {
     expect(facing?.up[1]).toBeGreaterThan(0.8);
     expect(facing?.axis).toBe(1);
     // the chin tells better what is upright than the tip of the nose
-    const withChin = ofFace({ eye_r_inner: [-16, 0, 0], eye_l_inner: [16, 0, 0], nose_tip: [0, -45, 20], chin: [0, -110, 2] });
+    const withChin = ofFace({
+        eye_r_inner: [-16, 0, 0],
+        eye_l_inner: [16, 0, 0],
+        nose_tip: [0, -45, 20],
+        chin: [0, -110, 2],
+    });
     expect(withChin?.up[1]).toBeGreaterThan(0.99);
     // turned around
-    expect(ofFace({ eye_r_inner: [16, 0, 0], eye_l_inner: [-16, 0, 0], nose_tip: [0, -45, -20] })?.front[2]).toBeLessThan(-0.8);
+    expect(
+        ofFace({ eye_r_inner: [16, 0, 0], eye_l_inner: [-16, 0, 0], nose_tip: [0, -45, -20] })?.front[2],
+    ).toBeLessThan(-0.8);
 });
 
 test("without these places, or with all in one, nothing is said", () => {

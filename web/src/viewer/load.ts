@@ -18,7 +18,11 @@ export function read(buffer: ArrayBuffer, kind: Task["kind"]): Promise<Surface> 
 }
 
 /** Fetches a surface of the server; `onShare` is told how much of it has come. */
-export async function fetchSurface(url: string, signal: AbortSignal, onShare: (share: number) => void): Promise<Surface> {
+export async function fetchSurface(
+    url: string,
+    signal: AbortSignal,
+    onShare: (share: number) => void,
+): Promise<Surface> {
     let buffer: ArrayBuffer;
     try {
         const response = await fetch(url, { signal });

@@ -1,4 +1,17 @@
-import { BufferGeometry, Color, Float32BufferAttribute, Group, Line, LineBasicMaterial, LineLoop, Mesh, MeshBasicMaterial, OctahedronGeometry, SphereGeometry, type Vector3 } from "three";
+import {
+    BufferGeometry,
+    Color,
+    Float32BufferAttribute,
+    Group,
+    Line,
+    LineBasicMaterial,
+    LineLoop,
+    Mesh,
+    MeshBasicMaterial,
+    OctahedronGeometry,
+    SphereGeometry,
+    type Vector3,
+} from "three";
 
 import type { Markers, Place } from "./marker-types";
 
@@ -16,7 +29,13 @@ export function markerGroup(markers: Markers, local: (place: Place) => Vector3, 
     }
     for (const { places, isClosed, colour } of markers.lines) {
         const geometry = new BufferGeometry();
-        geometry.setAttribute("position", new Float32BufferAttribute(places.flatMap((place) => local(place).toArray()), 3));
+        geometry.setAttribute(
+            "position",
+            new Float32BufferAttribute(
+                places.flatMap((place) => local(place).toArray()),
+                3,
+            ),
+        );
         const material = new LineBasicMaterial({ color: new Color(colour), depthTest: false });
         const line = isClosed ? new LineLoop(geometry, material) : new Line(geometry, material);
         line.renderOrder = 2;

@@ -20,13 +20,23 @@ export function pickMesh(mesh: Mesh, spot: Spot, camera: Camera, cut: Plane | un
 }
 
 /** The nearest of the points about the spot: of those close to it the one in front. */
-export function pickCloud(positions: Float32Array, shown: Uint32Array, spot: Spot, camera: Camera, cut: Plane | undefined): Vector3 | undefined {
+export function pickCloud(
+    positions: Float32Array,
+    shown: Uint32Array,
+    spot: Spot,
+    camera: Camera,
+    cut: Plane | undefined,
+): Vector3 | undefined {
     const m = new Matrix4().multiplyMatrices(camera.projectionMatrix, camera.matrixWorldInverse).elements;
     const normal = cut?.normal ?? new Vector3();
     let best = -1;
     let bestRank = Infinity;
     for (const index of shown) {
-        const [x, y, z] = [positions[index * 3] as number, positions[index * 3 + 1] as number, positions[index * 3 + 2] as number];
+        const [x, y, z] = [
+            positions[index * 3] as number,
+            positions[index * 3 + 1] as number,
+            positions[index * 3 + 2] as number,
+        ];
         const w = m[3] * x + m[7] * y + m[11] * z + m[15];
         if (w <= 0) continue;
         const dx = ((m[0] * x + m[4] * y + m[8] * z + m[12]) / w / 2 + 0.5) * spot.width - spot.x;

@@ -14,8 +14,22 @@ const float32: Scalar = { size: 4, read: (view, at, isLittle) => view.getFloat32
 const float64: Scalar = { size: 8, read: (view, at, isLittle) => view.getFloat64(at, isLittle) };
 
 const scalars = new Map<string, Scalar>([
-    ["char", int8], ["int8", int8], ["uchar", uint8], ["uint8", uint8], ["short", int16], ["int16", int16], ["ushort", uint16], ["uint16", uint16],
-    ["int", int32], ["int32", int32], ["uint", uint32], ["uint32", uint32], ["float", float32], ["float32", float32], ["double", float64], ["float64", float64],
+    ["char", int8],
+    ["int8", int8],
+    ["uchar", uint8],
+    ["uint8", uint8],
+    ["short", int16],
+    ["int16", int16],
+    ["ushort", uint16],
+    ["uint16", uint16],
+    ["int", int32],
+    ["int32", int32],
+    ["uint", uint32],
+    ["uint32", uint32],
+    ["float", float32],
+    ["float32", float32],
+    ["double", float64],
+    ["float64", float64],
 ]);
 
 export interface Property {
@@ -57,7 +71,8 @@ export function header(bytes: Uint8Array): Header {
         const [word, ...rest] = line.trim().split(/\s+/);
         if (word === "format") {
             const name = rest[0];
-            if (name !== "ascii" && name !== "binary_little_endian" && name !== "binary_big_endian") throw new Unreadable(`PLY of an unknown kind: ${name}`);
+            if (name !== "ascii" && name !== "binary_little_endian" && name !== "binary_big_endian")
+                throw new Unreadable(`PLY of an unknown kind: ${name}`);
             format = name;
         } else if (word === "element") {
             const count = Number(rest[1]);
@@ -72,8 +87,12 @@ export function header(bytes: Uint8Array): Header {
     if (!format) throw new Unreadable("a PLY file that does not say of which kind it is");
     const bodyAt = end.index + end[0].length;
     for (const element of elements) {
-        const least = element.properties.reduce((sum, { value, count }) => sum + (format === "ascii" ? 2 : (count ?? value).size), 0);
-        if (element.count * Math.max(1, least) > bytes.length - bodyAt + 1) throw new Unreadable(`the file is too short for its ${element.count} of ${element.name}`);
+        const least = element.properties.reduce(
+            (sum, { value, count }) => sum + (format === "ascii" ? 2 : (count ?? value).size),
+            0,
+        );
+        if (element.count * Math.max(1, least) > bytes.length - bodyAt + 1)
+            throw new Unreadable(`the file is too short for its ${element.count} of ${element.name}`);
     }
     return { format, elements, bodyAt };
 }

@@ -70,7 +70,9 @@ test("triangles of vertices that are not there are left out", () => {
 });
 
 test("a vertex without a place takes its triangles along, and no others", () => {
-    const surface = readPly(text(square.replace("1000000.5 0 0 255 0 0 0", "nan 0 0 255 0 0 0").replace("4 0 1 2 3", "3 1 2 3")));
+    const surface = readPly(
+        text(square.replace("1000000.5 0 0 255 0 0 0", "nan 0 0 255 0 0 0").replace("4 0 1 2 3", "3 1 2 3")),
+    );
     expect(surface.positions.length).toBe(9);
     expect([...(surface.triangles ?? [])]).toEqual([0, 1, 2]);
     expect(surface.colors?.[1]).toBe(255);

@@ -36,7 +36,10 @@ export function ascii(bytes: Uint8Array, at: number): Source {
 export function readPly(buffer: ArrayBuffer): Surface {
     const bytes = new Uint8Array(buffer);
     const head: Header = header(bytes);
-    const source = head.format === "ascii" ? ascii(bytes, head.bodyAt) : binary(bytes, head.bodyAt, head.format === "binary_little_endian");
+    const source =
+        head.format === "ascii"
+            ? ascii(bytes, head.bodyAt)
+            : binary(bytes, head.bodyAt, head.format === "binary_little_endian");
     let surface: Surface | undefined;
     let places: Uint32Array | undefined;
     let triangles: Uint32Array | undefined;
@@ -65,7 +68,11 @@ function sound(triangles: Uint32Array, places: Uint32Array): Uint32Array {
     return Uint32Array.from(kept);
 }
 
-const colorNames = [["red", "green", "blue"], ["r", "g", "b"], ["diffuse_red", "diffuse_green", "diffuse_blue"]];
+const colorNames = [
+    ["red", "green", "blue"],
+    ["r", "g", "b"],
+    ["diffuse_red", "diffuse_green", "diffuse_blue"],
+];
 
 /** What is drawn of the vertices, and which place each has in it. */
 function vertices(element: Element, source: Source): [Surface, Uint32Array] {
@@ -85,7 +92,8 @@ function vertices(element: Element, source: Source): [Surface, Uint32Array] {
     const put = (array: Float32Array | Uint8Array | undefined, wanted: readonly string[], factor: number) => {
         const columns = wanted.map((name) => names.indexOf(name));
         return (index: number) => {
-            for (let axis = 0; array && axis < 3; axis += 1) array[index * 3 + axis] = (row[columns[axis] as number] as number) * factor;
+            for (let axis = 0; array && axis < 3; axis += 1)
+                array[index * 3 + axis] = (row[columns[axis] as number] as number) * factor;
         };
     };
     const isFraction = colorsAs !== undefined && element.properties[names.indexOf(colorsAs[0] ?? "")]?.isFraction;
@@ -101,7 +109,9 @@ function vertices(element: Element, source: Source): [Surface, Uint32Array] {
         // points without a return are no places
         if (!point.every(Number.isFinite)) continue;
         if (written === 0) surface.origin = point as [number, number, number];
-        point.forEach((value, axis) => (surface.positions[written * 3 + axis] = value - (surface.origin[axis] as number)));
+        point.forEach(
+            (value, axis) => (surface.positions[written * 3 + axis] = value - (surface.origin[axis] as number)),
+        );
         putNormal(written);
         putColor(written);
         if (surface.views) surface.views[written] = row[view] as number;
@@ -157,7 +167,11 @@ function faces(element: Element, source: Source): Uint32Array {
     return indices.slice(0, used);
 }
 
-function passList(source: Source, count: Element["properties"][number]["value"], value: Element["properties"][number]["value"]): number {
+function passList(
+    source: Source,
+    count: Element["properties"][number]["value"],
+    value: Element["properties"][number]["value"],
+): number {
     for (let left = source.next(count); left > 0; left -= 1) source.next(value);
     return 0;
 }

@@ -1,6 +1,23 @@
 import {
-    AmbientLight, Box3, BufferAttribute, BufferGeometry, DirectionalLight, DoubleSide, Mesh, MeshLambertMaterial, PerspectiveCamera, Plane,
-    Points, PointsMaterial, Scene, Sphere, Spherical, SRGBColorSpace, Vector3, WebGLRenderer, type Group,
+    AmbientLight,
+    Box3,
+    BufferAttribute,
+    BufferGeometry,
+    DirectionalLight,
+    DoubleSide,
+    Mesh,
+    MeshLambertMaterial,
+    PerspectiveCamera,
+    Plane,
+    Points,
+    PointsMaterial,
+    Scene,
+    Sphere,
+    Spherical,
+    SRGBColorSpace,
+    Vector3,
+    WebGLRenderer,
+    type Group,
 } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 
@@ -78,7 +95,13 @@ export class Stage {
     /** Puts another surface on; the view stays if `keepView`. */
     show(surface: Surface, mode: ColourMode, facing: Facing, keepView: boolean): void {
         this.clear();
+        // each surface has its own origin: the eye stays where it was in the frame of the model
+        const shift = this.local(surface.origin).negate();
         this.surface = surface;
+        if (keepView) {
+            this.camera.position.add(shift);
+            this.controls.target.add(shift);
+        }
         const geometry = new BufferGeometry();
         geometry.setAttribute("position", new BufferAttribute(surface.positions, 3));
         if (surface.normals) geometry.setAttribute("normal", new BufferAttribute(surface.normals, 3));
@@ -99,7 +122,10 @@ export class Stage {
             const cloud = new BufferGeometry();
             cloud.setAttribute("position", geometry.getAttribute("position"));
             cloud.setIndex(new BufferAttribute(this.order, 1));
-            this.points = new Points(cloud, new PointsMaterial({ vertexColors: true, sizeAttenuation: false, size: this.pointSize() }));
+            this.points = new Points(
+                cloud,
+                new PointsMaterial({ vertexColors: true, sizeAttenuation: false, size: this.pointSize() }),
+            );
             this.points.visible = !this.mesh;
             this.scene.add(this.points);
         }
@@ -209,7 +235,10 @@ export class Stage {
 
     zoom(factor: number): void {
         const offset = this.camera.position.clone().sub(this.controls.target);
-        const length = Math.max(this.controls.minDistance, Math.min(this.controls.maxDistance, offset.length() * factor));
+        const length = Math.max(
+            this.controls.minDistance,
+            Math.min(this.controls.maxDistance, offset.length() * factor),
+        );
         this.camera.position.copy(this.controls.target).add(offset.setLength(length));
         this.moved();
     }
@@ -313,7 +342,9 @@ export class Stage {
             if (place.z > 1 || Math.abs(place.x) > 1 || Math.abs(place.y) > 1) return [];
             const [x, y] = [((place.x + 1) / 2) * clientWidth, ((1 - place.y) / 2) * clientHeight];
             const end = x + (text.length + 2) * letterWidth;
-            const isCovered = taken.some(([from, to, height]) => Math.abs(height - y) < lineHeight && x < to && end > from);
+            const isCovered = taken.some(
+                ([from, to, height]) => Math.abs(height - y) < lineHeight && x < to && end > from,
+            );
             if (!isCovered) taken.push([x, end, y]);
             return [{ text, x, y, isCovered }];
         });

@@ -13,7 +13,14 @@ export interface Surface {
 
 /** The arrays that can be handed over to another thread without a copy. */
 export function buffersOf(surface: Surface): ArrayBuffer[] {
-    const arrays = [surface.positions, surface.normals, surface.colors, surface.views, surface.support, surface.triangles];
+    const arrays = [
+        surface.positions,
+        surface.normals,
+        surface.colors,
+        surface.views,
+        surface.support,
+        surface.triangles,
+    ];
     return arrays.flatMap((array) => (array ? [array.buffer as ArrayBuffer] : []));
 }
 

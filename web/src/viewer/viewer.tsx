@@ -107,35 +107,67 @@ export function Viewer(props: Props) {
     };
     const onKey = (event: KeyboardEvent) => {
         if (!stage || event.ctrlKey || event.metaKey || event.altKey) return;
-        if (!press(stage, event, look.facing, () => pick((canvas.current?.clientWidth ?? 0) / 2, (canvas.current?.clientHeight ?? 0) / 2))) return;
+        if (
+            !press(stage, event, look.facing, () =>
+                pick((canvas.current?.clientWidth ?? 0) / 2, (canvas.current?.clientHeight ?? 0) / 2),
+            )
+        )
+            return;
         event.preventDefault();
     };
     return (
         <div class="viewer">
             <canvas
-                ref={canvas} tabIndex={0} role="application" aria-label={props.label ?? t.viewer.label} data-ready={stage && surface ? "yes" : "no"}
+                ref={canvas}
+                tabIndex={0}
+                role="application"
+                aria-label={props.label ?? t.viewer.label}
+                data-ready={stage && surface ? "yes" : "no"}
                 onKeyDown={onKey}
                 onPointerDown={(event) => (down.current = [event.offsetX, event.offsetY])}
                 onPointerUp={(event) => {
                     const [x, y] = down.current;
-                    if (event.button === 0 && Math.hypot(event.offsetX - x, event.offsetY - y) < clickReach) pick(event.offsetX, event.offsetY);
+                    if (event.button === 0 && Math.hypot(event.offsetX - x, event.offsetY - y) < clickReach)
+                        pick(event.offsetX, event.offsetY);
                 }}
             />
             {labels.map(({ text, x, y, isCovered }) => (
-                <span key={text} class={`spot ${isCovered ? "covered" : ""}`} style={{ left: `${x}px`, top: `${y}px` }} aria-hidden="true">{text}</span>
+                <span
+                    key={text}
+                    class={`spot ${isCovered ? "covered" : ""}`}
+                    style={{ left: `${x}px`, top: `${y}px` }}
+                    aria-hidden="true"
+                >
+                    {text}
+                </span>
             ))}
             {props.onPick && (
-                <svg class="cross" viewBox="0 0 21 21" aria-hidden="true"><path d="M10.5 1v7M10.5 13v7M1 10.5h7M13 10.5h7" stroke="currentColor" stroke-width="2" /></svg>
+                <svg class="cross" viewBox="0 0 21 21" aria-hidden="true">
+                    <path d="M10.5 1v7M10.5 13v7M1 10.5h7M13 10.5h7" stroke="currentColor" stroke-width="2" />
+                </svg>
             )}
-            {(isWithout3d || error !== undefined) && <div class="busy"><div>{isWithout3d ? <p class="note doubt">{t.viewer.noWebgl}</p> : <Trouble error={error} />}</div></div>}
-            {!surface && error === undefined && <div class="busy" role="status">{t.viewer.loadingModel(share > 0 ? percent(share) : "…")}</div>}
+            {(isWithout3d || error !== undefined) && (
+                <div class="busy">
+                    <div>{isWithout3d ? <p class="note doubt">{t.viewer.noWebgl}</p> : <Trouble error={error} />}</div>
+                </div>
+            )}
+            {!surface && error === undefined && (
+                <div class="busy" role="status">
+                    {t.viewer.loadingModel(share > 0 ? percent(share) : "…")}
+                </div>
+            )}
         </div>
     );
 }
 
 /** What the keys do; false for those that mean nothing here. */
 function press(stage: Stage, event: KeyboardEvent, facing: Facing, pick: () => void): boolean {
-    const arrows: Record<string, [number, number]> = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
+    const arrows: Record<string, [number, number]> = {
+        ArrowLeft: [-1, 0],
+        ArrowRight: [1, 0],
+        ArrowUp: [0, 1],
+        ArrowDown: [0, -1],
+    };
     const arrow = arrows[event.key];
     if (arrow) {
         const [right, upward] = arrow;

@@ -5,7 +5,11 @@ import type { Surface } from "./surface";
 export function readXyz(buffer: ArrayBuffer): Surface {
     const found: number[] = [];
     for (const line of new TextDecoder().decode(buffer).split("\n")) {
-        const numbers = line.trim().split(/[\s,;]+/).slice(0, 3).map((word) => (word === "" ? NaN : Number(word)));
+        const numbers = line
+            .trim()
+            .split(/[\s,;]+/)
+            .slice(0, 3)
+            .map((word) => (word === "" ? NaN : Number(word)));
         if (numbers.length === 3 && numbers.every(Number.isFinite)) found.push(...numbers);
     }
     if (found.length === 0) throw new Unreadable("the file holds no points");
