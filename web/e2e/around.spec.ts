@@ -1,6 +1,7 @@
 import { readFileSync } from "node:fs";
 import { basename } from "node:path";
 
+import { de } from "../src/texts/de";
 import { expect, expectAccessible, test } from "./fixture";
 import { scansOfHead } from "./server";
 
@@ -82,7 +83,7 @@ test("scans that were being sent when the server went away are sent again", asyn
 test("all is told in German, too", async ({ page }) => {
     await page.goto("/");
     await page.getByLabel("Language").selectOption("de");
-    await expect(page.getByText("Scans, einen Ordner oder ein Zip hier ablegen")).toBeVisible();
+    await expect(page.getByText(de.upload.drop)).toBeVisible();
     await expect(page.locator("html")).toHaveAttribute("lang", "de");
     for (const [link, title] of [
         ["Aufträge", "Aufträge"],

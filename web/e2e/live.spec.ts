@@ -1,11 +1,7 @@
 import { expect, test } from "./fixture";
 import { scansOfHead } from "./server";
 
-test("a job is followed through a restart of the server, and run with other options", async ({
-    page,
-    server,
-    watch,
-}) => {
+test("a job is followed through a crash of the server, and run with other options", async ({ page, server, watch }) => {
     await page.goto("/");
     await page.getByTestId("files").setInputFiles(scansOfHead());
     await page.getByRole("button", { name: "Store 8 files" }).click();
@@ -13,7 +9,7 @@ test("a job is followed through a restart of the server, and run with other opti
     await expect(page.getByText(/^Now: /)).toBeVisible();
     await expect(page.getByText("live", { exact: true })).toBeVisible();
     watch.allow(/ERR_/);
-    await server.stop();
+    await server.stop("SIGKILL");
     await expect(page.getByText("connecting again …")).toBeVisible();
     await server.start();
     await expect(page.getByText("Started 2 times", { exact: false })).toBeVisible();

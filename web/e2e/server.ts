@@ -29,9 +29,10 @@ export class Server {
         throw new Error(`${program} ended before it listened`);
     }
 
-    async stop(): Promise<void> {
+    /** Stops it, in order or as a crash would. */
+    async stop(signal: "SIGTERM" | "SIGKILL" = "SIGTERM"): Promise<void> {
         const ended = new Promise((resolve) => this.process?.once("exit", resolve));
-        this.process?.kill("SIGTERM");
+        this.process?.kill(signal);
         await ended;
     }
 
