@@ -27,12 +27,12 @@ test("scans are stored and a job is started and stopped with the keyboard alone"
     const choosing = page.waitForEvent("filechooser");
     await tabTo(page, /^Choose files/);
     await page.keyboard.press("Enter");
-    await (await choosing).setFiles(scansOfHead().slice(0, 3));
+    await (await choosing).setFiles(scansOfHead());
     await tabTo(page, /^Name/);
-    await page.keyboard.type("Three scans");
-    await tabTo(page, /^Store 3 files/);
+    await page.keyboard.type("With keys");
+    await tabTo(page, /^Store 8 files/);
     await page.keyboard.press("Enter");
-    await expect(page.getByRole("heading", { name: "Three scans" })).toBeFocused();
+    await expect(page.getByRole("heading", { name: "With keys" })).toBeFocused();
     await tabTo(page, /^Register these scans/);
     await page.keyboard.press("Enter");
     await expect(page.getByRole("heading", { name: "Registration" })).toBeFocused();
@@ -45,9 +45,10 @@ test("scans are stored and a job is started and stopped with the keyboard alone"
     await expect(page.getByRole("dialog").getByRole("button", { name: "Cancel" })).toBeFocused();
     await page.keyboard.press("Tab");
     await page.keyboard.press("Enter");
-    await expect(page.getByRole("heading", { name: "Three scans" })).toBeVisible();
+    await expect(page.getByRole("heading", { name: "With keys" })).toBeVisible();
     await tabTo(page, /^Delete$/);
     await page.keyboard.press("Enter");
+    await expect(page.getByRole("dialog")).toBeVisible();
     await page.keyboard.press("Escape");
     await expect(page.getByRole("dialog")).toHaveCount(0);
 });
