@@ -14,6 +14,7 @@ mod hosts;
 mod jobs;
 mod long;
 mod models;
+mod page;
 mod pressure;
 mod queries;
 mod recovery;

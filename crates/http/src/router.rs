@@ -19,7 +19,7 @@ use utoipa_axum::router::OpenApiRouter;
 use super::problem::{Code, Problem, ProblemBody};
 use super::schemas::{CloudFormat, MeshFormat, PosesFormat, ScansFormat, SurfaceFile};
 use super::state::AppState;
-use super::{access_log, body, evaluation, hosts, jobs, meta, models, queries, scan_sets, standards};
+use super::{access_log, body, evaluation, hosts, jobs, meta, models, page, queries, scan_sets, standards};
 use visage_service::panics::panic_message;
 
 const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
@@ -67,9 +67,14 @@ pub fn openapi_yaml() -> Result<String, OpenApiError> {
     contract().to_yaml().map_err(|error| OpenApiError(error.to_string()))
 }
 
+/// The same as JSON, for the page.
+fn openapi_json() -> Result<String, OpenApiError> {
+    contract().to_json().map_err(|error| OpenApiError(error.to_string()))
+}
+
 /// The contract could not be written.
 #[derive(Debug, thiserror::Error)]
-#[error("the contract can't be written as YAML: {0}")]
+#[error("the contract can't be written: {0}")]
 pub struct OpenApiError(String);
 
 /// Why there is no router.
@@ -90,6 +95,11 @@ pub fn router(state: AppState) -> Result<Router, RouterError> {
         let yaml = yaml.clone();
         async move { ([(header::CONTENT_TYPE, "application/yaml")], yaml) }
     };
+    let json = openapi_json()?;
+    let contract_as_json = move || {
+        let json = json.clone();
+        async move { ([(header::CONTENT_TYPE, "application/json")], json) }
+    };
     let (router, _) = resources().split_for_parts();
     let outside = ServiceBuilder::new()
         .map_request(without_request_id)
@@ -97,6 +107,7 @@ pub fn router(state: AppState) -> Result<Router, RouterError> {
         .layer(TraceLayer::new_for_http().make_span_with(request_span).on_request(()).on_response(()).on_failure(()))
         .layer(from_fn(access_log::logged))
         .propagate_request_id(REQUEST_ID)
+        .map_response(distrusted)
         .layer(CatchPanicLayer::custom(panicked));
     let admitted = ServiceBuilder::new()
         .layer(from_fn_with_state(state.clone(), body::paced))
@@ -104,6 +115,8 @@ pub fn router(state: AppState) -> Result<Router, RouterError> {
         .layer(state.hosts.same_origin()?);
     Ok(router
         .route("/openapi.yaml", get(contract))
+        .route("/openapi.json", get(contract_as_json))
+        .merge(page::routes())
         .fallback(not_found)
         .method_not_allowed_fallback(method_not_allowed)
         .with_state(state)
@@ -111,6 +124,14 @@ pub fn router(state: AppState) -> Result<Router, RouterError> {
         .layer(DefaultBodyLimit::disable())
         .layer(admitted)
         .layer(outside))
+}
+
+/// What says nothing of itself is not trusted by browsers.
+fn distrusted<B>(mut response: axum::http::Response<B>) -> axum::http::Response<B> {
+    for (name, value) in page::distrust() {
+        response.headers_mut().entry(name).or_insert(value);
+    }
+    response
 }
 
 /// Ids of requests are ours: what a client sends could be anything.
