@@ -1,5 +1,4 @@
-//! What is done where the quick way leaves views open, or a component that contradicts itself: more proposals for each pair,
-//! and components grown from many of them.
+//! What is done where the quick way leaves views open, or a component that contradicts itself: more proposals for each pair.
 
 use std::collections::BTreeSet;
 
@@ -11,7 +10,6 @@ use super::component::Component;
 use super::consensus::{Support, alike, proposals};
 use super::hinted::agglomerate_hinted;
 use super::hypothesis_score::HypothesisScorer;
-use super::incremental::{Known, grow};
 use super::pair_hypothesis::PairHypothesis;
 use super::rotation_search::rotation_search;
 use super::verification::verify;
@@ -103,14 +101,7 @@ pub fn search_exhaustively(
         return Ok(quick.clone());
     }
     hypotheses.extend(more_hypotheses(coarse_set, hypotheses, pairs, &cores, progress)?);
-    let is_open = |component: &&Component| component.views.iter().all(|view| cores.home[*view].is_none());
-    let open: Vec<Component> = quick.components.iter().filter(is_open).cloned().collect();
-    let grown = grow(coarse_set, hypotheses, &Known { clear: &cores.components, open: &open }, progress)?;
-    let mut agglomeration = agglomerate_hinted(coarse_set, hypotheses, grown.components, hinted, progress)?;
-    for component in agglomeration.components.iter().filter(|component| component.views.len() == 1) {
-        agglomeration.ambiguous[component.views[0]] |= grown.ambiguous[component.views[0]];
-    }
-    Ok(agglomeration)
+    agglomerate_hinted(coarse_set, hypotheses, cores.components, hinted, progress)
 }
 
 /// A component without the views that a hypothesis contradicts; if these are many, nothing of it is clear.

@@ -21,7 +21,6 @@ mod fixture;
 pub mod grid;
 pub mod hinted;
 pub mod hypothesis_score;
-pub mod incremental;
 pub mod likely_pairs;
 pub mod matching;
 pub mod merge_evidence;
