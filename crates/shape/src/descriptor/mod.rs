@@ -1,0 +1,162 @@
+//! The shape of a surface as a whole, in some hundred bytes that no turn, shift, scale, mirror or change of its mesh alters.
+//!
+//! After PANORAMA (Papadakis, Pratikakis, Theoharis and Perantonis 2010): the surface is put into a frame of its own and unrolled
+//! from cylinders about each axis, as distance from the axis and as direction of the normals; of these images the magnitudes
+//! of low frequencies are kept, which no sign of an axis changes. Two frames are kept, since either fails at some things: of two
+//! surfaces the frames in which they are more alike count. Beside them [`pairs`] tell what no frame can spoil.
+//!
+//! Everything goes by area, so that vertices don't matter, and by normals without sides, since half of all files get them wrong.
+//! - `area_samples`: the surface in samples of equal area; `maps`, `spectrum`: its images, and what is kept of them
+//! - `pairs`: how its samples lie to each other
+
+mod area_samples;
+mod maps;
+mod pairs;
+mod spectrum;
+mod views;
+
+use nalgebra::Matrix3;
+use rayon::prelude::*;
+
+use crate::saliency::orientation::OrientedCloud;
+use area_samples::AreaSamples;
+pub use views::VIEWS;
+use visage_geometry::Mesh;
+
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// Samples of a surface.
+        samples: usize = 20_000,
+        /// What maps count beside the distance from the axis: cosine to the radius, cosine to the axis,
+        outward: f32 = 0.7,
+        along: f32 = 0.7,
+        /// the silhouette along the axis, and what faces its viewer.
+        silhouette: f32 = 0.4,
+        facing: f32 = 0.6,
+        /// Steps of a byte in one: no number is larger than what 255 of them make.
+        steps: f32 = 400.0,
+    }
+}
+
+/// Maps of an axis.
+const MAPS: usize = 5;
+/// Bytes of a frame.
+pub const FRAME_BYTES: usize = 3 * MAPS * spectrum::NUMBERS;
+/// Bytes of the pairs.
+pub const PAIR_BYTES: usize = pairs::CLASSES;
+/// What a step of the pairs counts against one of a frame.
+pub const PAIRS_SHARE: f64 = 0.31;
+
+/// What tells one shape from another.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ShapeDescriptor {
+    /// In the frame of the principal axes, and in that of the normals.
+    frames: [[u8; FRAME_BYTES]; 2],
+    pairs: [u8; PAIR_BYTES],
+}
+
+impl ShapeDescriptor {
+    /// The length of [`ShapeDescriptor::to_bytes`].
+    pub const BYTES: usize = 2 * FRAME_BYTES + PAIR_BYTES;
+
+    /// That of a mesh; `None` if it has no area.
+    pub fn of_mesh(mesh: &Mesh) -> Option<ShapeDescriptor> {
+        Some(ShapeDescriptor::of(&AreaSamples::of_mesh(mesh, TUNING.samples)?))
+    }
+
+    /// That of a cloud; `None` without normals.
+    pub fn of_cloud(cloud: &OrientedCloud) -> Option<ShapeDescriptor> {
+        Some(ShapeDescriptor::of(&AreaSamples::of_cloud(cloud, TUNING.samples)?))
+    }
+
+    /// Those of what single scans of a mesh would see of it. Runs inside the caller's rayon pool.
+    pub fn views_of_mesh(mesh: &Mesh) -> Vec<ShapeDescriptor> {
+        AreaSamples::of_mesh(mesh, TUNING.samples).map_or_else(Vec::new, |samples| ShapeDescriptor::views(&samples))
+    }
+
+    fn views(samples: &AreaSamples) -> Vec<ShapeDescriptor> {
+        let seen = |direction: &visage_geometry::Vector3| views::seen_from(samples, direction);
+        views::directions().par_iter().filter_map(seen).map(|seen| ShapeDescriptor::of(&seen)).collect()
+    }
+
+    fn of(samples: &AreaSamples) -> ShapeDescriptor {
+        let frames = samples.moments.map(|moment| in_frame(samples, &axes(&moment)));
+        ShapeDescriptor { frames, pairs: pairs::histogram(samples).map(|value| step(value)) }
+    }
+
+    /// How far two shapes are apart: 0 for the same.
+    pub fn distance(&self, other: &ShapeDescriptor) -> f64 {
+        let [first, second] = [0, 1].map(|frame| squared(&self.frames[frame], &other.frames[frame]));
+        distance(first.min(second), squared(&self.pairs, &other.pairs))
+    }
+
+    /// Its bytes in either frame.
+    pub fn frames(&self) -> &[[u8; FRAME_BYTES]; 2] {
+        &self.frames
+    }
+
+    /// The bytes of its pairs.
+    pub fn pairs(&self) -> &[u8; PAIR_BYTES] {
+        &self.pairs
+    }
+
+    /// Its bytes.
+    pub fn to_bytes(&self) -> [u8; Self::BYTES] {
+        let mut bytes = [0; Self::BYTES];
+        let all = self.frames.iter().flatten().chain(&self.pairs);
+        bytes.iter_mut().zip(all).for_each(|(byte, value)| *byte = *value);
+        bytes
+    }
+
+    /// The inverse of [`ShapeDescriptor::to_bytes`].
+    pub fn from_bytes(bytes: &[u8; Self::BYTES]) -> ShapeDescriptor {
+        let (mut descriptor, mut rest) = (ShapeDescriptor { frames: [[0; FRAME_BYTES]; 2], pairs: [0; PAIR_BYTES] }, bytes.iter());
+        let slots = descriptor.frames.iter_mut().flatten().chain(&mut descriptor.pairs);
+        slots.zip(&mut rest).for_each(|(slot, byte)| *slot = *byte);
+        descriptor
+    }
+}
+
+/// The distance made of the sums of squared differences of the nearer frames and of the pairs, in steps.
+#[inline]
+pub fn distance(frames: u32, pairs: u32) -> f64 {
+    (f64::from(frames).sqrt() + PAIRS_SHARE * f64::from(pairs).sqrt()) / f64::from(TUNING.steps)
+}
+
+/// The sum of the squared differences.
+#[inline]
+pub fn squared(a: &[u8], b: &[u8]) -> u32 {
+    a.iter().zip(b).map(|(a, b)| u32::from(a.abs_diff(*b)).pow(2)).sum()
+}
+
+fn step(value: f32) -> u8 {
+    (value * TUNING.steps).round() as u8
+}
+
+/// The axes of a moment as rows, the greatest first.
+fn axes(moment: &Matrix3<f64>) -> Matrix3<f64> {
+    let eigen = moment.symmetric_eigen();
+    let mut order = [0, 1, 2];
+    order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
+    Matrix3::from_rows(&order.map(|axis| eigen.eigenvectors.column(axis).transpose()))
+}
+
+fn in_frame(samples: &AreaSamples, frame: &Matrix3<f64>) -> [u8; FRAME_BYTES] {
+    let mut bytes = [0; FRAME_BYTES];
+    for (axis, bytes) in bytes.chunks_exact_mut(FRAME_BYTES / 3).enumerate() {
+        let [radius, outward, along] = maps::panorama(samples, frame, axis).map(|map| spectrum::spectrum(&map));
+        let [silhouette, above, below] = maps::views(samples, frame, axis).map(|map| spectrum::spectrum(&map));
+        // no one knows which end is which
+        let facing = std::array::from_fn(|k| 0.5 * (above[k] + below[k]));
+        let weighed = [
+            (radius, 1.0),
+            (outward, TUNING.outward),
+            (along, TUNING.along),
+            (silhouette, TUNING.silhouette),
+            (facing, TUNING.facing),
+        ];
+        let values = weighed.iter().flat_map(|(spectrum, weight)| spectrum.iter().map(move |value| weight * value));
+        bytes.iter_mut().zip(values).for_each(|(byte, value)| *byte = step(value));
+    }
+    bytes
+}
