@@ -18,8 +18,8 @@
 //! - [`triangles`]: a model's triangles as points of Kendall's sphere
 //! - [`triangle_index`]: those points of many models in one static tree; `triangle_query`: a bare triangle in every way
 //!   it may be met
-//! - `probe`: the search for the models that look like a probe; `likeness`: what that means, put together of profiles,
-//!   `dense_rows` and `region_likeness`; `probe_pass`, `face_order`: what rules out most models before that, by their `pca_code`,
+//! - `probe`: the search for the models that look like a probe; `likeness`: what that means, put together of
+//!   `shape_rows` and `dense_rows`; `region_likeness`: of the triangles; `probe_pass`, `face_order`: what rules out most models before that, by their `pca_code`,
 //!   their `partial_distance` and a `trimmed_lower_bound` of it
 //! - `best`: the best few so far
 //! - [`measures`]: how well a ranking tells two classes apart
@@ -44,6 +44,7 @@ mod probe;
 mod probe_pass;
 mod region_likeness;
 mod segment;
+mod shape_rows;
 mod top_k;
 pub mod triangle_index;
 mod triangle_query;

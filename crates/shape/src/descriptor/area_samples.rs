@@ -1,12 +1,15 @@
 //! A surface as oriented samples of equal area, with its exact moments: what no change of its mesh alters.
 
 use nalgebra::Matrix3;
+use rayon::prelude::*;
 
 use crate::saliency::orientation::OrientedCloud;
 use visage_geometry::{Bounds, Mesh, Point3, Vector3};
 
 visage_geometry::tuning! {
     const TUNING: Tuning {
+        /// So often normals are averaged over neighbours, and points moved to where these are along them: noise looks like shape.
+        smoothings: usize = 2,
         /// A point of a cloud stands for no more than so many times the median point's area: one in the air has no neighbours.
         most_area: f64 = 4.0,
     }
@@ -42,7 +45,13 @@ impl AreaSamples {
             let [a, b, c] = face.map(|vertex| (mesh.vertices[vertex as usize] - middle) / unit);
             let across = (b - a).cross(&(c - a));
             let area = 0.5 * across.norm();
-            (area > 0.0).then(|| Piece { corner: a, sides: [b - a, c - a], normal: across / (2.0 * area), area, is_half: true })
+            (area > 0.0).then(|| Piece {
+                corner: a,
+                sides: [b - a, c - a],
+                normal: across / (2.0 * area),
+                area,
+                is_half: true,
+            })
         };
         sampled(&mesh.faces.iter().filter_map(piece).collect::<Vec<_>>(), count)
     }
@@ -65,7 +74,8 @@ impl AreaSamples {
             let corner = (point - middle) / unit - 0.5 * (sides[0] + sides[1]);
             (edge > 0.0).then(|| Piece { corner, sides, normal: *normal, area: edge * edge, is_half: false })
         };
-        let pieces = cloud.points.iter().zip(&cloud.normals).zip(&areas).filter_map(piece);
+        let (points, normals) = smoothed(cloud);
+        let pieces = points.iter().zip(&normals).zip(&areas).filter_map(piece);
         sampled(&pieces.collect::<Vec<_>>(), count)
     }
 
@@ -78,6 +88,27 @@ impl AreaSamples {
         let moments = [moment(&points), moment(&normals)];
         scaled(points, normals, moments)
     }
+}
+
+/// The points and normals of a cloud with less noise, of either side.
+fn smoothed(cloud: &OrientedCloud) -> (Vec<Point3>, Vec<Vector3>) {
+    let (mut points, mut normals) = (cloud.points.clone(), cloud.normals.clone());
+    for _ in 0..TUNING.smoothings {
+        let next = |index: usize| {
+            let (mut facing, mut offset, mut count) = (Matrix3::zeros(), Vector3::zeros(), 0.0);
+            for other in cloud.proximity.of(index) {
+                facing += normals[other] * normals[other].transpose();
+                offset += points[other] - points[index];
+                count += 1.0;
+            }
+            let eigen = facing.symmetric_eigen();
+            let normal = eigen.eigenvectors.column(eigen.eigenvalues.imax()).into_owned();
+            let along = offset.dot(&normal) / f64::max(count, 1.0);
+            (points[index] + normal * along, normal)
+        };
+        (points, normals) = (0..points.len()).into_par_iter().map(next).unzip();
+    }
+    (points, normals)
 }
 
 /// Samples spread evenly over the pieces in their order, at places that fill each.

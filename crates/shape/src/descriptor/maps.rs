@@ -57,7 +57,8 @@ pub(super) fn panorama(samples: &AreaSamples, frame: &Matrix3<f64>, axis: usize)
         let far = ((distance / TUNING.cylinder) as f32).max(1e-6);
         if far > radius.values[place] {
             radius.values[place] = far;
-            outward.values[place] = ((n[across] * p[across] + n[up] * p[up]) / distance.max(f64::MIN_POSITIVE)).abs() as f32;
+            outward.values[place] =
+                ((n[across] * p[across] + n[up] * p[up]) / distance.max(f64::MIN_POSITIVE)).abs() as f32;
             along.values[place] = n[axis].abs() as f32;
         }
     }
@@ -108,7 +109,8 @@ fn fill<const N: usize>(map: &mut Map, mut others: [&mut Map; N], is_round: bool
                 filled.push((gap, met));
             }
         }
-        let mean = |values: &[f32], met: &[usize]| met.iter().map(|place| values[*place]).sum::<f32>() / met.len() as f32;
+        let mean =
+            |values: &[f32], met: &[usize]| met.iter().map(|place| values[*place]).sum::<f32>() / met.len() as f32;
         for (gap, met) in filled {
             map.values[gap] = mean(&before, &met);
             // neighbours that were filled just now don't count: they are not among those met

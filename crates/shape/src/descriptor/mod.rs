@@ -33,7 +33,9 @@ visage_geometry::tuning! {
         /// the silhouette along the axis, and what faces its viewer.
         silhouette: f32 = 0.4,
         facing: f32 = 0.6,
-        /// Steps of a byte in one: no number is larger than what 255 of them make.
+        /// What the distance of the pairs counts beside that of the frames.
+        pairs: f64 = 0.31,
+        /// Steps of a byte in one: the largest number of a real surface (a needle's) makes 233 of them.
         steps: f32 = 400.0,
     }
 }
@@ -44,8 +46,6 @@ const MAPS: usize = 5;
 pub const FRAME_BYTES: usize = 3 * MAPS * spectrum::NUMBERS;
 /// Bytes of the pairs.
 pub const PAIR_BYTES: usize = pairs::CLASSES;
-/// What a step of the pairs counts against one of a frame.
-pub const PAIRS_SHARE: f64 = 0.31;
 
 /// What tells one shape from another.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -87,7 +87,8 @@ impl ShapeDescriptor {
     /// How far two shapes are apart: 0 for the same.
     pub fn distance(&self, other: &ShapeDescriptor) -> f64 {
         let [first, second] = [0, 1].map(|frame| squared(&self.frames[frame], &other.frames[frame]));
-        distance(first.min(second), squared(&self.pairs, &other.pairs))
+        let pairs = squared(&self.pairs, &other.pairs);
+        distance_of(f64::from(first.min(second)).sqrt(), f64::from(pairs).sqrt())
     }
 
     /// Its bytes in either frame.
@@ -110,22 +111,22 @@ impl ShapeDescriptor {
 
     /// The inverse of [`ShapeDescriptor::to_bytes`].
     pub fn from_bytes(bytes: &[u8; Self::BYTES]) -> ShapeDescriptor {
-        let (mut descriptor, mut rest) = (ShapeDescriptor { frames: [[0; FRAME_BYTES]; 2], pairs: [0; PAIR_BYTES] }, bytes.iter());
+        let (mut descriptor, mut rest) =
+            (ShapeDescriptor { frames: [[0; FRAME_BYTES]; 2], pairs: [0; PAIR_BYTES] }, bytes.iter());
         let slots = descriptor.frames.iter_mut().flatten().chain(&mut descriptor.pairs);
         slots.zip(&mut rest).for_each(|(slot, byte)| *slot = *byte);
         descriptor
     }
 }
 
-/// The distance made of the sums of squared differences of the nearer frames and of the pairs, in steps.
+/// The distance made of those of the nearer frames and of the pairs, in steps of bytes.
 #[inline]
-pub fn distance(frames: u32, pairs: u32) -> f64 {
-    (f64::from(frames).sqrt() + PAIRS_SHARE * f64::from(pairs).sqrt()) / f64::from(TUNING.steps)
+pub fn distance_of(frames: f64, pairs: f64) -> f64 {
+    (frames + TUNING.pairs * pairs) / f64::from(TUNING.steps)
 }
 
 /// The sum of the squared differences.
-#[inline]
-pub fn squared(a: &[u8], b: &[u8]) -> u32 {
+fn squared(a: &[u8], b: &[u8]) -> u32 {
     a.iter().zip(b).map(|(a, b)| u32::from(a.abs_diff(*b)).pow(2)).sum()
 }
 

@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 use std::sync::LazyLock;
 
-use super::maps::{SIDE, Map};
+use super::maps::{Map, SIDE};
 
 /// Where the bands of frequencies begin along either axis, and where the last ends: each is about as wide as those before it together,
 /// since details of that size are where things of one kind differ.
@@ -66,7 +66,8 @@ pub(super) fn spectrum(map: &Map) -> [f32; NUMBERS] {
         let (real, imaginary) = (&real[v * SIDE..][..SIDE], &imaginary[v * SIDE..][..SIDE]);
         for u in 0..FREQUENCIES {
             let (cosines, sines) = (&across.cosines[u], &across.sines[u]);
-            let [rc, rs, ic, is] = [dot(real, cosines), dot(real, sines), dot(imaginary, cosines), dot(imaginary, sines)];
+            let [rc, rs, ic, is] =
+                [dot(real, cosines), dot(real, sines), dot(imaginary, cosines), dot(imaginary, sines)];
             // what is upside down has the frequencies of the other sign
             let magnitude = 0.5 * ((rc + is).hypot(ic - rs) + (rc - is).hypot(ic + rs));
             bands[COUNT * band(u) + band(v)] += (magnitude / map.values.len() as f32).sqrt();
