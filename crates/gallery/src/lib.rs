@@ -19,12 +19,13 @@
 //! - [`triangle_index`]: those points of many models in one static tree; `triangle_query`: a bare triangle in every way
 //!   it may be met
 //! - `probe`: the search for the models that look like a probe; `likeness`: what that means, put together of
-//!   `shape_rows` and `dense_rows`; `region_likeness`: of the triangles; `probe_pass`, `face_order`: what rules out most models before that, by their `pca_code`,
+//!   `shape_rows` and `dense_rows`; `region_likeness`, `by_regions`: the paper's, by triangles; `probe_pass`, `face_order`: what rules out most models before that, by their `pca_code`,
 //!   their `partial_distance` and a `trimmed_lower_bound` of it
 //! - `best`: the best few so far
 //! - [`measures`]: how well a ranking tells two classes apart
 
 mod best;
+mod by_regions;
 pub mod catalogue;
 mod dense_rows;
 pub mod evidence;
@@ -56,7 +57,7 @@ pub use evidence::{Evidence, Reason};
 pub use gallery::Gallery;
 pub use indexed_model::IndexedModel;
 pub use likeness::SAME_PERSON_MM;
-pub use probe::{Comparison, PROBE_MATCH_SCORE, compare, likenesses};
+pub use probe::{Comparison, Likeness, PROBE_MATCH_SCORE, compare, likenesses};
 pub use top_k::{Rank, TopK};
 pub use visage_shape::faces::MatchMethod;
 

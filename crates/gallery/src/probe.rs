@@ -24,6 +24,17 @@ const BATCH: usize = 256;
 /// Models that are put in order together: few have to be looked at.
 const LOOKED_AT: usize = 16 * BATCH;
 
+/// What makes models alike.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Likeness {
+    /// Their faces if both have one, else their shapes as wholes.
+    #[default]
+    Shape,
+    /// The paper's: triangles of salient regions.
+    SalientRegions,
+}
+
 /// A probe made ready.
 pub(super) struct Probe {
     regions: ProbeRegions,
@@ -50,7 +61,13 @@ pub(super) struct Found<'a> {
     threshold: f64,
 }
 
-impl Found<'_> {
+impl<'a> Found<'a> {
+    /// Nothing yet.
+    pub fn new(top_k: &'a TopK<'a>) -> Found<'a> {
+        let threshold = top_k.threshold.unwrap_or(PROBE_MATCH_SCORE);
+        Found { best: Best::new(top_k.limit), top_k, threshold }
+    }
+
     /// The least score with which a model may still come in.
     pub fn least(&self) -> f64 {
         let matching = if self.top_k.only_matches { self.threshold } else { f64::NEG_INFINITY };
@@ -89,8 +106,7 @@ impl Probe {
 
     /// The most similar models, best first, ties by id; those with nothing in common are left out.
     pub fn search(&self, segments: &[LiveSegment], top_k: &TopK) -> Vec<Match> {
-        let threshold = top_k.threshold.unwrap_or(PROBE_MATCH_SCORE);
-        let mut found = Found { best: Best::new(top_k.limit), top_k, threshold };
+        let mut found = Found::new(top_k);
         let mut others = Vec::new();
         for which in 0..segments.len() {
             self.scan(segments, which, &mut found, &mut others);
@@ -116,7 +132,7 @@ impl Probe {
         self.answers(segments, found)
     }
 
-    fn answers(&self, segments: &[LiveSegment], found: Found) -> Vec<Match> {
+    pub fn answers(&self, segments: &[LiveSegment], found: Found) -> Vec<Match> {
         let threshold = found.threshold;
         let ranked: Vec<(f64, ModelId, Address)> = found.best.into_ranked().collect();
         ranked.into_par_iter().map(|(cost, id, address)| self.answer(segments, -cost, id, address, threshold)).collect()
@@ -147,7 +163,7 @@ impl Probe {
         found.offer(segments[address.0].segment.ids[address.1 as usize], address, score);
     }
 
-    fn regions_of(&self, segments: &[LiveSegment], (which, place): Address) -> RegionLikeness {
+    pub fn regions_of(&self, segments: &[LiveSegment], (which, place): Address) -> RegionLikeness {
         self.regions.likeness(&segments[which].segment.outlines.outline(place))
     }
 

@@ -78,16 +78,6 @@ impl AreaSamples {
         let pieces = points.iter().zip(&normals).zip(&areas).filter_map(piece);
         sampled(&pieces.collect::<Vec<_>>(), count)
     }
-
-    /// Samples that are there, as those of a surface of their own: what is seen of one.
-    pub fn of_part(points: Vec<Vector3>, normals: Vec<Vector3>) -> Option<AreaSamples> {
-        let count = points.len() as f64;
-        let mean = points.iter().sum::<Vector3>() / count;
-        let points: Vec<Vector3> = points.into_iter().map(|p| p - mean).collect();
-        let moment = |of: &[Vector3]| of.iter().map(|v| v * v.transpose()).sum::<Matrix3<f64>>() / count;
-        let moments = [moment(&points), moment(&normals)];
-        scaled(points, normals, moments)
-    }
 }
 
 /// The points and normals of a cloud with less noise, of either side.
@@ -177,5 +167,61 @@ impl Piece {
             (x, y) = (1.0 - x, 1.0 - y);
         }
         self.corner + self.sides[0] * x + self.sides[1] * y
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::saliency::curvature::tests::sphere;
+
+    fn egg() -> Mesh {
+        let mut mesh = sphere(1.0, 3);
+        mesh.vertices.iter_mut().for_each(|p| *p = Point3::new(3.0 * p.x + 40.0, 2.0 * p.y, p.z));
+        mesh
+    }
+
+    #[test]
+    fn moments_and_samples_do_not_depend_on_where_vertices_are() {
+        let mesh = egg();
+        let mut cut = Mesh::default();
+        for face in 0..mesh.faces.len() {
+            let ([a, b, c], first) = (mesh.corners(face), cut.vertices.len() as u32);
+            cut.vertices.extend([a, b, c, nalgebra::center(&b, &c)]);
+            cut.faces.extend([[first, first + 1, first + 3], [first + 2, first, first + 3]]);
+        }
+        let [whole, cut] = [&mesh, &cut].map(|mesh| AreaSamples::of_mesh(mesh, 5000).expect("it has an area"));
+        for k in 0..2 {
+            assert!((whole.moments[k] - cut.moments[k]).norm() < 1e-12);
+        }
+        let mean =
+            |samples: &AreaSamples| samples.points.iter().map(|p| p.norm()).sum::<f64>() / samples.points.len() as f64;
+        assert!((mean(&whole) - 1.0).abs() < 1e-12 && (mean(&cut) - 1.0).abs() < 1e-12);
+        let middle: Vector3 = whole.points.iter().sum::<Vector3>() / 5000.0;
+        assert!(middle.norm() < 0.01, "{middle}");
+    }
+
+    #[test]
+    fn samples_go_by_area() {
+        // one large triangle, and a hundred that are small
+        let mut mesh = Mesh {
+            vertices: vec![Point3::origin(), Point3::new(3.0, 0.0, 0.0), Point3::new(0.0, 3.0, 0.0)],
+            faces: vec![[0, 1, 2]],
+        };
+        for k in 0..100 {
+            let (first, y) = (mesh.vertices.len() as u32, 0.01 * f64::from(k));
+            mesh.vertices.extend([[0.0, y, 1.0], [0.01, y, 1.0], [0.0, y + 0.01, 1.0]].map(Point3::from));
+            mesh.faces.push([first, first + 1, first + 2]);
+        }
+        let samples = AreaSamples::of_mesh(&mesh, 10_000).expect("it has an area");
+        let above = samples.points.iter().filter(|p| p.z > samples.points[0].z + 1e-6).count();
+        assert!((8..16).contains(&above), "{above}");
+    }
+
+    #[test]
+    fn without_area_there_are_none() {
+        let line =
+            Mesh { vertices: (0..3).map(|k| Point3::new(f64::from(k), 0.0, 0.0)).collect(), faces: vec![[0, 1, 2]; 9] };
+        assert!(AreaSamples::of_mesh(&line, 100).is_none() && AreaSamples::of_mesh(&Mesh::default(), 100).is_none());
     }
 }

@@ -13,14 +13,11 @@ mod area_samples;
 mod maps;
 mod pairs;
 mod spectrum;
-mod views;
 
 use nalgebra::Matrix3;
-use rayon::prelude::*;
 
 use crate::saliency::orientation::OrientedCloud;
 use area_samples::AreaSamples;
-pub use views::VIEWS;
 use visage_geometry::Mesh;
 
 visage_geometry::tuning! {
@@ -67,16 +64,6 @@ impl ShapeDescriptor {
     /// That of a cloud; `None` without normals.
     pub fn of_cloud(cloud: &OrientedCloud) -> Option<ShapeDescriptor> {
         Some(ShapeDescriptor::of(&AreaSamples::of_cloud(cloud, TUNING.samples)?))
-    }
-
-    /// Those of what single scans of a mesh would see of it. Runs inside the caller's rayon pool.
-    pub fn views_of_mesh(mesh: &Mesh) -> Vec<ShapeDescriptor> {
-        AreaSamples::of_mesh(mesh, TUNING.samples).map_or_else(Vec::new, |samples| ShapeDescriptor::views(&samples))
-    }
-
-    fn views(samples: &AreaSamples) -> Vec<ShapeDescriptor> {
-        let seen = |direction: &visage_geometry::Vector3| views::seen_from(samples, direction);
-        views::directions().par_iter().filter_map(seen).map(|seen| ShapeDescriptor::of(&seen)).collect()
     }
 
     fn of(samples: &AreaSamples) -> ShapeDescriptor {
@@ -160,4 +147,42 @@ fn in_frame(samples: &AreaSamples, frame: &Matrix3<f64>) -> [u8; FRAME_BYTES] {
         bytes.iter_mut().zip(values).for_each(|(byte, value)| *byte = step(value));
     }
     bytes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::saliency::curvature::tests::sphere;
+    use visage_geometry::{Motion, Point3, Vector3};
+
+    /// A ball stretched along its axes, turned and moved.
+    fn egg(x: f64, y: f64, turn: f64) -> ShapeDescriptor {
+        let mut mesh = sphere(50.0, 4);
+        let motion = Motion::new(Vector3::new(3.0, 2.0, 1.0), Vector3::new(0.4, 1.0, -0.7) * turn);
+        mesh.vertices.iter_mut().for_each(|p| *p = motion * Point3::new(x * p.x, y * p.y, p.z));
+        ShapeDescriptor::of_mesh(&mesh).expect("it has an area")
+    }
+
+    #[test]
+    fn the_distance_grows_with_the_difference_and_no_turn_makes_any() {
+        let own = egg(2.0, 1.4, 0.0);
+        assert!(own.distance(&egg(2.0, 1.4, 1.0)) < 0.1);
+        let distances = [2.2, 2.6, 3.4].map(|x| own.distance(&egg(x, 1.4, 0.3)));
+        assert!(distances.is_sorted() && distances[2] > 0.3, "{distances:?}");
+        assert_eq!(own.distance(&own), 0.0);
+    }
+
+    #[test]
+    fn bytes_round_trip() {
+        let own = egg(2.0, 1.4, 0.0);
+        assert_eq!(ShapeDescriptor::from_bytes(&own.to_bytes()), own);
+        assert!(ShapeDescriptor::of_mesh(&Mesh::default()).is_none());
+    }
+
+    #[test]
+    fn numbers_are_not_cut_off() {
+        let needle = egg(40.0, 1.0, 0.0);
+        let most = needle.to_bytes().into_iter().max();
+        assert!(most.is_some_and(|most| most < 255), "{most:?}");
+    }
 }

@@ -89,3 +89,58 @@ fn width(band: usize) -> usize {
 fn band(frequency: usize) -> usize {
     (0..COUNT).rfind(|band| BANDS[*band] <= frequency).unwrap_or(0)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// An image without symmetry, moved along its rows, and with its rows or columns backwards.
+    fn map(shift: usize, upside_down: bool, mirrored: bool) -> Map {
+        let width = 2 * SIDE;
+        let value = |place: usize| {
+            let (mut y, mut x) = (place / width, (place % width + shift) % width);
+            if upside_down {
+                y = SIDE - 1 - y;
+            }
+            if mirrored {
+                x = width - 1 - x;
+            }
+            let (x, y) = (x as f64 / width as f64, y as f64 / SIDE as f64);
+            ((6.0 * x + 3.0 * y * y).sin() + (17.0 * x * y).cos() + x * x) as f32
+        };
+        Map { width, values: (0..width * SIDE).map(value).collect() }
+    }
+
+    #[test]
+    fn turns_and_mirrors_change_nothing() {
+        let own = spectrum(&map(0, false, false));
+        for (shift, upside_down, mirrored) in
+            [(1, false, false), (50, false, false), (0, true, false), (0, false, true), (9, true, true)]
+        {
+            let other = spectrum(&map(shift, upside_down, mirrored));
+            assert!(own.iter().zip(&other).all(|(a, b)| (a - b).abs() < 2e-3), "{own:?} {other:?}");
+        }
+    }
+
+    #[test]
+    fn it_is_the_fourier_transforms() {
+        let map = map(0, false, false);
+        let magnitude = |u: f64, v: f64| {
+            let (mut real, mut imaginary) = (0.0, 0.0);
+            for (place, value) in map.values.iter().enumerate() {
+                let (y, x) = ((place / map.width) as f64, (place % map.width) as f64);
+                let angle = TAU * (u * y / SIDE as f64 + v * x / map.width as f64);
+                real += f64::from(*value) * angle.cos();
+                imaginary -= f64::from(*value) * angle.sin();
+            }
+            real.hypot(imaginary) / map.values.len() as f64
+        };
+        let root = |u: f64, v: f64| (0.5 * (magnitude(u, v) + magnitude(-u, v))).sqrt();
+        let found = spectrum(&map);
+        assert!((f64::from(found[0]) - root(0.0, 0.0)).abs() < 1e-4);
+        assert!((f64::from(found[COUNT + 1]) - root(1.0, 1.0)).abs() < 1e-4);
+        // the band of 2 and 3 along the rows, at 1 along the columns: the mean of two times the root of two
+        let expected = (root(2.0, 1.0) + root(3.0, 1.0)) / 2f64.sqrt();
+        assert!((f64::from(found[2 * COUNT + 1]) - expected).abs() < 1e-4);
+    }
+}
