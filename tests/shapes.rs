@@ -6,10 +6,11 @@ use std::collections::BTreeMap;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
-use visage::descriptor::ShapeDescriptor;
+use visage::descriptor::{ShapeDescriptor, ViewCode, view_distance};
 use visage::geometry::{Cloud, Mesh, Motion, Point3, Surface, Unit, Vector3};
 use visage::progress::Progress;
 use visage::retrieval::measures::RankingMeasures;
+use visage::synthetic::scanner::Scanner;
 use visage::synthetic::shapes;
 
 /// Turned at random, with 0.3 mm of noise on some, and every face of some cut into four.
@@ -171,4 +172,43 @@ fn descriptors_do_not_depend_on_the_number_of_threads() {
         })
     };
     assert_eq!(make(1), make(3));
+}
+
+/// The share of single scans, with noise, whose model comes first by its views, and by its shape as a whole.
+#[test]
+fn a_single_scan_finds_its_model_by_its_views() {
+    let things = things();
+    let stored: Vec<(ShapeDescriptor, Vec<ViewCode>)> =
+        things.par_iter().map(|(_, mesh)| ShapeDescriptor::with_views_of_mesh(mesh).expect("it has an area")).collect();
+    let firsts: Vec<[bool; 2]> = things
+        .par_iter()
+        .enumerate()
+        .flat_map_iter(|(own, (_, mesh))| {
+            let diagonal = mesh.bounds().expect("it has vertices").diagonal();
+            let scanner = Scanner {
+                views: 3,
+                distance: 2.5 * diagonal,
+                resolution: 0.008 * diagonal,
+                noise: 0.003 * diagonal,
+                ..Scanner::default()
+            };
+            let scans = scanner.scan_set(mesh, own as u64).scans;
+            let stored = &stored;
+            scans.into_iter().map(move |scan| {
+                let scan = visage::faces::describe(&scan, Unit::Unknown, &Progress::silent()).expect("described");
+                let scan = scan.shape().expect("it has normals");
+                let is_first = |distances: Vec<f64>| distances.iter().all(|distance| distances[own] <= *distance);
+                let nearest = |views: &[ViewCode]| {
+                    views.iter().map(|view| view_distance(&scan.as_view(), view)).fold(f64::INFINITY, f64::min)
+                };
+                [
+                    is_first(stored.iter().map(|(_, views)| nearest(views)).collect()),
+                    is_first(stored.iter().map(|(whole, _)| scan.distance(whole)).collect()),
+                ]
+            })
+        })
+        .collect();
+    let share = |k: usize| firsts.iter().filter(|first| first[k]).count() as f64 / firsts.len() as f64;
+    println!("of {} scans by views {:.2}, by wholes {:.2}", firsts.len(), share(0), share(1));
+    assert!(firsts.len() == 3 * things.len() && share(0) >= 0.7 && share(0) > share(1) + 0.2, "{firsts:?}");
 }

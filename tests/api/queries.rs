@@ -266,6 +266,10 @@ async fn a_thing_is_found_by_its_shape_however_it_is_meshed() {
     // the paper's way is there, too; a plank has no salient region
     let paper = ask(&server, &json!({"model_id": own, "likeness": "salient_regions"})).await;
     assert!(paper["matches"].as_array().expect("matches").iter().all(|found| found["is_match"] == false), "{paper}");
+    // seen from a side a plank is like no ball
+    let form = Form::new().part("probe", plank(true)).text("likeness", "view");
+    let seen = expect_json(server.post_form("/v1/queries/probe", form).await, StatusCode::OK).await;
+    assert_eq!(seen["matches"][0]["model_id"], json!(own), "{seen}");
     let wrong = json!({"model_id": own, "likeness": "colour"});
     assert_eq!(server.post("/v1/queries", &wrong).await.status(), StatusCode::UNPROCESSABLE_ENTITY);
     let standard = json!({"standard": "face", "likeness": "shape"});

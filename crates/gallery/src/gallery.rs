@@ -114,6 +114,7 @@ impl Gallery {
             Likeness::SalientRegions => {
                 Probe::new(probe).search_by_regions(&self.segments, &TopK { accepts: &accepts, ..*top_k })
             }
+            Likeness::View => Probe::new(probe).search_by_view(&self.segments, &TopK { accepts: &accepts, ..*top_k }),
         }
     }
 

@@ -13,6 +13,9 @@ use visage_shape::faces::judgement::MATCH_SCORE;
 /// Benchmark's training half; how far it holds on other sets is in docs/results/things.md.
 const SAME_CLASS: f64 = 0.401;
 const SAME_CLASS_POWER: f64 = 7.745;
+/// The same for a single scan and the nearest view of its own model, of 893, against those of all others.
+const SAME_VIEW: f64 = 0.103;
+const SAME_VIEW_POWER: f64 = 7.912;
 /// The likeness of two sure faces that have nothing else in common, and the most of a sure face and a sure other thing.
 pub(super) const FACE_KINSHIP: f64 = 0.5;
 /// The dense distance at which two faces are half-way between one person's and two people's, mm on the standard: one
@@ -30,6 +33,11 @@ pub(super) fn reach_of_things(least: f64) -> f64 {
         return f64::INFINITY;
     }
     SAME_CLASS * (1.0 / least - 1.0).max(0.0).powf(1.0 / SAME_CLASS_POWER) * (1.0 + 1e-9) + 1e-9
+}
+
+/// That a single scan is of a model, by the distance of the nearest view of it; 0 without views.
+pub(super) fn as_views(distance: Option<f64>) -> f64 {
+    distance.map_or(0.0, |distance| 1.0 / (1.0 + (distance / SAME_VIEW).powf(SAME_VIEW_POWER)))
 }
 
 /// In (0, 1]: 1 at no distance, a half at [`SAME_PERSON_MM`].

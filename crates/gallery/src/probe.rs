@@ -33,6 +33,8 @@ pub enum Likeness {
     Shape,
     /// The paper's: triangles of salient regions.
     SalientRegions,
+    /// That the probe is a single scan of the model.
+    View,
 }
 
 /// A probe made ready.

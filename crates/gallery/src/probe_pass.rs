@@ -26,10 +26,11 @@ impl Probe {
         }
         let live = &segments[which];
         let bounds = self.shape.as_ref().map(|shape| live.segment.shapes.against(shape));
-        let least_distance = |place: u32| bounds.as_ref().map_or(f64::INFINITY, |bounds| bounds.least(place));
-        if found.least() <= 0.0 && self.face_score < MATCH_SCORE {
+        if let Some(bounds) = bounds.as_ref().filter(|_| found.least() <= 0.0 && self.face_score < MATCH_SCORE) {
             // whatever seems near first: all others are held against what that finds
-            let mut near: Vec<(f64, u32)> = live.places().map(|place| (least_distance(place), place)).collect();
+            let all = bounds.reach(f64::INFINITY);
+            let least = |place: u32| Some((bounds.least_within(place, &all)?, place));
+            let mut near: Vec<(f64, u32)> = live.places().filter_map(least).collect();
             let count = (2 * found.top_k.limit).max(LEAST_NEAR);
             if count < near.len() {
                 near.select_nth_unstable_by(count, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
@@ -42,10 +43,14 @@ impl Probe {
         // beside their shapes models may have their faces in common
         let of_faces = self.dense.as_ref().map_or(0.0, |_| (self.face_score / MATCH_SCORE).min(1.0));
         let reach = reach_of_things(least - of_faces);
+        let bounds = bounds.as_ref().map(|bounds| (bounds, bounds.reach(reach)));
+        let has_reach = reach.is_finite();
         let offered = |place: u32| {
-            let distance = least_distance(place);
-            let may_come_in = distance <= reach || !distance.is_finite();
-            let most = may_come_in.then(|| self.weights(live, place).likeness(Some(0.0), as_things(Some(distance))))?;
+            let distance = bounds.as_ref().and_then(|(bounds, reach)| bounds.least_within(place, reach));
+            if has_reach && distance.is_none() {
+                return None;
+            }
+            let most = self.weights(live, place).likeness(Some(0.0), as_things(distance));
             (most >= least - HAIR).then(|| Unsure {
                 most,
                 id: live.segment.ids[place as usize],

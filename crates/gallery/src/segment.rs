@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use super::by_view::ViewRows;
 use super::dense_rows::DenseRows;
 use super::face_order::FaceOrder;
 use super::indexed_model::{self, IndexedModel, METHODS, Standing};
@@ -22,6 +23,7 @@ pub(super) struct Segment {
     /// For each method all places, best score first, ties by id.
     pub rankings: [Vec<u32>; 3],
     pub shapes: ShapeRows,
+    pub views: ViewRows,
     pub dense: DenseRows,
     pub faces: FaceOrder,
 }
@@ -60,12 +62,14 @@ impl Segment {
                 self.outlines.push_from(&other.outlines, place);
                 self.standings.push(other.standings[place as usize]);
                 self.shapes.push_from(&other.shapes, place);
+                self.views.push_from(&other.views, place);
                 self.dense.push_from(&other.dense, place);
             }
             Source::Fresh(entry) => {
                 self.outlines.push(&entry.signature);
                 self.standings.push(entry.standings);
                 self.shapes.push(entry.signature.shape());
+                self.views.push(entry.signature.views());
                 self.dense.push(entry.signature.dense());
             }
         }
@@ -77,6 +81,7 @@ impl Segment {
         self.outlines.shrink();
         self.standings.shrink_to_fit();
         self.shapes.finish();
+        self.views.shrink();
         self.dense.shrink();
         let verified = indexed_model::slot(MatchMethod::Verified);
         self.face_scores = self.standings.iter().map(|standings| standings[verified].score).collect();

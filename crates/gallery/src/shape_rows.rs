@@ -169,33 +169,53 @@ struct Coded<'a> {
     rounding: [f64; 2],
 }
 
+/// A distance, and what tells that a code is beyond it.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct ShapeReach {
+    distance: f64,
+    /// The square of the frames' length in codes, in steps of bytes.
+    frames: f32,
+}
+
 impl ShapeBounds<'_> {
-    /// The distance at a place is no less than this. Of a model without a shape it tells nothing.
+    /// A distance made ready.
+    pub fn reach(&self, distance: f64) -> ShapeReach {
+        let rounding = self.coded.as_ref().map_or(0.0, |coded| coded.rounding[0]);
+        let frames = (descriptor::steps(distance) + rounding) / (1.0 - SLACK);
+        // a hair more, since single precision may round it down
+        ShapeReach { distance, frames: (frames * frames * (1.0 + SLACK)) as f32 }
+    }
+
+    /// What the distance at a place is no less than; `None` if it is surely beyond reach, or if there is no shape.
     #[inline]
-    pub fn least(&self, place: u32) -> f64 {
-        match &self.coded {
-            Some(coded) => coded.least(&coded.codes[place as usize]),
-            None => self.rows[place as usize].as_ref().map_or(f64::INFINITY, |shape| self.probe.distance(shape)),
-        }
+    pub fn least_within(&self, place: u32, reach: &ShapeReach) -> Option<f64> {
+        let least = match &self.coded {
+            Some(coded) => coded.least_within(&coded.codes[place as usize], reach)?,
+            None => self.probe.distance(self.rows[place as usize].as_ref()?),
+        };
+        (least <= reach.distance).then_some(least)
     }
 }
 
 impl Coded<'_> {
     #[inline]
-    fn least(&self, other: &Code) -> f64 {
+    fn least_within(&self, other: &Code, reach: &ShapeReach) -> Option<f64> {
         let [first, second] = [0, 1].map(|frame| square(&self.code.frames[frame], &other.frames[frame]) as f32);
-        let frames = (first * self.squares[0]).min(second * self.squares[1]).sqrt();
+        let frames = (first * self.squares[0]).min(second * self.squares[1]);
+        if frames > reach.frames {
+            return None;
+        }
         let pairs = (square(&self.code.pairs, &other.pairs) as f32).sqrt() * self.pairs;
-        let [frames, pairs] = [(frames, self.rounding[0]), (pairs, self.rounding[1])]
+        let [frames, pairs] = [(frames.sqrt(), self.rounding[0]), (pairs, self.rounding[1])]
             .map(|(length, rounding)| (f64::from(length) * (1.0 - SLACK) - rounding).max(0.0));
-        descriptor::distance_of(frames, pairs)
+        Some(descriptor::distance_of(frames, pairs))
     }
 }
 
 /// Of integers, which the compiler turns into vector instructions.
 #[inline]
 fn square<const N: usize>(a: &[i8; N], b: &[i8; N]) -> i32 {
-    a.iter().zip(b).map(|(a, b)| (i32::from(*a) - i32::from(*b)).pow(2)).sum()
+    a.iter().zip(b).map(|(a, b)| i32::from(a.abs_diff(*b)) * i32::from(a.abs_diff(*b))).sum()
 }
 
 #[cfg(test)]
@@ -228,12 +248,14 @@ mod tests {
         let (mut far, mut known) = (0, 0);
         for probe in shapes.iter().step_by(7).flatten() {
             let bounds = rows.against(probe);
-            for (place, other) in shapes.iter().enumerate() {
-                let Some(other) = other else { continue };
-                let (least, distance) = (bounds.least(place as u32), probe.distance(other));
-                assert!(least <= distance, "{least} {distance}");
-                far += usize::from(distance > 0.6);
-                known += usize::from(least > 0.3);
+            for reach in [0.1, 0.3, f64::INFINITY].map(|distance| bounds.reach(distance)) {
+                for (place, other) in shapes.iter().enumerate() {
+                    let Some(other) = other else { continue };
+                    let (least, distance) = (bounds.least_within(place as u32, &reach), probe.distance(other));
+                    assert!(least.map_or(distance > reach.distance, |least| least <= distance), "{least:?} {distance}");
+                    far += usize::from(reach.distance == 0.3 && distance > 0.6);
+                    known += usize::from(reach.distance == 0.3 && distance > 0.6 && least.is_none());
+                }
             }
         }
         assert!(far > 1000 && 10 * known > 9 * far, "{known} of {far}");
@@ -247,7 +269,10 @@ mod tests {
         rows.finish();
         let probe = shapes[0].as_ref().expect("every tenth is none");
         let bounds = rows.against(probe);
-        assert_eq!((bounds.least(0), bounds.least(9)), (0.0, f64::INFINITY));
-        assert_eq!(Some(bounds.least(3)), shapes[3].as_ref().map(|shape| probe.distance(shape)));
+        let all = bounds.reach(f64::INFINITY);
+        assert_eq!((bounds.least_within(0, &all), bounds.least_within(9, &all)), (Some(0.0), None));
+        let distance = shapes[3].as_ref().map(|shape| probe.distance(shape));
+        assert_eq!(bounds.least_within(3, &all), distance);
+        assert_eq!(bounds.least_within(3, &bounds.reach(distance.unwrap_or(0.0) - 1e-6)), None);
     }
 }

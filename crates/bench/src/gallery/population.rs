@@ -101,7 +101,9 @@ impl Population {
         let shape = base.shape().zip(other.shape()).map(|(base, other)| between(base, other, share, &mut rng));
         let size =
             Size { origin: Point3::origin(), diagonal: base.diagonal(), radius: base.radius(), unit: Unit::Unknown };
-        Signature::new(&size, &regions, &Detection { candidates, face }).with_shape(shape)
+        Signature::new(&size, &regions, &Detection { candidates, face })
+            .with_shape(shape)
+            .with_views(base.views().to_vec())
     }
 
     fn dense(&self, rng: &mut ChaCha8Rng) -> DenseSignature {

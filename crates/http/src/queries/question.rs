@@ -261,7 +261,7 @@ fn method_named(name: &str) -> Result<MethodView, Problem> {
 fn likeness_named(name: &str) -> Result<LikenessView, Problem> {
     serde_json::from_value(serde_json::Value::from(name.trim())).map_err(|_| {
         let detail = format!("there is no likeness {name:?}");
-        Problem::new(Code::InvalidField, detail, "send shape or salient_regions")
+        Problem::new(Code::InvalidField, detail, "send shape, salient_regions or view")
     })
 }
 

@@ -57,6 +57,8 @@ pub enum LikenessView {
     Shape,
     /// The paper's triangles of salient regions; kept for comparison.
     SalientRegions,
+    /// That the probe is a single scan of the model.
+    View,
 }
 
 impl From<LikenessView> for Likeness {
@@ -64,6 +66,7 @@ impl From<LikenessView> for Likeness {
         match likeness {
             LikenessView::Shape => Likeness::Shape,
             LikenessView::SalientRegions => Likeness::SalientRegions,
+            LikenessView::View => Likeness::View,
         }
     }
 }

@@ -78,6 +78,16 @@ impl AreaSamples {
         let pieces = points.iter().zip(&normals).zip(&areas).filter_map(piece);
         sampled(&pieces.collect::<Vec<_>>(), count)
     }
+
+    /// Samples that are there, as those of a surface of their own: what is seen of one.
+    pub fn of_part(points: Vec<Vector3>, normals: Vec<Vector3>) -> Option<AreaSamples> {
+        let count = points.len() as f64;
+        let mean = points.iter().sum::<Vector3>() / count;
+        let points: Vec<Vector3> = points.into_iter().map(|p| p - mean).collect();
+        let moment = |of: &[Vector3]| of.iter().map(|v| v * v.transpose()).sum::<Matrix3<f64>>() / count;
+        let moments = [moment(&points), moment(&normals)];
+        scaled(points, normals, moments)
+    }
 }
 
 /// The points and normals of a cloud with less noise, of either side.

@@ -8,16 +8,20 @@
 //! Everything goes by area, so that vertices don't matter, and by normals without sides, since half of all files get them wrong.
 //! - `area_samples`: the surface in samples of equal area; `maps`, `spectrum`: its images, and what is kept of them
 //! - `pairs`: how its samples lie to each other
+//! - `views`: what single scans of it would see
 
 mod area_samples;
 mod maps;
 mod pairs;
 mod spectrum;
+mod views;
 
 use nalgebra::Matrix3;
 
 use crate::saliency::orientation::OrientedCloud;
 use area_samples::AreaSamples;
+use rayon::prelude::*;
+pub use views::{VIEW_BYTES, VIEWS, ViewCode, view_distance};
 use visage_geometry::Mesh;
 
 visage_geometry::tuning! {
@@ -66,6 +70,27 @@ impl ShapeDescriptor {
         Some(ShapeDescriptor::of(&AreaSamples::of_cloud(cloud, TUNING.samples)?))
     }
 
+    /// A mesh's, and what single scans would see of it. Runs inside the caller's rayon pool.
+    pub fn with_views_of_mesh(mesh: &Mesh) -> Option<(ShapeDescriptor, Vec<ViewCode>)> {
+        let samples = AreaSamples::of_mesh(mesh, TUNING.samples)?;
+        Some((ShapeDescriptor::of(&samples), views_of(&samples)))
+    }
+
+    /// A cloud's, and what single scans would see of it. Runs inside the caller's rayon pool.
+    pub fn with_views_of_cloud(cloud: &OrientedCloud) -> Option<(ShapeDescriptor, Vec<ViewCode>)> {
+        let samples = AreaSamples::of_cloud(cloud, TUNING.samples)?;
+        Some((ShapeDescriptor::of(&samples), views_of(&samples)))
+    }
+
+    /// What it is as a view, if it is a single scan's.
+    pub fn as_view(&self) -> ViewCode {
+        views::code(&self.frames[0])
+    }
+
+    fn in_units(steps: f64) -> f64 {
+        steps / f64::from(TUNING.steps)
+    }
+
     fn of(samples: &AreaSamples) -> ShapeDescriptor {
         let frames = samples.moments.map(|moment| in_frame(samples, &axes(&moment)));
         ShapeDescriptor { frames, pairs: pairs::histogram(samples).map(|value| step(value)) }
@@ -109,7 +134,12 @@ impl ShapeDescriptor {
 /// The distance made of those of the nearer frames and of the pairs, in steps of bytes.
 #[inline]
 pub fn distance_of(frames: f64, pairs: f64) -> f64 {
-    (frames + TUNING.pairs * pairs) / f64::from(TUNING.steps)
+    ShapeDescriptor::in_units(frames + TUNING.pairs * pairs)
+}
+
+/// A distance in steps of bytes.
+pub fn steps(distance: f64) -> f64 {
+    distance * f64::from(TUNING.steps)
 }
 
 /// The sum of the squared differences.
@@ -119,6 +149,14 @@ fn squared(a: &[u8], b: &[u8]) -> u32 {
 
 fn step(value: f32) -> u8 {
     (value * TUNING.steps).round() as u8
+}
+
+fn views_of(samples: &AreaSamples) -> Vec<ViewCode> {
+    let seen = |direction: &visage_geometry::Vector3| {
+        let seen = views::seen_from(samples, direction)?;
+        Some(views::code(&in_frame(&seen, &axes(&seen.moments[0]))))
+    };
+    views::directions().par_iter().filter_map(seen).collect()
 }
 
 /// The axes of a moment as rows, the greatest first.

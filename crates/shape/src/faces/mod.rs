@@ -48,7 +48,7 @@ pub use sum_of_distances::sum_of_distances;
 pub use triangle::{Shape, Triangle};
 pub use triangle_candidates::{Cost, TriangleCandidate};
 
-use crate::descriptor::ShapeDescriptor;
+use crate::descriptor::{ShapeDescriptor, ViewCode};
 use crate::saliency::orientation::OrientedCloud;
 use crate::saliency::{self, CurvedSurface, Patches, Region, RegionOptions, Side};
 use visage_geometry::progress::{Canceled, Progress, Stage};
@@ -104,13 +104,13 @@ pub fn describe(surface: &Surface, unit: Unit, progress: &Progress) -> Result<Si
     }
     detection.candidates.truncate(TUNING.most_facial_triangles);
     let radius = rms_radius(&curved);
-    let shape = prepared.shape();
+    let (shape, views) = prepared.shape().map_or((None, Vec::new()), |(shape, views)| (Some(shape), views));
     progress.check()?;
     progress.report(Stage::Describing, 1.0);
     let regions: Vec<Region> = regions.iter().map(|region| region.moved(&motion_file_own)).collect();
     let size = Size { origin: motion_file_own * bounds.center(), diagonal: bounds.diagonal(), radius, unit };
     let signature = Signature::new(&size, &regions, &detection.moved(&motion_file_own));
-    Ok(signature.with_shape(shape).with_left_out(left_out))
+    Ok(signature.with_shape(shape).with_views(views).with_left_out(left_out))
 }
 
 /// The surface without what is none of it; see [`mod@cleaned`].
@@ -165,11 +165,11 @@ impl Prepared {
         }
     }
 
-    /// The shape as a whole.
-    fn shape(&self) -> Option<ShapeDescriptor> {
+    /// The shape as a whole, and as single scans would see it.
+    fn shape(&self) -> Option<(ShapeDescriptor, Vec<ViewCode>)> {
         match self {
-            Prepared::Mesh { mesh, .. } => ShapeDescriptor::of_mesh(mesh),
-            Prepared::Cloud { cloud, .. } => ShapeDescriptor::of_cloud(cloud),
+            Prepared::Mesh { mesh, .. } => ShapeDescriptor::with_views_of_mesh(mesh),
+            Prepared::Cloud { cloud, .. } => ShapeDescriptor::with_views_of_cloud(cloud),
         }
     }
 

@@ -10,7 +10,7 @@ use super::landmarks::Landmarks;
 use super::modes::{LANDMARKS, MODES, Weights};
 use super::similarity::Similarity;
 use super::triangle_candidates::TriangleCandidate;
-use crate::descriptor::ShapeDescriptor;
+use crate::descriptor::{ShapeDescriptor, VIEWS, ViewCode};
 use crate::saliency::Region;
 use visage_geometry::{Motion, Point3, Unit, Vector3};
 
@@ -29,6 +29,7 @@ pub struct Signature {
     /// One, or none.
     faces: Vec<StoredFace>,
     shape: Option<Box<ShapeDescriptor>>,
+    views: Vec<ViewCode>,
     /// What it was made without; not stored with it.
     left_out: LeftOut,
 }
@@ -133,6 +134,7 @@ impl Signature {
             triangles,
             faces: detection.face.iter().map(|face| StoredFace::new(face, &origin)).collect(),
             shape: None,
+            views: Vec::new(),
             left_out: LeftOut::default(),
         }
     }
@@ -145,6 +147,17 @@ impl Signature {
     /// The same with a descriptor of its shape, or none.
     pub fn with_shape(self, shape: Option<ShapeDescriptor>) -> Signature {
         Signature { shape: shape.map(Box::new), ..self }
+    }
+
+    /// The same with what single scans would see of it, [`VIEWS`] at most.
+    pub fn with_views(self, mut views: Vec<ViewCode>) -> Signature {
+        views.truncate(VIEWS);
+        Signature { views, ..self }
+    }
+
+    /// What single scans would see of it.
+    pub fn views(&self) -> &[ViewCode] {
+        &self.views
     }
 
     /// The shape as a whole; `None` if there is no area to tell it by.
@@ -227,7 +240,7 @@ impl Signature {
 
     /// One BLOB, little-endian: magic, version, origin (f64 x 3), diagonal, radius, unit in mm or 0, then counted regions,
     /// triangles (f32), the number of faces (0 or 1) with fit, landmarks (f32) and heights (i8), and that of descriptors of the
-    /// shape (0 or 1) with its bytes.
+    /// shape (0 or 1) with its bytes, and the counted views (u8).
     pub fn to_bytes(&self) -> Vec<u8> {
         let mut bytes = Vec::with_capacity(48 + self.regions.len() * 32 + self.triangles.len() * 88);
         bytes.extend(MAGIC);
@@ -245,6 +258,8 @@ impl Signature {
         }
         bytes.extend(u32::from(self.shape.is_some()).to_le_bytes());
         self.shape.iter().for_each(|shape| bytes.extend(shape.to_bytes()));
+        bytes.extend((self.views.len() as u32).to_le_bytes());
+        bytes.extend(self.views.iter().flatten());
         bytes
     }
 
@@ -277,6 +292,11 @@ impl Signature {
             1 => Some(Box::new(ShapeDescriptor::from_bytes(&reader.take("shape")?))),
             count => return Err(SignatureError::Damaged(format!("{count} shapes"))),
         };
+        let count = u32::from_le_bytes(reader.take("views")?) as usize;
+        if count > VIEWS {
+            return Err(SignatureError::Damaged(format!("{count} views")));
+        }
+        let views = (0..count).map(|_| reader.take("views")).collect::<Result<Vec<ViewCode>, _>>()?;
         if !reader.bytes.is_empty() {
             return Err(SignatureError::Damaged(format!("{} bytes too many", reader.bytes.len())));
         }
@@ -292,6 +312,7 @@ impl Signature {
             triangles,
             faces,
             shape,
+            views,
             left_out: LeftOut::default(),
         })
     }

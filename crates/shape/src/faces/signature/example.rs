@@ -35,4 +35,5 @@ pub fn example(seed: f64, count: usize) -> Signature {
     let shape = std::array::from_fn(|k| (128.0 + 40.0 * (seed + 0.7 * k as f64).sin()) as u8);
     Signature::new(&size, &regions, &Detection { candidates: vec![candidate], face: Some(face) })
         .with_shape(Some(ShapeDescriptor::from_bytes(&shape)))
+        .with_views((0..count % 4).map(|view| std::array::from_fn(|k| shape[k + view])).collect())
 }
