@@ -49,7 +49,7 @@ impl From<MethodView> for MatchMethod {
 
 /// What makes models alike.
 #[derive(Debug, Clone, Copy, Default, Serialize, Deserialize, ToSchema)]
-#[schema(as = Likeness)]
+#[schema(as = ProbeLikeness)]
 #[serde(rename_all = "snake_case")]
 pub enum LikenessView {
     /// Their faces if both have one, else their shapes as wholes.
