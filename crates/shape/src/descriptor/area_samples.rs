@@ -72,7 +72,7 @@ impl AreaSamples {
             let across = normal.cross(&Vector3::ith(normal.iamin(), 1.0)).try_normalize(f64::MIN_POSITIVE)?;
             let sides = [across * edge, normal.cross(&across) * edge];
             let corner = (point - middle) / unit - 0.5 * (sides[0] + sides[1]);
-            (edge > 0.0).then(|| Piece { corner, sides, normal: *normal, area: edge * edge, is_half: false })
+            (edge > 0.0).then_some(Piece { corner, sides, normal: *normal, area: edge * edge, is_half: false })
         };
         let (points, normals) = smoothed(cloud);
         let pieces = points.iter().zip(&normals).zip(&areas).filter_map(piece);

@@ -93,7 +93,7 @@ impl ShapeDescriptor {
 
     fn of(samples: &AreaSamples) -> ShapeDescriptor {
         let frames = samples.moments.map(|moment| in_frame(samples, &axes(&moment)));
-        ShapeDescriptor { frames, pairs: pairs::histogram(samples).map(|value| step(value)) }
+        ShapeDescriptor { frames, pairs: pairs::histogram(samples).map(step) }
     }
 
     /// How far two shapes are apart: 0 for the same.
