@@ -19,8 +19,9 @@
 //! - [`triangle_index`]: those points of many models in one static tree; `triangle_query`: a bare triangle in every way
 //!   it may be met
 //! - `probe`: the search for the models that look like a probe; `likeness`: what that means, put together of
-//!   `shape_rows` and `dense_rows`; `region_likeness`, `by_regions`: the paper's, by triangles; `by_view`: of single scans; `probe_pass`, `face_order`: what rules out most models before that, by their `pca_code`,
-//!   their `partial_distance` and a `trimmed_lower_bound` of it
+//!   `shape_rows` and `dense_rows`; `probe_pass`, `face_order`: what rules out most models before that, by their `pca_code`, their
+//!   `partial_distance` and a `trimmed_lower_bound` of it
+//! - `region_likeness`, `by_regions`: the paper's likeness, by triangles; `by_view`: that of single scans
 //! - `best`: the best few so far
 //! - [`measures`]: how well a ranking tells two classes apart
 
