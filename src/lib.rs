@@ -7,6 +7,7 @@
 //! - [`geometry`]: clouds, meshes, rigid motions, neighbours, normals, thinning
 //! - [`registration`]: from scans and initial poses to accurate poses and a verdict
 //! - [`reconstruction`]: one cloud from the posed views
+//! - [`descriptor`]: the shape of a surface as a whole
 //! - [`saliency`]: curvature, multi-scale saliency, salient regions
 //! - [`faces`]: facial triangles, standards, signatures
 //! - [`standards`]: standards made by users, for anything with caps and pits
@@ -38,6 +39,6 @@ pub use visage_http as http;
 pub use visage_pipeline as pipeline;
 pub use visage_registration as registration;
 pub use visage_service::{app, config, jobs, machine, storage};
-pub use visage_shape::{faces, saliency, standards};
+pub use visage_shape::{descriptor, faces, saliency, standards};
 pub use visage_surface as reconstruction;
 pub use visage_synthetic as synthetic;

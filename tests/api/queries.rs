@@ -230,3 +230,51 @@ async fn a_deleted_face_leaves_nothing_behind() {
     assert!(!again.headers().contains_key("idempotent-replayed"));
     assert_ne!(expect_json(again, StatusCode::CREATED).await["id"], model["id"]);
 }
+
+/// A plank of eight vertices, or with vertices of their own for every triangle, half of them wound the other way and turned about z.
+fn plank(is_other_mesh: bool) -> Part {
+    let corner = |k: usize| [(k & 1) as f64, 2.0 * (k >> 1 & 1) as f64, 5.0 * (k >> 2) as f64];
+    let quads = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]];
+    let triangles: Vec<[usize; 3]> = quads.into_iter().flat_map(|[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
+    let mut obj = String::new();
+    if !is_other_mesh {
+        (0..8).map(corner).for_each(|[x, y, z]| obj += &format!("v {x} {y} {z}\n"));
+        triangles.iter().for_each(|[a, b, c]| obj += &format!("f {} {} {}\n", a + 1, b + 1, c + 1));
+        return Part::bytes(obj.into_bytes()).file_name("plank.obj");
+    }
+    for (number, [a, b, c]) in triangles.into_iter().enumerate() {
+        let turned = |[x, y, z]: [f64; 3]| format!("v {} {} {}\n", 0.6 * x - 0.8 * y + 7.0, 0.8 * x + 0.6 * y, z);
+        [a, b, c].map(corner).map(turned).iter().for_each(|line| obj += line);
+        let first = 3 * number + 1;
+        let [second, third] = if number % 2 == 0 { [first + 1, first + 2] } else { [first + 2, first + 1] };
+        obj += &format!("f {first} {second} {third}\n");
+    }
+    Part::bytes(obj.into_bytes()).file_name("other.obj")
+}
+
+#[tokio::test]
+async fn a_thing_is_found_by_its_shape_however_it_is_meshed() {
+    let server = ready().await;
+    balls(&server).await;
+    let own = text(&upload(&server, plank(false), Some("plank"), "unknown").await, "/id");
+    let form = Form::new().part("probe", plank(true));
+    let answer = expect_json(server.post_form("/v1/queries", form).await, StatusCode::OK).await;
+    let (first, second) = (&answer["matches"][0], &answer["matches"][1]);
+    assert_eq!((&first["model_id"], &first["is_match"]), (&json!(own), &json!(true)), "{answer}");
+    assert!(first["score"].as_f64() > Some(0.9) && second["score"].as_f64() < Some(0.5), "{answer}");
+
+    // the paper's way is there, too; a plank has no salient region
+    let paper = ask(&server, &json!({"model_id": own, "likeness": "salient_regions"})).await;
+    assert!(paper["matches"].as_array().expect("matches").iter().all(|found| found["is_match"] == false), "{paper}");
+    // seen from a side a plank is like no ball
+    let form = Form::new().part("probe", plank(true)).text("likeness", "view");
+    let seen = expect_json(server.post_form("/v1/queries/probe", form).await, StatusCode::OK).await;
+    assert_eq!(seen["matches"][0]["model_id"], json!(own), "{seen}");
+    let wrong = json!({"model_id": own, "likeness": "colour"});
+    assert_eq!(server.post("/v1/queries", &wrong).await.status(), StatusCode::UNPROCESSABLE_ENTITY);
+    let standard = json!({"standard": "face", "likeness": "shape"});
+    let problem = expect_problem(server.post("/v1/queries", &standard).await, 422, "invalid_field").await;
+    assert!(text(&problem, "/detail").contains("likeness"), "{problem}");
+    let form = Form::new().part("probe", plank(true)).text("likeness", "colour");
+    expect_problem(server.post_form("/v1/queries", form).await, 422, "invalid_field").await;
+}

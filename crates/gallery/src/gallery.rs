@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use super::indexed_model::{self, IndexedModel};
 use super::live_segment::LiveSegment;
 use super::merged_ranking;
-use super::probe::Probe;
+use super::probe::{Likeness, Probe};
 use super::segment::{Kept, Segment};
 use super::triangle_query::TriangleQuery;
 use super::{Match, MatchMethod, ModelId, TopK};
@@ -98,6 +98,24 @@ impl Gallery {
     pub fn by_probe(&self, probe: &Signature, exclude: Option<ModelId>, top_k: &TopK) -> Vec<Match> {
         let accepts = |id| Some(id) != exclude && (top_k.accepts)(id);
         Probe::new(probe).search(&self.segments, &TopK { accepts: &accepts, ..*top_k })
+    }
+
+    /// [`Gallery::by_probe`], or the same by another likeness.
+    pub fn by_likeness(
+        &self,
+        probe: &Signature,
+        likeness: Likeness,
+        exclude: Option<ModelId>,
+        top_k: &TopK,
+    ) -> Vec<Match> {
+        let accepts = |id| Some(id) != exclude && (top_k.accepts)(id);
+        match likeness {
+            Likeness::Shape => self.by_probe(probe, exclude, top_k),
+            Likeness::SalientRegions => {
+                Probe::new(probe).search_by_regions(&self.segments, &TopK { accepts: &accepts, ..*top_k })
+            }
+            Likeness::View => Probe::new(probe).search_by_view(&self.segments, &TopK { accepts: &accepts, ..*top_k }),
+        }
     }
 
     /// The models with the least matching error to a bare triangle: exact, ties by id. The corners may come in any

@@ -18,13 +18,16 @@
 //! - [`triangles`]: a model's triangles as points of Kendall's sphere
 //! - [`triangle_index`]: those points of many models in one static tree; `triangle_query`: a bare triangle in every way
 //!   it may be met
-//! - `probe`: the search for the models that look like a probe; `likeness`: what that means, put together of profiles,
-//!   `dense_rows` and `region_likeness`; `probe_pass`, `face_order`: what rules out most models before that, by their `pca_code`,
-//!   their `partial_distance` and a `trimmed_lower_bound` of it
+//! - `probe`: the search for the models that look like a probe; `likeness`: what that means, put together of
+//!   `shape_rows` and `dense_rows`; `probe_pass`, `face_order`: what rules out most models before that, by their `pca_code`, their
+//!   `partial_distance` and a `trimmed_lower_bound` of it
+//! - `region_likeness`, `by_regions`: the paper's likeness, by triangles; `by_view`: that of single scans
 //! - `best`: the best few so far
 //! - [`measures`]: how well a ranking tells two classes apart
 
 mod best;
+mod by_regions;
+mod by_view;
 pub mod catalogue;
 mod dense_rows;
 pub mod evidence;
@@ -44,6 +47,7 @@ mod probe;
 mod probe_pass;
 mod region_likeness;
 mod segment;
+mod shape_rows;
 mod top_k;
 pub mod triangle_index;
 mod triangle_query;
@@ -55,7 +59,7 @@ pub use evidence::{Evidence, Reason};
 pub use gallery::Gallery;
 pub use indexed_model::IndexedModel;
 pub use likeness::SAME_PERSON_MM;
-pub use probe::{Comparison, PROBE_MATCH_SCORE, compare, likenesses};
+pub use probe::{Comparison, Likeness, PROBE_MATCH_SCORE, compare, likenesses};
 pub use top_k::{Rank, TopK};
 pub use visage_shape::faces::MatchMethod;
 

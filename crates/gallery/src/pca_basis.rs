@@ -93,7 +93,7 @@ impl Frame {
     }
 }
 
-/// Orthonormal axes along which points on the circles vary most, by subspace iteration.
+/// Orthonormal axes along which points on the circles vary most.
 fn axes(heights: &[Heights], radius: f32) -> Vec<[f32; SIZE]> {
     let mut lifted = DMatrix::from_fn(heights.len(), 2 * TEMPLATE_POINTS, |row, column| {
         let (sine, cosine) = (heights[row][column % TEMPLATE_POINTS] / radius).sin_cos();
@@ -102,13 +102,18 @@ fn axes(heights: &[Heights], radius: f32) -> Vec<[f32; SIZE]> {
     for mut column in lifted.column_iter_mut() {
         column.add_scalar_mut(-column.mean());
     }
+    principal_axes(&lifted, SIZE).row_iter().map(|row| std::array::from_fn(|k| row[k] as f32)).collect()
+}
+
+/// As columns, so many orthonormal axes along which rows about 0 vary most, by subspace iteration.
+pub(super) fn principal_axes(rows: &DMatrix<f32>, count: usize) -> DMatrix<f64> {
     let mut rng = ChaCha8Rng::seed_from_u64(0);
-    let mut axes = DMatrix::from_fn(2 * TEMPLATE_POINTS, SIZE, |_, _| StandardNormal.sample(&mut rng));
+    let mut axes = DMatrix::from_fn(rows.ncols(), count, |_, _| StandardNormal.sample(&mut rng));
     for _ in 0..ROUNDS {
-        let next: DMatrix<f32> = lifted.tr_mul(&(&lifted * axes.map(|x: f64| x as f32)));
+        let next: DMatrix<f32> = rows.tr_mul(&(rows * axes.map(|x: f64| x as f32)));
         axes = next.map(f64::from).qr().q();
     }
-    axes.row_iter().map(|row| std::array::from_fn(|k| row[k] as f32)).collect()
+    axes
 }
 
 fn seen(signature: &DenseSignature) -> impl Iterator<Item = (usize, f32)> {

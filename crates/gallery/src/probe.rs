@@ -1,8 +1,8 @@
 //! The search for the stored models that look like a probe most; what that means is told in [`super::likeness`].
 //!
 //! Cheap lower bounds rule out most models, and only the rest are measured ([`super::probe_pass`]). For models that dense signatures
-//! alone do not decide, the profiles give an upper bound of the score; these models are visited in falling order of that bound, and
-//! their triangles are compared until no bound is high enough. The answer is the same as if all were measured.
+//! alone do not decide, codes of their shapes give an upper bound of the score; these models are visited in falling order of that
+//! bound, and their shapes are compared until no bound is high enough. The answer is the same as if all were measured.
 
 use rayon::prelude::*;
 
@@ -13,20 +13,34 @@ use super::live_segment::LiveSegment;
 use super::outline::Outlines;
 use super::region_likeness::{ProbeRegions, RegionLikeness};
 use super::{Match, MatchMethod, ModelId, TopK};
+use visage_shape::descriptor::ShapeDescriptor;
 use visage_shape::faces::standard::FaceStandard;
-use visage_shape::faces::{self, ShapeProfile, Signature, standard};
+use visage_shape::faces::{self, Signature, standard};
 
 /// Scores from this on count as a match.
-pub const PROBE_MATCH_SCORE: f64 = 0.4;
-/// Models whose triangles are looked at together, by all threads.
+pub const PROBE_MATCH_SCORE: f64 = 0.5;
+/// Models whose shapes are looked at together, by all threads.
 const BATCH: usize = 256;
 /// Models that are put in order together: few have to be looked at.
 const LOOKED_AT: usize = 16 * BATCH;
 
+/// What makes models alike.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Likeness {
+    /// Their faces if both have one, else their shapes as wholes.
+    #[default]
+    Shape,
+    /// The paper's: triangles of salient regions.
+    SalientRegions,
+    /// That the probe is a single scan of the model.
+    View,
+}
+
 /// A probe made ready.
 pub(super) struct Probe {
     regions: ProbeRegions,
-    profile: ShapeProfile,
+    pub shape: Option<ShapeDescriptor>,
     pub dense: Option<DenseProbe>,
     /// How surely it is a face, in [0, 1].
     pub face_score: f64,
@@ -35,11 +49,11 @@ pub(super) struct Probe {
 /// A stored model: part and place.
 pub(super) type Address = (usize, u32);
 
-/// A model whose score hangs on its triangles, and the most it can be.
-struct Unsure {
-    most: f64,
-    id: ModelId,
-    address: Address,
+/// A model whose score hangs on its shape, and the most it can be.
+pub(super) struct Unsure {
+    pub most: f64,
+    pub id: ModelId,
+    pub address: Address,
 }
 
 /// What a search has found so far. Costs are negative scores.
@@ -49,7 +63,13 @@ pub(super) struct Found<'a> {
     threshold: f64,
 }
 
-impl Found<'_> {
+impl<'a> Found<'a> {
+    /// Nothing yet.
+    pub fn new(top_k: &'a TopK<'a>) -> Found<'a> {
+        let threshold = top_k.threshold.unwrap_or(PROBE_MATCH_SCORE);
+        Found { best: Best::new(top_k.limit), top_k, threshold }
+    }
+
     /// The least score with which a model may still come in.
     pub fn least(&self) -> f64 {
         let matching = if self.top_k.only_matches { self.threshold } else { f64::NEG_INFINITY };
@@ -80,7 +100,7 @@ impl Probe {
         let face_score = faces::judge(signature, &standard::face(), MatchMethod::Verified).score;
         Probe {
             regions: ProbeRegions::new(signature),
-            profile: *signature.profile(),
+            shape: signature.shape().cloned(),
             dense: signature.dense().map(DenseProbe::new),
             face_score,
         }
@@ -88,19 +108,20 @@ impl Probe {
 
     /// The most similar models, best first, ties by id; those with nothing in common are left out.
     pub fn search(&self, segments: &[LiveSegment], top_k: &TopK) -> Vec<Match> {
-        let threshold = top_k.threshold.unwrap_or(PROBE_MATCH_SCORE);
-        let mut found = Found { best: Best::new(top_k.limit), top_k, threshold };
+        let mut found = Found::new(top_k);
         let mut others = Vec::new();
         for which in 0..segments.len() {
             self.scan(segments, which, &mut found, &mut others);
         }
-        let mut unsure = self.unsure(segments, others, found.least());
+        let least = found.least();
+        let mut unsure: Vec<Unsure> = others.into_iter().filter(|model| model.most >= least).collect();
         let mut rest = unsure.as_mut_slice();
         while !rest.is_empty() {
             let (batch, later) = best_first(rest);
             for models in batch.chunks(BATCH) {
                 let least = found.least();
-                let scores: Vec<f64> = models.par_iter().map(|model| self.score_from(segments, model, least)).collect();
+                let scores: Vec<f64> =
+                    models.par_iter().map(|model| self.score_from(segments, model.address, least)).collect();
                 for (model, score) in models.iter().zip(scores) {
                     found.offer(model.id, model.address, score);
                 }
@@ -113,21 +134,10 @@ impl Probe {
         self.answers(segments, found)
     }
 
-    fn answers(&self, segments: &[LiveSegment], found: Found) -> Vec<Match> {
+    pub fn answers(&self, segments: &[LiveSegment], found: Found) -> Vec<Match> {
         let threshold = found.threshold;
         let ranked: Vec<(f64, ModelId, Address)> = found.best.into_ranked().collect();
         ranked.into_par_iter().map(|(cost, id, address)| self.answer(segments, -cost, id, address, threshold)).collect()
-    }
-
-    /// Those of the models whose score may be `least`, in no order.
-    fn unsure(&self, segments: &[LiveSegment], models: Vec<Address>, least: f64) -> Vec<Unsure> {
-        let bounded = models.into_par_iter().map(|(which, place)| {
-            let most = self
-                .weights(&segments[which], place)
-                .likeness(Some(0.0), self.as_things(segments, (which, place), 1.0));
-            Unsure { most, id: segments[which].segment.ids[place as usize], address: (which, place) }
-        });
-        bounded.filter(|model| model.most >= least).collect()
     }
 
     pub fn weights(&self, live: &LiveSegment, place: u32) -> Weights {
@@ -137,24 +147,25 @@ impl Probe {
     }
 
     /// A model's likeness, or 0 if it is surely less than `least`.
-    fn score_from(&self, segments: &[LiveSegment], model: &Unsure, least: f64) -> f64 {
-        let (which, place) = model.address;
+    fn score_from(&self, segments: &[LiveSegment], (which, place): Address, least: f64) -> f64 {
         let weights = self.weights(&segments[which], place);
+        let distance = self.shape.as_ref().zip(segments[which].segment.shapes.shape(place)).map(|(a, b)| a.distance(b));
+        let things = as_things(distance);
         let dense = self.dense.as_ref().filter(|_| weights.dense > 0.0);
-        let distance_mm = dense.and_then(|dense| dense.distance_mm(&segments[which].segment.dense, place));
-        if weights.likeness(distance_mm, self.as_things(segments, model.address, 1.0)) < least {
+        if dense.is_some() && weights.likeness(Some(0.0), things) < least {
             return 0.0;
         }
-        let regions = self.regions_of(segments, model.address).mean;
-        weights.likeness(distance_mm, self.as_things(segments, model.address, regions))
+        let distance_mm = dense.and_then(|dense| dense.distance_mm(&segments[which].segment.dense, place));
+        weights.likeness(distance_mm, things)
     }
 
-    /// Likeness as things, given that of the triangles.
-    fn as_things(&self, segments: &[LiveSegment], (which, place): Address, regions: f64) -> f64 {
-        as_things(self.profile.likeness(&segments[which].segment.profiles[place as usize]), regions)
+    /// Offers a model that is not compared by its dense signature alone.
+    pub fn offer_thing(&self, segments: &[LiveSegment], address: Address, found: &mut Found) {
+        let score = self.score_from(segments, address, found.least());
+        found.offer(segments[address.0].segment.ids[address.1 as usize], address, score);
     }
 
-    fn regions_of(&self, segments: &[LiveSegment], (which, place): Address) -> RegionLikeness {
+    pub fn regions_of(&self, segments: &[LiveSegment], (which, place): Address) -> RegionLikeness {
         self.regions.likeness(&segments[which].segment.outlines.outline(place))
     }
 
@@ -184,7 +195,7 @@ impl Probe {
 pub struct Comparison {
     /// How far the probe's triangles of salient regions occur on the model, in [0, 1].
     pub region_triangles: f64,
-    /// How alike their shapes are as wholes, in [0, 1].
+    /// How probably they are of one class by their shapes as wholes.
     pub shape: f64,
     /// How surely both are faces, in [0, 1].
     pub both_faces: f64,
@@ -199,10 +210,7 @@ pub fn likenesses(probe: &Signature, models: &[Signature]) -> Vec<f64> {
         let score = faces::judge(model, &standard::face(), MatchMethod::Verified).score;
         let both = probe.dense().zip(model.dense());
         let weights = Weights::new(ready.face_score, score, both.is_some());
-        let mut outlines = Outlines::default();
-        outlines.push(model);
-        let regions = ready.regions.likeness(&outlines.outline(0)).mean;
-        let things = as_things(probe.profile().likeness(model.profile()), regions);
+        let things = as_things(probe.shape().zip(model.shape()).map(|(a, b)| a.distance(b)));
         weights.likeness(both.and_then(|(a, b)| a.distance_mm(b)), things)
     };
     models.par_iter().map(likeness).collect()
@@ -215,7 +223,7 @@ pub fn compare(probe: &Signature, model: &Signature) -> Comparison {
     outlines.push(model);
     Comparison {
         region_triangles: ready.regions.likeness(&outlines.outline(0)).mean,
-        shape: probe.profile().likeness(model.profile()).unwrap_or(0.0),
+        shape: as_things(probe.shape().zip(model.shape()).map(|(a, b)| a.distance(b))),
         both_faces: ready.face_score * other.face_score,
         dense_distance_mm: probe.dense().zip(model.dense()).and_then(|(a, b)| a.distance_mm(b)),
     }
@@ -240,7 +248,7 @@ mod tests {
     fn a_search_finds_what_measuring_all_finds() {
         // residuals are 1.5 + sin(seed) mm: sure faces, unsure ones and others; ids fall as seeds rise, and some are twice there
         let model = |k: u32| match example(0.13 * f64::from(k % 200), 4 + (k % 5) as usize) {
-            of_no_shape if k % 7 == 3 => of_no_shape.with_profile(ShapeProfile::default()),
+            of_no_shape if k % 7 == 3 => of_no_shape.with_shape(None),
             signature => signature,
         };
         let models: Vec<(ModelId, Signature)> = (0..300u32).map(|k| (1000 - ModelId::from(k), model(k))).collect();

@@ -2,13 +2,14 @@
 
 use rayon::prelude::*;
 
+use super::by_view::ViewRows;
 use super::dense_rows::DenseRows;
 use super::face_order::FaceOrder;
 use super::indexed_model::{self, IndexedModel, METHODS, Standing};
 use super::outline::Outlines;
+use super::shape_rows::ShapeRows;
 use super::triangle_index::TriangleIndex;
 use super::{MatchMethod, ModelId};
-use visage_shape::faces::ShapeProfile;
 
 /// A list of models, ascending by id. A model is known here by its place in it.
 #[derive(Debug, Default)]
@@ -21,7 +22,8 @@ pub(super) struct Segment {
     pub face_scores: Vec<f64>,
     /// For each method all places, best score first, ties by id.
     pub rankings: [Vec<u32>; 3],
-    pub profiles: Vec<ShapeProfile>,
+    pub shapes: ShapeRows,
+    pub views: ViewRows,
     pub dense: DenseRows,
     pub faces: FaceOrder,
 }
@@ -59,13 +61,15 @@ impl Segment {
             Source::Kept(other, place) => {
                 self.outlines.push_from(&other.outlines, place);
                 self.standings.push(other.standings[place as usize]);
-                self.profiles.push(other.profiles[place as usize]);
+                self.shapes.push_from(&other.shapes, place);
+                self.views.push_from(&other.views, place);
                 self.dense.push_from(&other.dense, place);
             }
             Source::Fresh(entry) => {
                 self.outlines.push(&entry.signature);
                 self.standings.push(entry.standings);
-                self.profiles.push(*entry.signature.profile());
+                self.shapes.push(entry.signature.shape());
+                self.views.push(entry.signature.views());
                 self.dense.push(entry.signature.dense());
             }
         }
@@ -76,7 +80,8 @@ impl Segment {
         self.ids.shrink_to_fit();
         self.outlines.shrink();
         self.standings.shrink_to_fit();
-        self.profiles.shrink_to_fit();
+        self.shapes.finish();
+        self.views.shrink();
         self.dense.shrink();
         let verified = indexed_model::slot(MatchMethod::Verified);
         self.face_scores = self.standings.iter().map(|standings| standings[verified].score).collect();
@@ -123,12 +128,12 @@ mod tests {
         assert_eq!(moved.ids, ids);
         let anew = built(&ids.iter().map(|&id| entry(id)).collect::<Vec<_>>());
         assert_eq!(moved.rankings, anew.rankings);
-        assert_eq!(moved.profiles, anew.profiles);
         assert_eq!(moved.triangles.len(), anew.triangles.len());
         for place in 0..ids.len() as u32 {
             assert_eq!(moved.place(ids[place as usize]), Some(place));
             assert!(moved.outlines.outline(place).triangles().eq(anew.outlines.outline(place).triangles()));
             assert_eq!(moved.dense.signature(place), anew.dense.signature(place));
+            assert_eq!(moved.shapes.shape(place), anew.shapes.shape(place));
         }
         assert_eq!(moved.place(42), None);
     }

@@ -12,10 +12,12 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
+//! - [`descriptor`]: the shape as a whole, by which things are found
 //! - [`saliency`]: curvature, multi-scale saliency, salient regions
 //! - [`faces`]: facial triangles, the built-in face, signatures
 //! - [`standards`]: standards made by users, for anything with caps and pits
 
+pub mod descriptor;
 pub mod faces;
 pub mod saliency;
 pub mod standards;

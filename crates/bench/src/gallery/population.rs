@@ -3,7 +3,7 @@
 //! Some code-made heads and other shapes are described as any model is. A new model is one of them, stretched and
 //! sheared a little, with some salient regions taken from another; its dense signature is drawn from the normal
 //! distribution that has the mean and the covariances of the heads' ones (and 0.1 mm of noise a point), with the unseen
-//! points of one of them. Its profile goes a part of the way to another's.
+//! points of one of them. The descriptor of its shape goes a part of the way to another's.
 
 use anyhow::Context;
 use rand::{RngExt, SeedableRng};
@@ -11,10 +11,11 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 
+use visage::descriptor::ShapeDescriptor;
 use visage::faces::dense_signature::{DenseSignature, UNSEEN};
 use visage::faces::detection::{Detection, FoundFace};
 use visage::faces::template::TEMPLATE_POINTS;
-use visage::faces::{self, ShapeProfile, Signature, Size, TriangleCandidate};
+use visage::faces::{self, Signature, Size, TriangleCandidate};
 use visage::geometry::{Cloud, Mesh, Point3, Surface, Unit};
 use visage::progress::Progress;
 use visage::synthetic::head::{Proportions, head};
@@ -28,7 +29,7 @@ const SHARE_OF_HEADS: f64 = 0.9;
 const STRETCH: f64 = 0.04;
 /// The share of salient regions that come from another model.
 const SWAPPED: f64 = 0.15;
-/// How far a profile goes to that of another model at most.
+/// How far a shape goes to that of another model at most.
 const MOST_OF_OTHER: f64 = 0.5;
 /// Dense signatures mixed into one.
 const MIXED: usize = 8;
@@ -96,10 +97,13 @@ impl Population {
             fit.residual_mm *= (0.15 * noise(&mut rng)).exp();
             FoundFace { fit, landmarks, dense: self.dense(&mut rng) }
         });
-        let profile = between(base.profile(), other.profile(), rng.random_range(0.0..MOST_OF_OTHER), &mut rng);
+        let share = rng.random_range(0.0..MOST_OF_OTHER);
+        let shape = base.shape().zip(other.shape()).map(|(base, other)| between(base, other, share, &mut rng));
         let size =
             Size { origin: Point3::origin(), diagonal: base.diagonal(), radius: base.radius(), unit: Unit::Unknown };
-        Signature::new(&size, &regions, &Detection { candidates, face }).with_profile(profile)
+        Signature::new(&size, &regions, &Detection { candidates, face })
+            .with_shape(shape)
+            .with_views(base.views().to_vec())
     }
 
     fn dense(&self, rng: &mut ChaCha8Rng) -> DenseSignature {
@@ -120,16 +124,15 @@ impl Population {
     }
 }
 
-/// A profile that has gone a share of the way from one to another, with 1 step of noise.
-fn between(one: &ShapeProfile, other: &ShapeProfile, share: f64, rng: &mut ChaCha8Rng) -> ShapeProfile {
+/// A shape that has gone a share of the way from one to another, with 1 step of noise.
+fn between(one: &ShapeDescriptor, other: &ShapeDescriptor, share: f64, rng: &mut ChaCha8Rng) -> ShapeDescriptor {
     let (mut bytes, other) = (one.to_bytes(), other.to_bytes());
-    // the last byte is no root
-    for (byte, other) in bytes.iter_mut().zip(&other[..ShapeProfile::BYTES - 1]) {
+    for (byte, other) in bytes.iter_mut().zip(&other) {
         let noise: f64 = StandardNormal.sample(rng);
         *byte =
             (f64::from(*byte) + share * (f64::from(*other) - f64::from(*byte)) + noise).round().clamp(0.0, 255.0) as u8;
     }
-    ShapeProfile::from_bytes(&bytes)
+    ShapeDescriptor::from_bytes(&bytes)
 }
 
 fn described(mesh: &Mesh) -> anyhow::Result<Signature> {

@@ -8,7 +8,7 @@ use super::super::upload::{self, Form, FormRules};
 use super::super::{describe, names};
 use super::terms::{RawTerms, Terms};
 use super::triangle::triangle_probe;
-use super::views::{MethodView, QueryBody};
+use super::views::{LikenessView, MethodView, QueryBody};
 use visage_domain::{ModelId, StandardRecord};
 use visage_gallery::MatchMethod;
 use visage_geometry::{Surface, Unit};
@@ -24,7 +24,18 @@ pub const RULES: FormRules = FormRules {
     files: &["probe"],
     most_files: 1,
     file_name: names::surface_file_name,
-    texts: &["unit", "standard", "method", "limit", "threshold", "only_matches", "cursor", "filter", "explain"],
+    texts: &[
+        "unit",
+        "standard",
+        "method",
+        "likeness",
+        "limit",
+        "threshold",
+        "only_matches",
+        "cursor",
+        "filter",
+        "explain",
+    ],
 };
 
 /// What a request asks.
@@ -87,7 +98,9 @@ impl GalleryQuestion {
 fn fingerprint(about: &About, terms: &Terms) -> Fingerprint {
     let asked = match about {
         About::BuiltIn { standard, method } => format!("standard {} {method:?}", standard.name).into_bytes(),
-        About::Probe { signature, stored } => [format!("probe {stored:?}").into_bytes(), signature.to_bytes()].concat(),
+        About::Probe { signature, stored, likeness } => {
+            [format!("probe {stored:?} {likeness:?}").into_bytes(), signature.to_bytes()].concat()
+        }
         About::Triangle(triangle) => format!("triangle {triangle:?}").into_bytes(),
         About::Standard { name } => format!("class {name}").into_bytes(),
     };
@@ -97,7 +110,7 @@ fn fingerprint(about: &About, terms: &Terms) -> Fingerprint {
 
 /// The question that a JSON body asks.
 pub async fn of_json(state: &AppState, body: QueryBody) -> Result<GalleryQuestion, Problem> {
-    let QueryBody { standard, model_id, triangle, method, .. } = body;
+    let QueryBody { standard, model_id, triangle, method, likeness, .. } = body;
     let terms = RawTerms {
         limit: body.limit,
         threshold: body.threshold,
@@ -111,6 +124,9 @@ pub async fn of_json(state: &AppState, body: QueryBody) -> Result<GalleryQuestio
         let detail = "method tells how models are judged against a standard";
         return Err(Problem::new(Code::InvalidField, detail, "leave it out when asking about anything else"));
     }
+    if model_id.is_none() && likeness.is_some() {
+        return Err(likeness_of_probes());
+    }
     let about = match (standard, model_id, triangle) {
         (Some(name), None, None) => match standard::by_name(&name) {
             Some(standard) => About::BuiltIn { standard, method: method.unwrap_or_default().into() },
@@ -121,7 +137,8 @@ pub async fn of_json(state: &AppState, body: QueryBody) -> Result<GalleryQuestio
         },
         (None, Some(id), None) => {
             let id = parse_model_id(&id)?;
-            About::Probe { signature: Box::new(stored_signature(state, id).await?), stored: Some(id) }
+            let signature = Box::new(stored_signature(state, id).await?);
+            About::Probe { signature, stored: Some(id), likeness: likeness.unwrap_or_default().into() }
         }
         (None, None, Some(triangle)) => About::Triangle(triangle_probe(triangle)?),
         _ => {
@@ -142,6 +159,10 @@ pub async fn of_form(state: &AppState, mut form: Form) -> Result<Asked, Problem>
     if standard.is_none() && method.is_some() {
         let detail = "method tells how a probe is judged against a standard";
         return Err(Problem::new(Code::InvalidField, detail, "name a standard, or leave it out"));
+    }
+    let likeness = form.text("likeness")?.map(likeness_named).transpose()?;
+    if standard.is_some() && likeness.is_some() {
+        return Err(likeness_of_probes());
     }
     // before the work
     if standard.is_some() {
@@ -171,7 +192,8 @@ pub async fn of_form(state: &AppState, mut form: Form) -> Result<Asked, Problem>
             Ok(Asked::Verdict(Box::new(Verdict { signature, standard, method, threshold, explain })))
         }
         None => {
-            let about = About::Probe { signature: Box::new(signature), stored: None };
+            let likeness = likeness.unwrap_or_default().into();
+            let about = About::Probe { signature: Box::new(signature), stored: None, likeness };
             Ok(Asked::Gallery(Box::new(GalleryQuestion::new(about, terms)?)))
         }
     }
@@ -234,6 +256,18 @@ fn method_named(name: &str) -> Result<MethodView, Problem> {
         let detail = format!("there is no method {name:?}");
         Problem::new(Code::InvalidField, detail, "send verified, descriptors or literal")
     })
+}
+
+fn likeness_named(name: &str) -> Result<LikenessView, Problem> {
+    serde_json::from_value(serde_json::Value::from(name.trim())).map_err(|_| {
+        let detail = format!("there is no likeness {name:?}");
+        Problem::new(Code::InvalidField, detail, "send shape, salient_regions or view")
+    })
+}
+
+fn likeness_of_probes() -> Problem {
+    let detail = "likeness tells what makes models like a probe";
+    Problem::new(Code::InvalidField, detail, "leave it out when asking about a standard or a triangle")
 }
 
 async fn stored_signature(state: &AppState, id: ModelId) -> Result<Signature, Problem> {

@@ -10,7 +10,7 @@ use super::super::scan_set_views::UnitView;
 use super::super::schemas::{self, Corners, Landmarks, Point};
 use super::super::verdicts::{ExplanationView, Places, ReasonView, VerdictView};
 use super::terms::FilterView;
-use visage_gallery::MatchMethod;
+use visage_gallery::{Likeness, MatchMethod};
 
 /// How models are judged against a standard.
 #[derive(Debug, Clone, Copy, Default, Serialize, Deserialize, ToSchema)]
@@ -43,6 +43,30 @@ impl From<MethodView> for MatchMethod {
             MethodView::Verified => MatchMethod::Verified,
             MethodView::Descriptors => MatchMethod::Descriptors,
             MethodView::Literal => MatchMethod::Literal,
+        }
+    }
+}
+
+/// What makes models alike.
+#[derive(Debug, Clone, Copy, Default, Serialize, Deserialize, ToSchema)]
+#[schema(as = ProbeLikeness)]
+#[serde(rename_all = "snake_case")]
+pub enum LikenessView {
+    /// Their faces if both have one, else their shapes as wholes.
+    #[default]
+    Shape,
+    /// The paper's triangles of salient regions; kept for comparison.
+    SalientRegions,
+    /// That the probe is a single scan of the model.
+    View,
+}
+
+impl From<LikenessView> for Likeness {
+    fn from(likeness: LikenessView) -> Self {
+        match likeness {
+            LikenessView::Shape => Likeness::Shape,
+            LikenessView::SalientRegions => Likeness::SalientRegions,
+            LikenessView::View => Likeness::View,
         }
     }
 }
@@ -114,6 +138,8 @@ pub struct QueryBody {
     pub triangle: Option<TriangleView>,
     /// How models are judged against a standard.
     pub method: Option<MethodView>,
+    /// What makes models like a stored one.
+    pub likeness: Option<LikenessView>,
     /// At most so many matches (1 to 1000, 20 if not given).
     #[schema(minimum = 1, maximum = 1000)]
     pub limit: Option<usize>,
@@ -146,6 +172,9 @@ pub struct ProbeForm {
     /// How it is judged against a standard.
     #[schema(required = false)]
     method: MethodView,
+    /// What makes models like the probe.
+    #[schema(required = false)]
+    likeness: LikenessView,
     /// At most so many matches (1 to 1000, 20 if not given).
     #[schema(required = false, minimum = 1, maximum = 1000)]
     limit: usize,

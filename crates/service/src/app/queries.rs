@@ -8,7 +8,8 @@ use super::standards::{self, Ranking};
 use crate::storage::DatabaseError;
 use visage_domain::{MatchedModel, ModelId, StandardRecord, StoredVerdict};
 use visage_gallery::{
-    Comparison, Evidence, Filter, Gallery, Match, PROBE_MATCH_SCORE, Rank, Reason, TopK, compare, triangle_match_score,
+    Comparison, Evidence, Filter, Gallery, Likeness, Match, PROBE_MATCH_SCORE, Rank, Reason, TopK, compare,
+    triangle_match_score,
 };
 use visage_geometry::{Point3, Vector3};
 use visage_shape::faces::judgement::MATCH_SCORE;
@@ -53,6 +54,8 @@ pub enum About {
         signature: Box<Signature>,
         /// Its id, if it is stored.
         stored: Option<ModelId>,
+        /// What makes models alike.
+        likeness: Likeness,
     },
     /// On which models does this triangle occur?
     Triangle(TriangleProbe),
@@ -207,7 +210,9 @@ impl Question {
             About::BuiltIn { standard, method } => {
                 gallery.by_standard(standard.name, *method, top_k).unwrap_or_default()
             }
-            About::Probe { signature, stored } => gallery.by_probe(signature, stored.map(ModelId::number), top_k),
+            About::Probe { signature, stored, likeness } => {
+                gallery.by_likeness(signature, *likeness, stored.map(ModelId::number), top_k)
+            }
             About::Triangle(triangle) => {
                 let mut matches = gallery.by_triangle(triangle.corners, triangle.outward, top_k);
                 for found in &mut matches {

@@ -35,7 +35,6 @@ pub mod template;
 pub mod triangle;
 pub mod triangle_candidates;
 
-pub use crate::saliency::ShapeProfile;
 pub use cleaned::LeftOut;
 pub use dense_signature::DenseSignature;
 use detection::Detection;
@@ -49,6 +48,7 @@ pub use sum_of_distances::sum_of_distances;
 pub use triangle::{Shape, Triangle};
 pub use triangle_candidates::{Cost, TriangleCandidate};
 
+use crate::descriptor::{ShapeDescriptor, ViewCode};
 use crate::saliency::orientation::OrientedCloud;
 use crate::saliency::{self, CurvedSurface, Patches, Region, RegionOptions, Side};
 use visage_geometry::progress::{Canceled, Progress, Stage};
@@ -104,12 +104,13 @@ pub fn describe(surface: &Surface, unit: Unit, progress: &Progress) -> Result<Si
     }
     detection.candidates.truncate(TUNING.most_facial_triangles);
     let radius = rms_radius(&curved);
-    let profile = ShapeProfile::of(&curved, radius, oriented.side != Side::Unknown);
+    let (shape, views) = prepared.shape().map_or((None, Vec::new()), |(shape, views)| (Some(shape), views));
+    progress.check()?;
     progress.report(Stage::Describing, 1.0);
     let regions: Vec<Region> = regions.iter().map(|region| region.moved(&motion_file_own)).collect();
     let size = Size { origin: motion_file_own * bounds.center(), diagonal: bounds.diagonal(), radius, unit };
     let signature = Signature::new(&size, &regions, &detection.moved(&motion_file_own));
-    Ok(signature.with_profile(profile).with_left_out(left_out))
+    Ok(signature.with_shape(shape).with_views(views).with_left_out(left_out))
 }
 
 /// The surface without what is none of it; see [`mod@cleaned`].
@@ -164,6 +165,14 @@ impl Prepared {
         }
     }
 
+    /// The shape as a whole, and as single scans would see it.
+    fn shape(&self) -> Option<(ShapeDescriptor, Vec<ViewCode>)> {
+        match self {
+            Prepared::Mesh { mesh, .. } => ShapeDescriptor::with_views_of_mesh(mesh),
+            Prepared::Cloud { cloud, .. } => ShapeDescriptor::with_views_of_cloud(cloud),
+        }
+    }
+
     /// What the detector samples.
     pub(crate) fn oriented(&self, bounds: Bounds) -> SampledSurface<'_> {
         let (form, side) = match self {
@@ -189,16 +198,25 @@ fn checked_size(surface: &Surface) -> Result<(), DescribeError> {
 /// The box around the surface, if there is enough surface to describe.
 pub(crate) fn checked_bounds(surface: &Surface) -> Result<Bounds, DescribeError> {
     let count = surface.cloud.len();
+    // what a mesh is like its area tells, in however few vertices
+    let is_enough = |bounds: &Bounds| count >= TUNING.least_points || has_area(surface, bounds);
     match surface.cloud.bounds() {
-        Some(bounds) if count >= TUNING.least_points && bounds.diagonal().is_finite() && bounds.diagonal() > 0.0 => {
-            Ok(bounds)
-        }
+        Some(bounds) if bounds.diagonal().is_finite() && bounds.diagonal() > 0.0 && is_enough(&bounds) => Ok(bounds),
         _ => Err(DescribeError::Degenerate(format!(
             "the surface has {count} points, or all in one place; send a model with at least {} points \
-             that differ",
+             that differ, or with faces",
             TUNING.least_points
         ))),
     }
+}
+
+/// Whether a mesh has faces with an area.
+fn has_area(surface: &Surface, bounds: &Bounds) -> bool {
+    let unit = bounds.diagonal();
+    surface.faces.iter().any(|face| {
+        let [a, b, c] = face.map(|vertex| surface.cloud.points[vertex as usize]);
+        ((b - a) / unit).cross(&((c - a) / unit)).norm() > 0.0
+    })
 }
 
 /// The root mean square distance of the surface from its centroid.

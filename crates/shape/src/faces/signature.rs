@@ -10,7 +10,8 @@ use super::landmarks::Landmarks;
 use super::modes::{LANDMARKS, MODES, Weights};
 use super::similarity::Similarity;
 use super::triangle_candidates::TriangleCandidate;
-use crate::saliency::{Region, ShapeProfile};
+use crate::descriptor::{ShapeDescriptor, VIEWS, ViewCode};
+use crate::saliency::Region;
 use visage_geometry::{Motion, Point3, Unit, Vector3};
 
 /// What is stored of a model for retrieval: its salient regions, its facial triangles, its shape as a whole.
@@ -27,7 +28,8 @@ pub struct Signature {
     triangles: Vec<StoredTriangle>,
     /// One, or none.
     faces: Vec<StoredFace>,
-    profile: ShapeProfile,
+    shape: Option<Box<ShapeDescriptor>>,
+    views: Vec<ViewCode>,
     /// What it was made without; not stored with it.
     left_out: LeftOut,
 }
@@ -96,7 +98,7 @@ const MOST_ENTRIES: usize = 4096;
 
 impl Signature {
     /// The version of the operator that makes signatures; stored beside each.
-    pub const VERSION: u32 = 10;
+    pub const VERSION: u32 = 11;
 
     /// The signature of a model of this size with these regions and facial triangles, all in the file's frame.
     pub fn new(size: &Size, regions: &[Region], detection: &Detection) -> Signature {
@@ -131,7 +133,8 @@ impl Signature {
             regions,
             triangles,
             faces: detection.face.iter().map(|face| StoredFace::new(face, &origin)).collect(),
-            profile: ShapeProfile::default(),
+            shape: None,
+            views: Vec::new(),
             left_out: LeftOut::default(),
         }
     }
@@ -141,14 +144,25 @@ impl Signature {
         Signature { left_out, ..self }
     }
 
-    /// The same with the profile of its shape.
-    pub fn with_profile(self, profile: ShapeProfile) -> Signature {
-        Signature { profile, ..self }
+    /// The same with a descriptor of its shape, or none.
+    pub fn with_shape(self, shape: Option<ShapeDescriptor>) -> Signature {
+        Signature { shape: shape.map(Box::new), ..self }
     }
 
-    /// The shape as a whole.
-    pub fn profile(&self) -> &ShapeProfile {
-        &self.profile
+    /// The same with what single scans would see of it, [`VIEWS`] at most.
+    pub fn with_views(self, mut views: Vec<ViewCode>) -> Signature {
+        views.truncate(VIEWS);
+        Signature { views, ..self }
+    }
+
+    /// What single scans would see of it.
+    pub fn views(&self) -> &[ViewCode] {
+        &self.views
+    }
+
+    /// The shape as a whole; `None` if there is no area to tell it by.
+    pub fn shape(&self) -> Option<&ShapeDescriptor> {
+        self.shape.as_deref()
     }
 
     fn position(&self, stored: &[f32]) -> Point3 {
@@ -225,7 +239,8 @@ impl Signature {
     }
 
     /// One BLOB, little-endian: magic, version, origin (f64 x 3), diagonal, radius, unit in mm or 0, then counted regions,
-    /// triangles (f32), the number of faces (0 or 1) with fit, landmarks (f32) and heights (i8), and the profile (u8).
+    /// triangles (f32), the number of faces (0 or 1) with fit, landmarks (f32) and heights (i8), and that of descriptors of the
+    /// shape (0 or 1) with its bytes, and the counted views (u8).
     pub fn to_bytes(&self) -> Vec<u8> {
         let mut bytes = Vec::with_capacity(48 + self.regions.len() * 32 + self.triangles.len() * 88);
         bytes.extend(MAGIC);
@@ -241,7 +256,10 @@ impl Signature {
             bytes.extend(face.fit.iter().chain(&face.landmarks).flat_map(|x| x.to_le_bytes()));
             bytes.extend(face.dense.to_bytes());
         }
-        bytes.extend(self.profile.to_bytes());
+        bytes.extend(u32::from(self.shape.is_some()).to_le_bytes());
+        self.shape.iter().for_each(|shape| bytes.extend(shape.to_bytes()));
+        bytes.extend((self.views.len() as u32).to_le_bytes());
+        bytes.extend(self.views.iter().flatten());
         bytes
     }
 
@@ -269,7 +287,16 @@ impl Signature {
             1 => vec![reader.face()?],
             count => return Err(SignatureError::Damaged(format!("{count} faces"))),
         };
-        let profile = ShapeProfile::from_bytes(&reader.take("profile")?);
+        let shape = match u32::from_le_bytes(reader.take("shapes")?) {
+            0 => None,
+            1 => Some(Box::new(ShapeDescriptor::from_bytes(&reader.take("shape")?))),
+            count => return Err(SignatureError::Damaged(format!("{count} shapes"))),
+        };
+        let count = u32::from_le_bytes(reader.take("views")?) as usize;
+        if count > VIEWS {
+            return Err(SignatureError::Damaged(format!("{count} views")));
+        }
+        let views = (0..count).map(|_| reader.take("views")).collect::<Result<Vec<ViewCode>, _>>()?;
         if !reader.bytes.is_empty() {
             return Err(SignatureError::Damaged(format!("{} bytes too many", reader.bytes.len())));
         }
@@ -284,7 +311,8 @@ impl Signature {
             regions,
             triangles,
             faces,
-            profile,
+            shape,
+            views,
             left_out: LeftOut::default(),
         })
     }

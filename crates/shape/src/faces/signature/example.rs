@@ -32,7 +32,8 @@ pub fn example(seed: f64, count: usize) -> Signature {
         landmarks: std::array::from_fn(|k| Point3::new(k as f64, 2.0, 3.0)),
         dense: DenseSignature::from_bytes(heights),
     };
-    let roots = std::array::from_fn(|k| (128.0 + 40.0 * (seed + 0.7 * k as f64).sin()) as u8);
+    let shape = std::array::from_fn(|k| (128.0 + 40.0 * (seed + 0.7 * k as f64).sin()) as u8);
     Signature::new(&size, &regions, &Detection { candidates: vec![candidate], face: Some(face) })
-        .with_profile(ShapeProfile::from_bytes(&roots))
+        .with_shape(Some(ShapeDescriptor::from_bytes(&shape)))
+        .with_views((0..count % 4).map(|view| std::array::from_fn(|k| shape[k + view])).collect())
 }

@@ -1,5 +1,6 @@
 use super::example::example;
 use super::*;
+use crate::descriptor::VIEW_BYTES;
 use proptest::prelude::*;
 
 #[test]
@@ -7,7 +8,10 @@ fn bytes_round_trip() {
     let signature = example(0.3, 10);
     let bytes = signature.to_bytes();
     assert_eq!(Signature::from_bytes(&bytes), Ok(signature));
-    assert_eq!(bytes.len(), 44 + 4 + 10 * 32 + 4 + 88 + 4 + 4 * (13 + MODES + 30) + 300 + ShapeProfile::BYTES);
+    assert_eq!(
+        bytes.len(),
+        44 + 4 + 10 * 32 + 4 + 88 + 4 + 4 * (13 + MODES + 30) + 300 + 4 + ShapeDescriptor::BYTES + 4 + 2 * VIEW_BYTES
+    );
 }
 
 #[test]

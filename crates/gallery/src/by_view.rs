@@ -1,0 +1,90 @@
+//! Single scans: models ranked by the nearest of their simulated scans. All views of all models are measured.
+
+use rayon::prelude::*;
+
+use super::likeness::as_views;
+use super::live_segment::LiveSegment;
+use super::probe::{Found, Probe};
+use super::{Match, ModelId, TopK};
+use visage_shape::descriptor::{ViewCode, view_distance};
+
+/// The views of a list of models, one model's after the other's.
+#[derive(Debug, Default)]
+pub(super) struct ViewRows {
+    views: Vec<ViewCode>,
+    /// Where each model's end.
+    ends: Vec<u32>,
+}
+
+impl ViewRows {
+    /// Adds a model's.
+    pub fn push(&mut self, views: &[ViewCode]) {
+        self.views.extend(views);
+        self.ends.push(self.views.len() as u32);
+    }
+
+    /// Adds one from another list.
+    pub fn push_from(&mut self, others: &ViewRows, place: u32) {
+        self.push(others.of(place));
+    }
+
+    /// Gives back what is not needed.
+    pub fn shrink(&mut self) {
+        self.views.shrink_to_fit();
+        self.ends.shrink_to_fit();
+    }
+
+    /// A model's.
+    pub fn of(&self, place: u32) -> &[ViewCode] {
+        let place = place as usize;
+        let start = place.checked_sub(1).map_or(0, |before| self.ends[before]);
+        &self.views[start as usize..self.ends[place] as usize]
+    }
+}
+
+/// How far a scan is from the nearest view; `None` without views.
+fn nearest(scan: &ViewCode, views: &[ViewCode]) -> Option<f64> {
+    views.iter().map(|view| view_distance(scan, view)).min_by(f64::total_cmp)
+}
+
+impl Probe {
+    /// The models that one of whose views the probe is most like, best first, ties by id.
+    pub fn search_by_view(&self, segments: &[LiveSegment], top_k: &TopK) -> Vec<Match> {
+        let mut found = Found::new(top_k);
+        let Some(scan) = self.shape.as_ref().map(|shape| shape.as_view()) else { return Vec::new() };
+        for (which, live) in segments.iter().enumerate() {
+            let places: Vec<u32> = live.places().collect();
+            let scored = |place: &u32| {
+                (live.segment.ids[*place as usize], *place, as_views(nearest(&scan, live.segment.views.of(*place))))
+            };
+            let scores: Vec<(ModelId, u32, f64)> = places.par_iter().with_min_len(256).map(scored).collect();
+            scores.into_iter().for_each(|(id, place, score)| found.offer(id, (which, place), score));
+        }
+        self.answers(segments, found)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Gallery, Likeness, TopK};
+    use super::*;
+    use visage_shape::faces::signature::example::example;
+
+    #[test]
+    fn a_scan_finds_the_models_with_the_nearest_views_wherever_these_are_kept() {
+        let models: Vec<_> = (0..60u128).map(|id| (id, example(0.31 * id as f64, 4 + (id % 5) as usize))).collect();
+        let mut gallery = Gallery::build(models[..40].to_vec());
+        models[40..].iter().for_each(|(id, signature)| gallery.insert(*id, signature.clone()));
+        assert!(gallery.remove(7));
+        let probe = example(3.3, 5);
+        let scan = probe.shape().expect("it has one").as_view();
+        let score = |views: &[ViewCode]| as_views(nearest(&scan, views));
+        let others = models.iter().filter(|(id, _)| *id != 7);
+        let mut expected: Vec<(f64, u128)> = others.map(|(id, model)| (score(model.views()), *id)).collect();
+        expected.retain(|(score, _)| *score > 0.0);
+        expected.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        let found = gallery.by_likeness(&probe, Likeness::View, None, &TopK::best(100));
+        assert_eq!(found.iter().map(|m| (m.score, m.model_id)).collect::<Vec<_>>(), expected);
+        assert!(expected.len() > 20 && expected.len() < 59, "some have no views");
+    }
+}
