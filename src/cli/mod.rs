@@ -2,12 +2,14 @@
 
 #![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used))]
 
+mod backup;
 mod client;
 mod convert;
 pub mod demo;
 pub mod deviation;
 mod doctor;
 mod healthcheck;
+mod key;
 mod openapi;
 pub mod register;
 pub mod serve;
@@ -53,6 +55,12 @@ enum Command {
     Demo(demo::DemoArgs),
     /// Look whether a data folder is sound, and say what to do where it isn't.
     Doctor(doctor::DoctorArgs),
+    /// Copy a data folder, also while a server uses it; only what is new since the last time.
+    Backup(backup::BackupArgs),
+    /// Put a backup back into a new data folder.
+    Restore(backup::RestoreArgs),
+    /// Make, list and revoke the keys of a service.
+    Key(key::KeyArgs),
     /// Print the contract of the service (OpenAPI, YAML).
     Openapi,
     /// Ask a running service whether it is well; for container health checks.
@@ -79,6 +87,9 @@ pub fn main() -> ExitCode {
         Command::Report(args) => client::report::run(args),
         Command::Demo(args) => demo::run(args),
         Command::Doctor(args) => doctor::run(args),
+        Command::Backup(args) => backup::back_up(args),
+        Command::Restore(args) => backup::restore(args),
+        Command::Key(args) => key::run(args),
         Command::Openapi => openapi::run(),
         Command::Healthcheck(args) => healthcheck::run(args),
     };

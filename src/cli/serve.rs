@@ -7,7 +7,7 @@ use std::time::Duration;
 use anyhow::Context;
 use clap::Args;
 
-use crate::config::{EdgeLimits, HostName, Limits, ServerConfig, available_threads};
+use crate::config::{EdgeLimits, HostName, Limits, Quotas, Retention, ServerConfig, available_threads};
 use crate::http::Server;
 use crate::telemetry::{self, LogFormat};
 
@@ -21,6 +21,9 @@ pub struct ServeArgs {
     /// names and the address it listens on are known without
     #[arg(long = "host", env = "VISAGE_HOST", value_name = "NAME", value_delimiter = ',')]
     hosts: Vec<HostName>,
+    /// Let everybody who reaches the service do everything, though others than programs of this machine may
+    #[arg(long, env = "VISAGE_OPEN")]
+    open: bool,
     /// The folder of the database and of all files
     #[arg(long, env = "VISAGE_DATA_DIR", value_name = "DIR")]
     data: PathBuf,
@@ -48,6 +51,28 @@ pub struct ServeArgs {
     /// Points in one scan or model
     #[arg(long, env = "VISAGE_MAX_POINTS", default_value_t = Limits::default().points_per_scan)]
     max_points: u64,
+    /// Requests that a key may send in a minute; those who need none count as one [default: any number]
+    #[arg(long, env = "VISAGE_KEY_REQUESTS_PER_MINUTE", value_parser = clap::value_parser!(u32).range(1..))]
+    key_requests_per_minute: Option<u32>,
+    /// Uploads of a key at the same time [default: any number]
+    #[arg(long, env = "VISAGE_KEY_UPLOADS", value_parser = at_least_one)]
+    key_uploads: Option<usize>,
+    /// Jobs of a key that may wait or run [default: any number]
+    #[arg(long, env = "VISAGE_KEY_QUEUED_JOBS", value_parser = clap::value_parser!(u64).range(1..))]
+    key_queued_jobs: Option<u64>,
+    /// Megabytes (10^6) that are kept of what a key has sent and had made [default: any number]
+    #[arg(long, env = "VISAGE_KEY_STORED_MB", value_parser = clap::value_parser!(u64).range(1..))]
+    key_stored_mb: Option<u64>,
+    /// Days after which models are deleted [default: never]
+    #[arg(long, env = "VISAGE_KEEP_MODELS", value_name = "DAYS", value_parser = clap::value_parser!(u32).range(1..))]
+    keep_models: Option<u32>,
+    /// Days after which scan sets are deleted, with their jobs and models [default: never]
+    #[arg(long, env = "VISAGE_KEEP_SCAN_SETS", value_name = "DAYS", value_parser = clap::value_parser!(u32).range(1..))]
+    keep_scan_sets: Option<u32>,
+    /// Days after which entries of the audit log are deleted
+    #[arg(long, env = "VISAGE_KEEP_AUDIT", value_name = "DAYS", default_value_t = 365,
+          value_parser = clap::value_parser!(u32).range(1..))]
+    keep_audit: u32,
     /// Connections at the same time; others wait
     #[arg(long, env = "VISAGE_MAX_CONNECTIONS", default_value_t = EdgeLimits::default().connections,
           value_parser = at_least_one)]
@@ -96,6 +121,18 @@ impl ServeArgs {
                 ..Limits::default()
             },
             hosts: self.hosts.clone(),
+            open: self.open,
+            quotas: Quotas {
+                requests_per_minute: self.key_requests_per_minute,
+                uploads: self.key_uploads,
+                queued_jobs: self.key_queued_jobs,
+                stored_bytes: self.key_stored_mb.map(|mb| mb.saturating_mul(1_000_000)),
+            },
+            retention: Retention {
+                models: self.keep_models,
+                scan_sets: self.keep_scan_sets,
+                audit: Some(self.keep_audit),
+            },
             edge: EdgeLimits {
                 connections: self.max_connections,
                 head_time: Duration::from_secs(self.head_seconds),

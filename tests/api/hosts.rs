@@ -95,6 +95,7 @@ async fn pages_from_elsewhere_can_change_nothing() {
 async fn a_proxy_passes_on_a_name_that_is_allowed() {
     let server = TestServer::start_with(|config| {
         config.hosts = ["visage.example", "faces.example:8443"].map(|name| name.parse().expect("a host")).into();
+        config.open = true;
     })
     .await;
     for host in ["visage.example", "Visage.Example:443", "faces.example:8443"] {

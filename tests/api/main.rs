@@ -1,7 +1,9 @@
 //! The service over real connections, with algorithms that do what a test tells them; `binary` starts the program itself.
 
+mod access;
 mod additions;
 mod archives;
+mod backup;
 mod binary;
 mod client_commands;
 mod common;

@@ -5,6 +5,7 @@
 //!   `standards`, `meta`: one file or folder a resource; what goes over the wire is in the `*_views` beside them
 //! - `problem`, `storage_problem`, `responses`: every error that leaves the service, and how the contract names them
 //! - `connections`: how many, and how long without being used; `hosts`: who is meant, and from where a page asks
+//! - `access`: who may; `keys`, `session`, `audit`: keys, signing in, what was done
 //! - `schemas`: bounds of values that the contract tells and Rust types don't
 //! - `body`, `multipart`, `upload`, `digest`, `names`, `describe`: what comes in is hostile until it has passed here
 //! - `verdicts`: how models were judged, as queries and models show it
@@ -17,8 +18,10 @@
 
 #![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used))]
 
+mod access;
 mod access_log;
 mod assets;
+mod audit;
 mod body;
 mod conditions;
 mod connections;
@@ -37,6 +40,7 @@ mod hosts;
 mod idempotency;
 mod job_views;
 mod jobs;
+mod keys;
 mod meta;
 mod model_views;
 mod models;
@@ -56,6 +60,7 @@ mod scan_sets;
 mod scans;
 mod schemas;
 mod server;
+mod session;
 mod standard_views;
 mod standards;
 mod state;

@@ -19,7 +19,10 @@ use utoipa_axum::router::OpenApiRouter;
 use super::problem::{Code, Problem, ProblemBody};
 use super::schemas::{CloudFormat, MeshFormat, PosesFormat, ScansFormat, SurfaceFile};
 use super::state::AppState;
-use super::{access_log, body, evaluation, hosts, jobs, meta, models, queries, scan_sets, standards};
+use super::{
+    access, access_log, audit, body, evaluation, hosts, jobs, keys, meta, models, queries, scan_sets, session,
+    standards,
+};
 use visage_service::panics::panic_message;
 
 const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
@@ -41,6 +44,7 @@ const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
         (name = "models", description = "Registered objects, and finished models uploaded to the gallery."),
         (name = "queries", description = "Which models are faces, and which are like a given one."),
         (name = "standards", description = "The classes that can be asked for: the built-in face, and those of users."),
+        (name = "access", description = "Keys, and signing in by a browser."),
         (name = "service", description = "Health, limits, versions."),
     )
 )]
@@ -54,12 +58,17 @@ fn resources() -> OpenApiRouter<AppState> {
         .merge(queries::router())
         .merge(evaluation::router())
         .merge(standards::router())
+        .merge(keys::router())
+        .merge(session::router())
+        .merge(audit::router())
         .merge(meta::router())
 }
 
 /// The contract, made from the routes that are served.
 pub(super) fn contract() -> utoipa::openapi::OpenApi {
-    resources().into_openapi()
+    let mut document = resources().into_openapi();
+    access::tell(&mut document);
+    document
 }
 
 /// The contract as YAML.
@@ -101,7 +110,8 @@ pub fn router(state: AppState) -> Result<Router, RouterError> {
     let admitted = ServiceBuilder::new()
         .layer(from_fn_with_state(state.clone(), body::paced))
         .layer(from_fn_with_state(state.hosts.clone(), hosts::known_host))
-        .layer(state.hosts.same_origin()?);
+        .layer(state.hosts.same_origin()?)
+        .layer(from_fn_with_state(state.clone(), access::permitted));
     Ok(router
         .route("/openapi.yaml", get(contract))
         .fallback(not_found)

@@ -7,6 +7,7 @@ use axum::http::StatusCode;
 use tokio::sync::{RwLock, Semaphore};
 use tokio_util::sync::CancellationToken;
 
+use super::access::{Anonymous, Usage};
 use super::body::Room;
 use super::describe::Turns;
 use super::hosts::Hosts;
@@ -30,6 +31,10 @@ pub struct AppState {
     pub buffers: Arc<Semaphore>,
     /// By which names the service may be called.
     pub hosts: Hosts,
+    /// Whether those without a key may do everything.
+    pub anonymous: Anonymous,
+    /// What each key has asked for.
+    pub usage: Arc<Usage>,
     /// Held for a change; alone for one that depends on the state of what it changes.
     pub changes: Arc<RwLock<()>>,
     /// Set when the server goes down.
@@ -47,6 +52,8 @@ impl AppState {
             conversions: Arc::new(Semaphore::new(limits.concurrent_conversions.max(1))),
             describing: Turns::new(limits.concurrent_describing),
             buffers: Room::budget(limits.buffered_bytes),
+            anonymous: Anonymous::new(context.config.open, context.config.is_exposed()),
+            usage: Arc::default(),
             hosts,
             changes: Arc::default(),
             stop,

@@ -4,6 +4,8 @@
 //! - [`scan_sets`], [`models`], [`standards`]: they come with their files, change, and go
 //! - [`renditions`]: what is stored in other formats
 //! - [`orders`]: jobs are ordered, stopped, tried again
+//! - [`access`]: who asks: keys and sessions
+//! - [`retention`]: what is old is deleted
 //! - [`queries`]: the gallery is asked
 //! - [`evaluations`]: how well the gallery's answers agree with its labels
 //! - [`live_gallery`]: the stored signatures, searchable in memory
@@ -13,6 +15,7 @@
 
 #![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used))]
 
+pub mod access;
 pub mod arrival;
 pub mod context;
 pub mod deviation;
@@ -24,6 +27,7 @@ pub mod monitor;
 pub mod orders;
 pub mod queries;
 pub mod renditions;
+pub mod retention;
 pub mod scan_sets;
 pub mod standards;
 pub mod tracker;

@@ -13,10 +13,11 @@ use async_trait::async_trait;
 
 use super::{DatabaseError, Deleted, Unseen};
 use visage_domain::{
-    AssetRecord, Backlog, CancelAnswer, Claimant, Examples, FileId, Finish, JobClaim, JobFilter, JobId, JobRecord,
-    KnownFiles, LooseFile, MatchedModel, ModelFacets, ModelFilter, ModelId, ModelRecord, NewJob, NewModel, NewScanSet,
-    NewStandard, NewSurfaceJob, Outdated, Owner, Page, PageRequest, PoseFile, PutScan, Replay, ReplayKey, ScanRecord,
-    ScanSetId, ScanSetRecord, StandardId, StandardRecord, StoredContent, StoredFile, StoredSignature, StoredVerdict,
+    AssetRecord, AuditEntry, AuditFilter, Backlog, CancelAnswer, Claimant, Examples, FileId, Finish, JobClaim,
+    JobFilter, JobId, JobRecord, KeyId, KeyRecord, KnownFiles, LooseFile, MatchedModel, ModelFacets, ModelFilter,
+    ModelId, ModelRecord, NewJob, NewKey, NewModel, NewScanSet, NewSession, NewStandard, NewSurfaceJob, Outdated,
+    Owner, Page, PageRequest, PoseFile, PutScan, Replay, ReplayKey, ScanRecord, ScanSetId, ScanSetRecord, SecretHash,
+    SessionId, StandardId, StandardRecord, StoredContent, StoredFile, StoredSignature, StoredVerdict,
 };
 use visage_shape::standards::Standard;
 
@@ -32,6 +33,8 @@ pub trait Database:
     + Evaluations
     + Replays
     + Files
+    + Keys
+    + Audit
     + Upkeep
     + Debug
     + Send
@@ -284,6 +287,56 @@ pub trait Files {
 
     /// Says that a file is gone, or has a row after all.
     async fn forget_loose(&self, files: &[StoredFile]) -> Result<(), DatabaseError>;
+}
+
+/// Keys, and sessions of browsers that have shown one.
+#[async_trait]
+pub trait Keys {
+    /// Stores a key; there may be so many that are not revoked.
+    async fn create_key(&self, key: &NewKey, limit: usize) -> Result<(), DatabaseError>;
+
+    /// Keys, newest first; revoked ones too.
+    async fn keys(&self, page: &PageRequest) -> Result<Page<KeyRecord>, DatabaseError>;
+
+    /// One key with the hash of its secret.
+    async fn key(&self, id: KeyId) -> Result<Option<(KeyRecord, SecretHash)>, DatabaseError>;
+
+    /// Whether there was ever a key.
+    async fn has_keys(&self) -> Result<bool, DatabaseError>;
+
+    /// Revokes a key and ends its sessions; no trouble if it was revoked before.
+    async fn revoke_key(&self, id: KeyId) -> Result<(), DatabaseError>;
+
+    /// Stores a session.
+    async fn create_session(&self, session: &NewSession) -> Result<(), DatabaseError>;
+
+    /// One session.
+    async fn session(&self, id: SessionId) -> Result<Option<NewSession>, DatabaseError>;
+
+    /// Ends a session; no trouble if there is none.
+    async fn delete_session(&self, id: SessionId) -> Result<(), DatabaseError>;
+
+    /// Forgets sessions that are over.
+    async fn forget_old_sessions(&self) -> Result<u64, DatabaseError>;
+}
+
+/// The audit log.
+#[async_trait]
+pub trait Audit {
+    /// Adds an entry, on a full disk too; what was made counts for its key from then on.
+    async fn record(&self, entry: &AuditEntry) -> Result<(), DatabaseError>;
+
+    /// Entries, newest first.
+    async fn audit(&self, filter: &AuditFilter, page: &PageRequest) -> Result<Page<AuditEntry>, DatabaseError>;
+
+    /// Jobs of a key that wait or run; of those who needed none, for `None`.
+    async fn jobs_waiting_of(&self, key: Option<KeyId>) -> Result<u64, DatabaseError>;
+
+    /// Bytes of the files that a key has sent or had made and that are kept.
+    async fn bytes_stored_of(&self, key: Option<KeyId>) -> Result<u64, DatabaseError>;
+
+    /// Forgets entries from before this time.
+    async fn forget_audit_before(&self, time: jiff::Timestamp) -> Result<u64, DatabaseError>;
 }
 
 /// The database as a whole: whether it is there, sound and writable, and its end.
