@@ -7,13 +7,17 @@ use std::time::Duration;
 use anyhow::Context;
 use clap::Args;
 
-use crate::config::{EdgeLimits, HostName, Limits, Quotas, Retention, ServerConfig, available_threads};
+use crate::config::{EdgeLimits, HostName, Limits, Origin, Quotas, Retention, ServerConfig, available_threads};
 use crate::http::Server;
 use crate::telemetry::{self, LogFormat};
 
 /// Where and how the service runs.
 #[derive(Debug, Args)]
 pub struct ServeArgs {
+    /// A file of settings (TOML): each line an argument without its dashes, such as jobs = 2; arguments and the environment go
+    /// before it
+    #[arg(long, env = "VISAGE_CONFIG", value_name = "FILE")]
+    config: Option<PathBuf>,
     /// Where to listen; port 0 takes a free one
     #[arg(long, env = "VISAGE_ADDR", default_value = "127.0.0.1:8080")]
     addr: SocketAddr,
@@ -21,6 +25,9 @@ pub struct ServeArgs {
     /// names and the address it listens on are known without
     #[arg(long = "host", env = "VISAGE_HOST", value_name = "NAME", value_delimiter = ',')]
     hosts: Vec<HostName>,
+    /// An origin such as https://app.example whose pages may ask too, with a key; can be repeated
+    #[arg(long = "cors-origin", env = "VISAGE_CORS_ORIGIN", value_name = "ORIGIN", value_delimiter = ',')]
+    cors_origins: Vec<Origin>,
     /// Let everybody who reaches the service do everything, though others than programs of this machine may
     #[arg(long, env = "VISAGE_OPEN")]
     open: bool,
@@ -121,6 +128,7 @@ impl ServeArgs {
                 ..Limits::default()
             },
             hosts: self.hosts.clone(),
+            cors_origins: self.cors_origins.clone(),
             open: self.open,
             quotas: Quotas {
                 requests_per_minute: self.key_requests_per_minute,
@@ -147,7 +155,7 @@ impl ServeArgs {
 }
 
 /// Serves until SIGTERM or SIGINT.
-pub fn run(args: ServeArgs) -> anyhow::Result<()> {
+pub fn run(args: &ServeArgs) -> anyhow::Result<()> {
     telemetry::init(args.log_format, &args.log)?;
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().context("starting the runtime")?;
     let served = runtime.block_on(serve(args.config()));

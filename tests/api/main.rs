@@ -15,6 +15,7 @@ mod hints;
 mod hosts;
 mod jobs;
 mod long;
+mod metrics;
 mod models;
 mod pressure;
 mod queries;

@@ -6,12 +6,13 @@
 //! - `scan_set`, `job`, `model`, `signature`, `standard`, `evaluation`, `replay`: records, as they are stored and given back
 //! - `job_kind`, `job_status`, `queue`: what jobs are for, where they stand, and how workers take and end them
 //! - `key`, `audit`: who may ask, and for what; who did what
-//! - `stored_file`: what is kept as files; `page`: lists, page by page
+//! - `stored_file`: what is kept as files; `census`: how much; `page`: lists, page by page
 
 #![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used))]
 
 pub mod asset;
 mod audit;
+mod census;
 mod evaluation;
 mod ids;
 mod job;
@@ -30,6 +31,7 @@ mod standard;
 mod stored_file;
 
 pub use audit::{AuditEntry, AuditFilter};
+pub use census::Census;
 pub use evaluation::{Backlog, Outdated, StoredVerdict};
 pub use ids::{AuditId, FileId, FolderId, JobId, KeyId, ModelId, ProcessId, ScanSetId, SeatId, SessionId, StandardId};
 pub use job::{CancelAnswer, JobBase, JobError, JobFilter, JobRecord, NewJob, NewSurfaceJob};

@@ -4,14 +4,15 @@
 //! - `scan_sets` (with `scans`, `poses`), `jobs` (with `events`), `models` (with `assets`), `queries`, `evaluation`,
 //!   `standards`, `meta`: one file or folder a resource; what goes over the wire is in the `*_views` beside them
 //! - `problem`, `storage_problem`, `responses`: every error that leaves the service, and how the contract names them
-//! - `connections`: how many, and how long without being used; `hosts`: who is meant, and from where a page asks
+//! - `connections`: how many, and how long without being used; `hosts`: who is meant, and from where a page asks;
+//!   `headers`: what browsers are told
 //! - `access`: who may; `keys`, `session`, `audit`: keys, signing in, what was done
 //! - `schemas`: bounds of values that the contract tells and Rust types don't
 //! - `body`, `multipart`, `upload`, `digest`, `names`, `describe`: what comes in is hostile until it has passed here
 //! - `verdicts`: how models were judged, as queries and models show it
 //! - `extract`, `conditions`, `idempotency`, `cursor`, `state`: parts of requests, repeated requests, where the next page
 //!   of a list begins, what handlers share
-//! - `access_log`: a line a request
+//! - `access_log`: a line a request; `metrics`: figures for Prometheus
 //!
 //! A new resource is a file here with its routes and a line in `router`; what can be done with it is a use case of
 //! `visage_service::app`, and what is kept of it a trait of `visage_service::storage::database`.
@@ -35,6 +36,7 @@ mod disposition;
 mod evaluation;
 mod events;
 mod extract;
+mod headers;
 mod hint_views;
 mod hosts;
 mod idempotency;
@@ -42,6 +44,7 @@ mod job_views;
 mod jobs;
 mod keys;
 mod meta;
+mod metrics;
 mod model_views;
 mod models;
 mod multipart;

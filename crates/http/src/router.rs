@@ -20,8 +20,8 @@ use super::problem::{Code, Problem, ProblemBody};
 use super::schemas::{CloudFormat, MeshFormat, PosesFormat, ScansFormat, SurfaceFile};
 use super::state::AppState;
 use super::{
-    access, access_log, audit, body, evaluation, hosts, jobs, keys, meta, models, queries, scan_sets, session,
-    standards,
+    access, access_log, audit, body, evaluation, headers, hosts, jobs, keys, meta, metrics, models, queries, scan_sets,
+    session, standards,
 };
 use visage_service::panics::panic_message;
 
@@ -62,6 +62,7 @@ fn resources() -> OpenApiRouter<AppState> {
         .merge(session::router())
         .merge(audit::router())
         .merge(meta::router())
+        .merge(metrics::router())
 }
 
 /// The contract, made from the routes that are served.
@@ -105,12 +106,18 @@ pub fn router(state: AppState) -> Result<Router, RouterError> {
         .set_request_id(REQUEST_ID, NewRequestId)
         .layer(TraceLayer::new_for_http().make_span_with(request_span).on_request(()).on_response(()).on_failure(()))
         .layer(from_fn(access_log::logged))
+        .layer(from_fn_with_state(state.requests.clone(), metrics::metered))
+        .layer(from_fn(headers::said))
         .propagate_request_id(REQUEST_ID)
         .layer(CatchPanicLayer::custom(panicked));
+    let origins = &state.context.config.cors_origins;
+    let cors = (!origins.is_empty()).then(|| headers::cors(origins));
     let admitted = ServiceBuilder::new()
         .layer(from_fn_with_state(state.clone(), body::paced))
         .layer(from_fn_with_state(state.hosts.clone(), hosts::known_host))
-        .layer(state.hosts.same_origin()?)
+        // preflights bring no key: what they may is answered before
+        .option_layer(cors)
+        .layer(state.hosts.same_origin(origins)?)
         .layer(from_fn_with_state(state.clone(), access::permitted));
     Ok(router
         .route("/openapi.yaml", get(contract))

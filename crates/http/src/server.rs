@@ -80,9 +80,10 @@ impl Server {
         let addr = listener.local_addr().map_err(|source| StartError::Listen { addr: config.addr, source })?;
         let stop = CancellationToken::new();
         let crash = CancellationToken::new();
-        let state = AppState::new(context.clone(), Hosts::new(addr, &config.hosts), stop.clone());
-        let router = router::router(state)?;
         let (count, connections) = watch::channel(Connections::default());
+        let hosts = Hosts::new(addr, &config.hosts);
+        let state = AppState::new(context.clone(), hosts, connections.clone(), stop.clone());
+        let router = router::router(state)?;
         let serving = tokio::spawn(connections::serve(listener, router, config.edge, stop.clone(), count));
         let runner = Runner::start(&context, &stop, &crash);
         let chores = tokio::spawn(chores(context.clone(), stop.clone()));

@@ -1,6 +1,7 @@
 //! What the operator may set: where the service listens, where it keeps things, and how much it takes on.
 
 mod host_name;
+mod origin;
 
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -9,6 +10,7 @@ use std::time::Duration;
 use visage_formats::ReadLimits;
 
 pub use self::host_name::{Host, HostName, NoHostName};
+pub use self::origin::{NoOrigin, Origin};
 
 /// Everything a server needs to know before it starts.
 #[derive(Debug, Clone)]
@@ -27,6 +29,8 @@ pub struct ServerConfig {
     pub limits: Limits,
     /// Names by which clients may call the service, besides loopback ones and the address it listens on.
     pub hosts: Vec<HostName>,
+    /// Origins of other pages that may ask, with a key.
+    pub cors_origins: Vec<Origin>,
     /// Whether everybody who reaches the service may do everything, with a key or without.
     pub open: bool,
     /// How much each key may ask for.
@@ -54,6 +58,7 @@ impl ServerConfig {
             job_memory_bytes: crate::machine::memory_bytes().map(|bytes| bytes / 4 * 3),
             limits: Limits::default(),
             hosts: Vec::new(),
+            cors_origins: Vec::new(),
             open: false,
             quotas: Quotas::default(),
             retention: Retention::default(),

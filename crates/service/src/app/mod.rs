@@ -11,6 +11,7 @@
 //! - [`live_gallery`]: the stored signatures, searchable in memory
 //! - [`engine`]: the seam to the algorithms (tests put slow or failing ones in)
 //! - [`monitor`]: what runs now, for cancel and for those who wait; [`tracker`]: its progress, with a clock
+//! - [`figures`]: what this process has done, counted
 //! - [`context`]: what all of these share
 
 #![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used))]
@@ -21,6 +22,7 @@ pub mod context;
 pub mod deviation;
 pub mod engine;
 pub mod evaluations;
+pub mod figures;
 pub mod live_gallery;
 pub mod models;
 pub mod monitor;

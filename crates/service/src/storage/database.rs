@@ -13,7 +13,7 @@ use async_trait::async_trait;
 
 use super::{DatabaseError, Deleted, Unseen};
 use visage_domain::{
-    AssetRecord, AuditEntry, AuditFilter, Backlog, CancelAnswer, Claimant, Examples, FileId, Finish, JobClaim,
+    AssetRecord, AuditEntry, AuditFilter, Backlog, CancelAnswer, Census, Claimant, Examples, FileId, Finish, JobClaim,
     JobFilter, JobId, JobRecord, KeyId, KeyRecord, KnownFiles, LooseFile, MatchedModel, ModelFacets, ModelFilter,
     ModelId, ModelRecord, NewJob, NewKey, NewModel, NewScanSet, NewSession, NewStandard, NewSurfaceJob, Outdated,
     Owner, Page, PageRequest, PoseFile, PutScan, Replay, ReplayKey, ScanRecord, ScanSetId, ScanSetRecord, SecretHash,
@@ -356,6 +356,9 @@ pub trait Upkeep {
 
     /// Makes what was deleted unreadable wherever copies of it may still be, such as in a log.
     async fn fold_log(&self);
+
+    /// How much of everything there is.
+    async fn census(&self) -> Result<Census, DatabaseError>;
 
     /// Everything that the database finds wrong with itself; reads all of it.
     async fn integrity(&self) -> Result<Vec<String>, DatabaseError>;

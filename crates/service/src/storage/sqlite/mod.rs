@@ -8,8 +8,11 @@
 //! and then writes would be refused at once when another one has written meanwhile.
 
 mod audit;
+mod census;
 mod evaluations;
 mod files;
+#[cfg(test)]
+mod history_tests;
 mod jobs;
 mod keys;
 mod matches;

@@ -8,7 +8,7 @@ use async_trait::async_trait;
 use super::{SqliteDatabase, now_ms, stored_id};
 use crate::storage::DatabaseError;
 use crate::storage::database::Upkeep;
-use visage_domain::{FolderId, Owner};
+use visage_domain::{Census, FolderId, Owner};
 
 #[async_trait]
 impl Upkeep for SqliteDatabase {
@@ -42,6 +42,10 @@ impl Upkeep for SqliteDatabase {
         if let Err(error) = sqlx::query("PRAGMA wal_checkpoint(TRUNCATE)").execute(&self.writer).await {
             tracing::warn!("the write-ahead log is not emptied yet: {error}");
         }
+    }
+
+    async fn census(&self) -> Result<Census, DatabaseError> {
+        self.counted().await
     }
 
     async fn integrity(&self) -> Result<Vec<String>, DatabaseError> {
