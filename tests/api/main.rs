@@ -10,6 +10,7 @@ mod common;
 mod conditions;
 mod contract;
 mod describing;
+mod documents;
 mod gallery;
 mod hints;
 mod hosts;
