@@ -11,7 +11,7 @@ use std::time::Duration;
 use super::OpenError;
 use crate::storage::database::{Files, Models, ScanSets, Standards, Upkeep};
 use crate::storage::local_files::copies::{self, Copied, Wanted};
-use crate::storage::local_files::{self, FolderLock};
+use crate::storage::local_files::{self, FolderError, FolderLock};
 use crate::storage::sqlite::SqliteDatabase;
 use crate::storage::{DatabaseError, NoReserve, ObjectError};
 use visage_domain::{FolderId, KnownFiles, PageRequest, StoredFile};
@@ -46,6 +46,16 @@ pub enum BackupError {
     /// What is put back goes into a folder of its own.
     #[error("{0} is not empty: put the backup back into a new folder, and start the server on that")]
     NotEmpty(String),
+}
+
+impl BackupError {
+    /// Whether it is that a folder can't be written to.
+    fn is_read_only(&self) -> bool {
+        let BackupError::Open(OpenError::Folder(FolderError::Files(ObjectError::Io { source, .. }))) = self else {
+            return false;
+        };
+        matches!(source.kind(), std::io::ErrorKind::ReadOnlyFilesystem | std::io::ErrorKind::PermissionDenied)
+    }
 }
 
 impl From<DatabaseError> for BackupError {
@@ -163,8 +173,11 @@ pub async fn restore(backup: &Path, data: &Path) -> Result<CopyReport, BackupErr
     if !is_new {
         return Err(BackupError::NotEmpty(data.display().to_string()));
     }
-    // nobody makes a backup, or serves it, meanwhile
-    let from = lock(backup).await?;
+    // nobody makes a backup, or serves it, meanwhile; where nothing can be written nobody does anyway
+    let from = match lock(backup).await {
+        Err(refused) if refused.is_read_only() => None,
+        taken => Some(taken?),
+    };
     let to = lock(data).await?;
     let new = blocking({
         let data = data.to_owned();
