@@ -4,10 +4,10 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use anyhow::Context;
+use anyhow::{Context, bail};
 use clap::Args;
 
-use crate::config::{EdgeLimits, HostName, Limits, Origin, Quotas, Retention, ServerConfig, available_threads};
+use crate::config::{EdgeLimits, HostName, Limits, Origin, Quotas, Retention, ServerConfig, TlsPem, available_threads};
 use crate::http::Server;
 use crate::telemetry::{self, LogFormat};
 
@@ -28,6 +28,12 @@ pub struct ServeArgs {
     /// An origin such as https://app.example whose pages may ask too, with a key; can be repeated
     #[arg(long = "cors-origin", env = "VISAGE_CORS_ORIGIN", value_name = "ORIGIN", value_delimiter = ',')]
     cors_origins: Vec<Origin>,
+    /// The certificate by which connections are taken by TLS, with those that lead to its authority (PEM); read at the start
+    #[arg(long, env = "VISAGE_TLS_CERT", value_name = "FILE")]
+    tls_cert: Option<PathBuf>,
+    /// The private key of the certificate (PEM, without a password)
+    #[arg(long, env = "VISAGE_TLS_KEY", value_name = "FILE")]
+    tls_key: Option<PathBuf>,
     /// Let everybody who reaches the service do everything, though others than programs of this machine may
     #[arg(long, env = "VISAGE_OPEN")]
     open: bool,
@@ -112,10 +118,20 @@ fn at_least_one(text: &str) -> Result<usize, String> {
 }
 
 impl ServeArgs {
-    fn config(&self) -> ServerConfig {
+    fn tls(&self) -> anyhow::Result<Option<TlsPem>> {
+        let read = |path: &PathBuf| std::fs::read(path).with_context(|| format!("reading {}", path.display()));
+        match (&self.tls_cert, &self.tls_key) {
+            (None, None) => Ok(None),
+            (Some(certificate), Some(key)) => Ok(Some(TlsPem { certificate: read(certificate)?, key: read(key)? })),
+            (Some(_), None) => bail!("--tls-cert needs --tls-key, the key of the certificate"),
+            (None, Some(_)) => bail!("--tls-key needs --tls-cert, the certificate of the key"),
+        }
+    }
+
+    fn config(&self) -> anyhow::Result<ServerConfig> {
         let defaults = ServerConfig::new(self.addr, &self.data);
         let job_memory_bytes = self.job_memory_mb.map(|mb| mb.saturating_mul(1_000_000));
-        ServerConfig {
+        Ok(ServerConfig {
             job_memory_bytes: job_memory_bytes.or(defaults.job_memory_bytes),
             threads: self.threads.unwrap_or_else(available_threads),
             concurrent_jobs: self.jobs,
@@ -129,6 +145,7 @@ impl ServeArgs {
             },
             hosts: self.hosts.clone(),
             cors_origins: self.cors_origins.clone(),
+            tls: self.tls()?,
             open: self.open,
             quotas: Quotas {
                 requests_per_minute: self.key_requests_per_minute,
@@ -150,7 +167,7 @@ impl ServeArgs {
             },
             shutdown_deadline: Duration::from_secs(self.shutdown_seconds),
             ..defaults
-        }
+        })
     }
 }
 
@@ -158,7 +175,7 @@ impl ServeArgs {
 pub fn run(args: &ServeArgs) -> anyhow::Result<()> {
     telemetry::init(args.log_format, &args.log)?;
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().context("starting the runtime")?;
-    let served = runtime.block_on(serve(args.config()));
+    let served = runtime.block_on(serve(args.config()?));
     // a job's thread or a check that does not listen must not keep the process
     runtime.shutdown_timeout(Duration::from_secs(1));
     served

@@ -23,7 +23,8 @@ fn every_test_that_a_document_names_is_there() {
         let text = std::fs::read_to_string(root.join("docs").join(document)).expect("a document");
         // names of tests are sentences
         let is_test = |word: &&str| {
-            word.matches('_').count() >= 3 && word.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_')
+            word.matches('_').count() >= 3
+                && word.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_')
         };
         let named: BTreeSet<&str> = text.split('`').filter(is_test).collect();
         assert!(named.len() > rows, "{document}: {named:?}");

@@ -4,7 +4,7 @@
 //! - `scan_sets` (with `scans`, `poses`), `jobs` (with `events`), `models` (with `assets`), `queries`, `evaluation`,
 //!   `standards`, `meta`: one file or folder a resource; what goes over the wire is in the `*_views` beside them
 //! - `problem`, `storage_problem`, `responses`: every error that leaves the service, and how the contract names them
-//! - `connections`: how many, and how long without being used; `hosts`: who is meant, and from where a page asks;
+//! - `connections`: how many, and how long without being used (`tls`, or `no_tls` in a build without); `hosts`: who is meant, and from where a page asks;
 //!   `headers`: what browsers are told
 //! - `access`: who may; `keys`, `session`, `audit`: keys, signing in, what was done
 //! - `schemas`: bounds of values that the contract tells and Rust types don't
@@ -68,6 +68,8 @@ mod standard_views;
 mod standards;
 mod state;
 mod storage_problem;
+#[cfg_attr(not(feature = "tls"), path = "no_tls.rs")]
+mod tls;
 mod upload;
 mod verdicts;
 

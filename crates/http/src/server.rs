@@ -13,6 +13,7 @@ use super::connections::{self, Connections};
 use super::hosts::Hosts;
 use super::router::{self, RouterError};
 use super::state::AppState;
+use super::tls::{Tls, TlsError};
 use visage_service::app::context::ServiceContext;
 use visage_service::app::engine::{Engine, PipelineEngine};
 use visage_service::app::retention::{self, Dropped};
@@ -53,6 +54,9 @@ pub enum StartError {
         /// The data folder.
         data: String,
     },
+    /// The certificate or its key can't be used.
+    #[error(transparent)]
+    Tls(#[from] TlsError),
     /// The routes can't be made.
     #[error(transparent)]
     Router(#[from] RouterError),
@@ -73,6 +77,7 @@ impl Server {
         let mut config = config;
         config.edge.connections = connections::most(config.edge.connections);
         let config = Arc::new(config);
+        let tls = config.tls.as_ref().map(Tls::new).transpose()?;
         let context = open(&config, engine).await?;
         check_exposure(&config, context.database.as_ref()).await?;
         let listener =
@@ -84,7 +89,8 @@ impl Server {
         let hosts = Hosts::new(addr, &config.hosts);
         let state = AppState::new(context.clone(), hosts, connections.clone(), stop.clone());
         let router = router::router(state)?;
-        let serving = tokio::spawn(connections::serve(listener, router, config.edge, stop.clone(), count));
+        let serving = connections::serve(listener, router, config.edge, stop.clone(), count, tls);
+        let serving = tokio::spawn(serving);
         let runner = Runner::start(&context, &stop, &crash);
         let chores = tokio::spawn(chores(context.clone(), stop.clone()));
         tracing::info!(%addr, data = %config.data_dir.display(), threads = config.threads, "serving");
@@ -187,9 +193,10 @@ impl ServerHandle {
         self.connections.clone()
     }
 
-    /// `http://` and the address.
+    /// `http://` or `https://` and the address.
     pub fn url(&self) -> String {
-        format!("http://{}", self.addr)
+        let scheme = if self.context.config.tls.is_some() { "https" } else { "http" };
+        format!("{scheme}://{}", self.addr)
     }
 
     /// Stops: nothing new is accepted, streams end, jobs are given back to the queue. Whoever is not done at the

@@ -31,6 +31,8 @@ pub struct ServerConfig {
     pub hosts: Vec<HostName>,
     /// Origins of other pages that may ask, with a key.
     pub cors_origins: Vec<Origin>,
+    /// Certificate and key, if connections are taken by TLS.
+    pub tls: Option<TlsPem>,
     /// Whether everybody who reaches the service may do everything, with a key or without.
     pub open: bool,
     /// How much each key may ask for.
@@ -59,6 +61,7 @@ impl ServerConfig {
             limits: Limits::default(),
             hosts: Vec::new(),
             cors_origins: Vec::new(),
+            tls: None,
             open: false,
             quotas: Quotas::default(),
             retention: Retention::default(),
@@ -136,6 +139,22 @@ impl Limits {
             max_faces: self.points_per_scan.saturating_mul(2),
             max_bytes: self.file_bytes,
         }
+    }
+}
+
+/// A certificate and its key, as PEM.
+#[derive(Clone)]
+pub struct TlsPem {
+    /// The certificate, and those that lead from it to its authority.
+    pub certificate: Vec<u8>,
+    /// Its private key.
+    pub key: Vec<u8>,
+}
+
+/// Without the key.
+impl std::fmt::Debug for TlsPem {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("TlsPem")
     }
 }
 
