@@ -125,6 +125,8 @@ IDS = {
     "deleteScan": lambda: {"id": new_scan_set(), "name": "north.obj"},
     "putPoses": lambda: {"id": new_scan_set()},
     "putPoseFile": lambda: {"id": new_scan_set()},
+    "getExpiry": lambda: {"id": world().scan_set},
+    "putExpiry": lambda: {"id": new_scan_set()},
     "getJob": lambda: {"id": world().job},
     "followJob": lambda: {"id": world().job},
     "deleteJob": lambda: {"id": canceled_job()},
@@ -262,14 +264,15 @@ def reference(query):
     query["reference"] = world().positive[1]
 
 
-def key_to_come(body):
-    """A key that expires does so at a time to come."""
+def time_to_come(body):
+    """What expires does so at a time to come."""
     if body.get("expires_at") is not None:
         body["expires_at"] = "2100-01-01T00:00:00Z"
 
 
 RULES = {
-    "createKey": key_to_come,
+    "createKey": time_to_come,
+    "putExpiry": time_to_come,
     "createJob": job_of_something,
     "uploadJob": options_of_form,
     "query": one_question,

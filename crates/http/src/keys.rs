@@ -4,7 +4,6 @@ use axum::Json;
 use axum::extract::{Request, State};
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
-use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 use utoipa_axum::router::OpenApiRouter;
@@ -13,7 +12,7 @@ use utoipa_axum::routes;
 use super::cursor;
 use super::extract::{PageQuery, Path, Query, read_json};
 use super::names;
-use super::problem::{Code, Problem};
+use super::problem::Problem;
 use super::responses;
 use super::schemas::ShortText;
 use super::state::{AppState, deleted, uninterrupted};
@@ -104,7 +103,7 @@ struct KeyList {
 async fn create(State(state): State<AppState>, request: Request) -> Result<Response, Problem> {
     let (body, _) = read_json::<NewKeyBody>(&state, request).await?;
     let name = names::text("name", &body.name)?;
-    let expires_at = body.expires_at.as_deref().map(expiry).transpose()?;
+    let expires_at = body.expires_at.as_deref().map(|text| names::time_to_come("expires_at", text)).transpose()?;
     let (key, token) = uninterrupted(async move {
         Ok(access::create_key(state.context.database.as_ref(), name, body.scope, expires_at).await?)
     })
@@ -112,16 +111,6 @@ async fn create(State(state): State<AppState>, request: Request) -> Result<Respo
     let view = NewKeyView { key: KeyView::of(&key), token: token.to_string() };
     let no_store = (header::CACHE_CONTROL, HeaderValue::from_static("no-store"));
     Ok((StatusCode::CREATED, [no_store], Json(view)).into_response())
-}
-
-fn expiry(text: &str) -> Result<Timestamp, Problem> {
-    let refused =
-        |detail: String| Problem::new(Code::InvalidField, detail, "send a time to come, such as 2030-01-31T00:00:00Z");
-    let time: Timestamp = text.parse().map_err(|error| refused(format!("expires_at is no time: {error}")))?;
-    if time <= Timestamp::now() {
-        return Err(refused(format!("expires_at is {time}, which is over")));
-    }
-    Ok(time)
 }
 
 /// List keys, newest first; revoked ones too.

@@ -1,7 +1,7 @@
 //! The HTTP edge: router, resources, problem+json, uploads, and the server itself.
 //!
 //! - `router`: the table of contents, layers, the contract
-//! - `scan_sets` (with `scans`, `poses`), `jobs` (with `events`), `models` (with `assets`), `queries`, `evaluation`,
+//! - `scan_sets` (with `scans`, `poses`, `expiry`), `jobs` (with `events`), `models` (with `assets`), `queries`, `evaluation`,
 //!   `standards`, `meta`: one file or folder a resource; what goes over the wire is in the `*_views` beside them
 //! - `problem`, `storage_problem`, `responses`: every error that leaves the service, and how the contract names them
 //! - `connections`: how many, and how long without being used (`tls`, or `no_tls` in a build without); `hosts`: who is meant, and from where a page asks;
@@ -35,6 +35,7 @@ mod digest;
 mod disposition;
 mod evaluation;
 mod events;
+mod expiry;
 mod extract;
 mod headers;
 mod hint_views;

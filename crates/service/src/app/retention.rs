@@ -22,7 +22,7 @@ pub struct Dropped {
     pub audit: u64,
 }
 
-/// Deletes what is older at `now` than it may be. A set that an unfinished job needs is left for the next time.
+/// Deletes what is older at `now` than it may be, and what was to be deleted by then. A set that an unfinished job needs is left for the next time.
 pub async fn drop_old(context: &ServiceContext, now: Timestamp) -> Result<Dropped, StorageError> {
     let keep = context.config.retention;
     // ids hold the time at which they were made
@@ -39,6 +39,17 @@ pub async fn drop_old(context: &ServiceContext, now: Timestamp) -> Result<Droppe
             if page.before.is_none() {
                 break;
             }
+        }
+    }
+    let mut after = None;
+    loop {
+        let sets = context.database.expired_scan_sets(now, after, PAGE).await?;
+        for set in &sets {
+            dropped.scan_sets += done(scan_sets::delete(context, *set).await)?;
+        }
+        after = sets.last().copied();
+        if after.is_none() {
+            break;
         }
     }
     if let Some(days) = keep.models {
@@ -135,6 +146,29 @@ mod tests {
         let old = model_of(&context, now - days(5000)).await;
         assert_eq!(drop_old(&context, now).await.expect("done"), Dropped::default());
         context.database.model(old).await.expect("there");
+    }
+
+    #[tokio::test]
+    async fn a_set_goes_when_its_time_has_come_and_others_stay() {
+        use crate::storage::conformance::scan_set;
+        let (context, _place) = with(Retention { audit: None, ..Retention::default() }).await;
+        let db = context.database.as_ref();
+        let now = Timestamp::now();
+        let [kept, due, later, taken_back] = [(); 4].map(|()| scan_set(db, &["a.ply"]));
+        let [kept, due, later, taken_back] = [kept.await, due.await, later.await, taken_back.await];
+        for (set, time) in [(due, now), (later, now + days(2)), (taken_back, now)] {
+            db.set_expiry(set, Some(time)).await.expect("said");
+        }
+        db.set_expiry(taken_back, None).await.expect("said");
+        assert_eq!(db.expiry(due).await.expect("asked").map(Timestamp::as_millisecond), Some(now.as_millisecond()));
+        assert_eq!((db.expiry(kept).await.expect("asked"), db.expiry(taken_back).await.expect("asked")), (None, None));
+        assert_eq!(drop_old(&context, now - days(1)).await.expect("done"), Dropped::default());
+        assert_eq!(drop_old(&context, now + days(1)).await.expect("done").scan_sets, 1);
+        assert!(db.scan_set(due).await.is_err());
+        for set in [kept, later, taken_back] {
+            db.scan_set(set).await.expect("there");
+        }
+        assert!(matches!(db.set_expiry(due, None).await, Err(DatabaseError::NotFound { .. })));
     }
 
     #[tokio::test]

@@ -64,6 +64,20 @@ pub trait ScanSets {
     /// Sets the initial poses of a set. Refused while a job uses the set.
     async fn put_poses(&self, set: ScanSetId, poses: &PoseFile) -> Result<(), DatabaseError>;
 
+    /// When a set is to be deleted, if that was said.
+    async fn expiry(&self, id: ScanSetId) -> Result<Option<jiff::Timestamp>, DatabaseError>;
+
+    /// Says when a set is to be deleted; `None` takes it back.
+    async fn set_expiry(&self, id: ScanSetId, at: Option<jiff::Timestamp>) -> Result<(), DatabaseError>;
+
+    /// Up to `limit` sets after the given one, in the order of their ids, that were to be deleted by this time.
+    async fn expired_scan_sets(
+        &self,
+        now: jiff::Timestamp,
+        after: Option<ScanSetId>,
+        limit: usize,
+    ) -> Result<Vec<ScanSetId>, DatabaseError>;
+
     /// Deletes a scan set with everything derived from it; answers with the models that went with it.
     async fn delete_scan_set(&self, id: ScanSetId) -> Result<Deleted, DatabaseError>;
 }
