@@ -58,8 +58,8 @@ impl FromStr for Scope {
     }
 }
 
-/// BLAKE3 of the secret part of a key or session: what is stored in its place. The secret is 256 random bits, so nothing
-/// slower is needed against guessing.
+/// BLAKE3 of the secret part of a key or session: what is stored in its place. The secret is 256 random bits, so
+/// nothing slower is needed against guessing.
 pub type SecretHash = [u8; 32];
 
 /// A key that is to be stored.

@@ -8,8 +8,8 @@ use tower_http::cors::{AllowOrigin, CorsLayer};
 
 use visage_service::config::Origin;
 
-/// Said unless an answer says otherwise itself. Nothing that is answered may run scripts, be framed, or be taken for another type
-/// than it has; caches of others keep nothing.
+/// Said unless an answer says otherwise itself. Nothing that is answered may run scripts, be framed, or be taken for
+/// another type than it has; caches of others keep nothing.
 const SAID: [(HeaderName, &str); 6] = [
     (header::CONTENT_SECURITY_POLICY, "default-src 'none'; style-src 'unsafe-inline'; frame-ancestors 'none'"),
     (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),

@@ -65,8 +65,8 @@ impl Hosts {
         Ok(())
     }
 
-    /// Refuses changes that a page of another origin asks a browser for. Pages under the allowed names may ask for them,
-    /// whatever a proxy made of `Host` on the way, and so may those of `others`.
+    /// Refuses changes that a page of another origin asks a browser for. Pages under the allowed names may ask for
+    /// them, whatever a proxy made of `Host` on the way, and so may those of `others`.
     pub fn same_origin(&self, others: &[Origin]) -> Result<CsrfLayer<Refusal>, ConfigError> {
         let layer = CsrfLayer::new().with_rejection_response(foreign_origin as Refusal);
         let origins = self.others.iter().flat_map(|name| [origin("https", 443, name), origin("http", 80, name)]);

@@ -1,5 +1,5 @@
-//! TLS, where no proxy does it: rustls with ring, and HTTP/1.1 inside. It is a feature of the build (`tls`), since it is some 17 s of
-//! processor time of a clean one.
+//! TLS, where no proxy does it: rustls with ring, and HTTP/1.1 inside. It is a feature of the build (`tls`), since it
+//! is some 17 s of processor time of a clean one.
 
 use std::sync::Arc;
 

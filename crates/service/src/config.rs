@@ -74,7 +74,8 @@ impl ServerConfig {
 }
 
 impl ServerConfig {
-    /// Whether others than programs of this machine reach the service: by its address, or by a name that a proxy answers to.
+    /// Whether others than programs of this machine reach the service: by its address, or by a name that a proxy
+    /// answers to.
     pub fn is_exposed(&self) -> bool {
         !self.addr.ip().to_canonical().is_loopback() || self.hosts.iter().any(|name| !name.host.is_loopback())
     }

@@ -17,8 +17,8 @@ pub enum Unreadable {
     Token(#[from] NoToken),
 }
 
-/// What a request shows. A key counts before a session: a program that shows one means it. A cookie that is none of ours
-/// says nothing: other services of the same host may have set it.
+/// What a request shows. A key counts before a session: a program that shows one means it. A cookie that is none of
+/// ours says nothing: other services of the same host may have set it.
 pub fn shown(headers: &HeaderMap) -> Result<Option<Shown>, Unreadable> {
     let mut given = headers.get_all(header::AUTHORIZATION).iter();
     match (given.next(), given.next()) {

@@ -1,7 +1,7 @@
 //! What a request needs to be allowed: the one table of it. The contract tells the same (`contract`).
 //!
-//! What is kept lies under `/v1`. There whoever only looks needs `read`, and everything else needs `write`, unless a line of
-//! the table says otherwise: a new resource is closed without anybody thinking of it.
+//! What is kept lies under `/v1`. There whoever only looks needs `read`, and everything else needs `write`, unless a
+//! line of the table says otherwise: a new resource is closed without anybody thinking of it.
 
 use axum::http::Method;
 use visage_domain::Scope;

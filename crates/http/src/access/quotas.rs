@@ -1,5 +1,5 @@
-//! How much a key may ask for: requests in a minute, uploads at a time, jobs that wait, bytes that are kept. Those who need no key
-//! count as one.
+//! How much a key may ask for: requests in a minute, uploads at a time, jobs that wait, bytes that are kept. Those
+//! who need no key count as one.
 
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -48,8 +48,8 @@ impl Usage {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Takes one request off what a key may ask for; with how long to wait if there is none left. A minute's worth may come at
-    /// once.
+    /// Takes one request off what a key may ask for; with how long to wait if there is none left. A minute's worth
+    /// may come at once.
     fn take(&self, key: Option<KeyId>, per_minute: u32, now: Instant) -> Result<(), Duration> {
         let most = f64::from(per_minute);
         let mut all = self.lock();

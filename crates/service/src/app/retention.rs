@@ -22,7 +22,8 @@ pub struct Dropped {
     pub audit: u64,
 }
 
-/// Deletes what is older at `now` than it may be, and what was to be deleted by then. A set that an unfinished job needs is left for the next time.
+/// Deletes what is older at `now` than it may be, and what was to be deleted by then. A set that an unfinished job
+/// needs is left for the next time.
 pub async fn drop_old(context: &ServiceContext, now: Timestamp) -> Result<Dropped, StorageError> {
     let keep = context.config.retention;
     // ids hold the time at which they were made

@@ -1,8 +1,8 @@
 //! What every database has to offer: a trait for each kind of thing that is kept, and [`Database`] for all of them.
 //!
 //! Values of `domain` go in and come out, errors are [`DatabaseError`]s. A write is whole or not at all, and there when
-//! it has returned. The traits are used as `Arc<dyn Database>`: with a type parameter instead, every handler and with it
-//! the table of routes would be generic. So calls return boxed futures, which `async-trait` writes; beside a
+//! it has returned. The traits are used as `Arc<dyn Database>`: with a type parameter instead, every handler and with
+//! it the table of routes would be generic. So calls return boxed futures, which `async-trait` writes; beside a
 //! transaction that is nothing.
 
 use std::collections::BTreeMap;
@@ -271,8 +271,8 @@ pub trait Evaluations {
     /// Queues an evaluation if there is anything to be done and none waits already.
     async fn queue_evaluation(&self) -> Result<Option<JobId>, DatabaseError>;
 
-    /// Queues an evaluation unless one waits already; answers with the one that waits. `replay` makes the answer that is
-    /// kept from that job.
+    /// Queues an evaluation unless one waits already; answers with the one that waits. `replay` makes the answer that
+    /// is kept from that job.
     async fn demand_evaluation(
         &self,
         replay: &(dyn for<'r> Fn(&'r JobRecord) -> Option<Replay> + Send + Sync),

@@ -1,8 +1,8 @@
 //! A data folder is copied while a server uses it, and put back.
 //!
-//! A backup is a data folder itself: a database and the files that its rows know. The database comes first, as it is at one
-//! moment; then the files, which never change once they are there. If something was deleted meanwhile it is done once more. The
-//! database gets its place last, so what is broken off leaves the backup of before.
+//! A backup is a data folder itself: a database and the files that its rows know. The database comes first, as it is
+//! at one moment; then the files, which never change once they are there. If something was deleted meanwhile it is
+//! done once more. The database gets its place last, so what is broken off leaves the backup of before.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -98,8 +98,8 @@ impl CopyReport {
     }
 }
 
-/// Brings a backup up to date; a server may be using the data folder. With `reread`, what the backup has already is read again
-/// and held against its checksums.
+/// Brings a backup up to date; a server may be using the data folder. With `reread`, what the backup has already is
+/// read again and held against its checksums.
 pub async fn back_up(data: &Path, backup: &Path, reread: bool) -> Result<CopyReport, BackupError> {
     apart(data, backup)?;
     let live = database_in(data)?;
@@ -165,7 +165,8 @@ async fn snapshot(
     Ok((new, known, report))
 }
 
-/// Puts a backup back into a new folder, each file held against its checksum. A backup of an older version is brought to this one.
+/// Puts a backup back into a new folder, each file held against its checksum. A backup of an older version is brought
+/// to this one.
 pub async fn restore(backup: &Path, data: &Path) -> Result<CopyReport, BackupError> {
     apart(backup, data)?;
     let source = database_in(backup)?;

@@ -45,8 +45,8 @@ pub enum Copied {
     Damaged,
 }
 
-/// Copies one file. What the copy has under its name is taken for it if it has its size, or, with `reread`, its content: names
-/// are ids that are never used twice. Blocks.
+/// Copies one file. What the copy has under its name is taken for it if it has its size, or, with `reread`, its
+/// content: names are ids that are never used twice. Blocks.
 pub fn copy(from: &Path, to: &Path, file: &Wanted, reread: bool) -> Result<Copied, ObjectError> {
     let copy = || -> io::Result<Copied> {
         let (source, target) = (from.join(file.place()), to.join(file.place()));
@@ -102,7 +102,8 @@ fn checksum(file: &Path) -> io::Result<String> {
     }
 }
 
-/// Removes what no row of a copy knows: what was deleted since the last time, or a copy that was broken off has left. Blocks.
+/// Removes what no row of a copy knows: what was deleted since the last time, or a copy that was broken off has left.
+/// Blocks.
 pub fn prune(copy: &Path, known: &KnownFiles) -> Result<usize, ObjectError> {
     let prune = || -> io::Result<usize> {
         let mut removed = 0;
