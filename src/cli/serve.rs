@@ -14,8 +14,8 @@ use crate::telemetry::{self, LogFormat};
 /// Where and how the service runs.
 #[derive(Debug, Args)]
 pub struct ServeArgs {
-    /// A file of settings (TOML): each line an argument without its dashes, such as jobs = 2; arguments and the environment go
-    /// before it
+    /// A file of settings (TOML): each line an argument without its dashes, such as jobs = 2; arguments and the
+    /// environment go before it
     #[arg(long, env = "VISAGE_CONFIG", value_name = "FILE")]
     config: Option<PathBuf>,
     /// Where to listen; port 0 takes a free one
@@ -28,7 +28,8 @@ pub struct ServeArgs {
     /// An origin such as https://app.example whose pages may ask too, with a key; can be repeated
     #[arg(long = "cors-origin", env = "VISAGE_CORS_ORIGIN", value_name = "ORIGIN", value_delimiter = ',')]
     cors_origins: Vec<Origin>,
-    /// The certificate by which connections are taken by TLS, with those that lead to its authority (PEM); read at the start
+    /// The certificate by which connections are taken by TLS, with those that lead to its authority (PEM); read at
+    /// the start
     #[arg(long, env = "VISAGE_TLS_CERT", value_name = "FILE")]
     tls_cert: Option<PathBuf>,
     /// The private key of the certificate (PEM, without a password)

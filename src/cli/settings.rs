@@ -1,7 +1,7 @@
 //! Settings of the service: by the command line, the environment, a file, or as they are by default, in this order.
 //!
-//! There is one table of them, the arguments of `visage serve`: a line of the file is the name of an argument. What the file says is
-//! made the argument's default, so nothing else has to know where a value is from.
+//! There is one table of them, the arguments of `visage serve`: a line of the file is the name of an argument. What
+//! the file says is made the argument's default, so nothing else has to know where a value is from.
 
 use std::collections::BTreeMap;
 use std::ffi::OsString;
@@ -140,12 +140,14 @@ fn in_force(command: &Command, matches: &ArgMatches, file: Option<&SettingsFile>
     let mut all = Vec::new();
     for argument in settings(serve) {
         let (id, name) = (argument.get_id().as_str(), argument.get_long().unwrap_or_default());
-        let values: Vec<String> = matches
-            .get_raw(id)
-            .into_iter()
-            .flatten()
-            .flat_map(|value| value.to_string_lossy().split(',').map(str::to_owned).collect::<Vec<_>>())
-            .collect();
+        let is_list = argument.get_value_delimiter().is_some();
+        let raw = matches.get_raw(id).into_iter().flatten().map(|value| value.to_string_lossy().into_owned());
+        let values: Vec<String> = match argument.get_value_delimiter() {
+            Some(between) => {
+                raw.flat_map(|value| value.split(between).map(str::to_owned).collect::<Vec<_>>()).collect()
+            }
+            None => raw.collect(),
+        };
         let from = match (matches.value_source(id), file) {
             (Some(ValueSource::CommandLine), _) => format!("--{name}"),
             (Some(ValueSource::EnvVariable), _) => {
@@ -154,7 +156,6 @@ fn in_force(command: &Command, matches: &ArgMatches, file: Option<&SettingsFile>
             (_, Some(file)) if file.values.contains_key(name) => file.path.display().to_string(),
             _ => "default".to_owned(),
         };
-        let is_list = argument.get_value_delimiter().is_some();
         all.push(InForce { name: name.to_owned(), value: written(&values, is_list), from });
     }
     Ok(all)
@@ -201,6 +202,7 @@ mod tests {
         let value = |name: &str| all[name].0.as_str();
         assert_eq!((value("jobs"), value("threads"), value("open")), ("2", "4", "true"));
         assert_eq!(value("host"), "[\"a.example\", \"b.example\"]");
+        assert_eq!(value("log"), "\"warn,visage=info\"");
         assert_eq!((value("data"), value("max-scans"), value("keep-models")), ("\"/srv\"", "500", ""));
         assert!(all["jobs"].1.ends_with("visage.toml"), "{all:?}");
         assert_eq!((all["threads"].1.as_str(), all["max-scans"].1.as_str()), ("--threads", "default"));

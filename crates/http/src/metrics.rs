@@ -23,7 +23,7 @@ use utoipa_axum::routes;
 use super::problem::Problem;
 use super::responses;
 use super::state::AppState;
-use visage_service::machine;
+use visage_service::app::figures::Footprint;
 
 type Labels = Vec<(&'static str, String)>;
 
@@ -151,18 +151,18 @@ async fn stored(all: &mut Registry, state: &AppState) -> Result<(), Problem> {
 async fn process(all: &mut Registry, state: &AppState) -> Result<(), Problem> {
     let objects = state.context.objects.clone();
     let free = super::state::blocking(move || objects.free_bytes()).await?;
-    let config = &state.context.config;
+    let (config, taken) = (&state.context.config, Footprint::now());
     for (name, help, value) in [
         ("disk_free_bytes", "Bytes that are free where files are kept", free),
-        ("memory_bytes", "Memory of this process", machine::resident_memory_bytes()),
-        ("memory_peak_bytes", "The most memory that this process has held", machine::peak_memory_bytes()),
+        ("memory_bytes", "Memory of this process", taken.memory_bytes),
+        ("memory_peak_bytes", "The most memory that this process has held", taken.peak_memory_bytes),
         ("job_memory_limit_bytes", "Memory that all running jobs together may take", config.job_memory_bytes),
     ] {
         if let Some(value) = value {
             gauge(all, name, help, value as f64);
         }
     }
-    if let Some(seconds) = machine::cpu_seconds() {
+    if let Some(seconds) = taken.cpu_seconds {
         let spent = Counter::<f64, AtomicU64>::default();
         spent.inc_by(seconds);
         all.register("cpu_seconds", "Seconds that processors have worked for this process", spent);

@@ -3,7 +3,30 @@
 use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
 
+use crate::machine;
 use visage_domain::{JobRecord, JobStatus};
+
+/// What this process takes of its machine; `None` where the system does not say.
+#[derive(Debug, Clone, Copy)]
+pub struct Footprint {
+    /// Memory now.
+    pub memory_bytes: Option<u64>,
+    /// The most memory so far.
+    pub peak_memory_bytes: Option<u64>,
+    /// Seconds that processors have worked for it.
+    pub cpu_seconds: Option<f64>,
+}
+
+impl Footprint {
+    /// As it is now.
+    pub fn now() -> Footprint {
+        Footprint {
+            memory_bytes: machine::resident_memory_bytes(),
+            peak_memory_bytes: machine::peak_memory_bytes(),
+            cpu_seconds: machine::cpu_seconds(),
+        }
+    }
+}
 
 /// Counts that only grow.
 #[derive(Debug, Default)]
