@@ -82,7 +82,7 @@ pub async fn permitted(State(state): State<AppState>, mut request: Request, next
         Ok(caller) => (caller, None),
         Err((problem, caller)) => (caller, Some(problem)),
     };
-    let pending = audit::Pending::of(&state, &request, need, &caller);
+    let is_allowed = refusal.is_none();
     let admitted = match refusal {
         Some(problem) => Err(problem),
         None if need == Need::Nothing => Ok(None),
@@ -92,6 +92,9 @@ pub async fn permitted(State(state): State<AppState>, mut request: Request, next
             quotas::admitted(config, &state.usage, state.context.database.as_ref(), &caller, size).await
         }
     };
+    // what is beyond a quota was allowed but not done, and may come by the thousand
+    let is_noted = admitted.is_ok() || !is_allowed;
+    let pending = if is_noted { audit::Pending::of(&state, &request, need, &caller) } else { None };
     let response = match admitted {
         Ok(_uploading) => {
             request.extensions_mut().insert(caller);
