@@ -422,4 +422,6 @@ async fn a_key_has_no_more_jobs_and_bytes_than_it_may() {
         server.client.delete(server.url(&format!("/v1/scan-sets/{}", sets[0]))).bearer_auth(&first).send().await;
     assert_eq!(delete.expect("an answer").status(), 204);
     assert_eq!(upload().await.expect("an answer").status(), 201, "there is room again");
+    let noted = audit(&server, &admin, "?limit=100").await;
+    assert!(noted.iter().all(|entry| entry["status"] != 429), "a quota does not fill the log: {noted:?}");
 }
