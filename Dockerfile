@@ -1,10 +1,19 @@
 # Build with the toolchain that Cargo.toml asks for; run on a small image without a shell's worth of tools.
+FROM node:22-bookworm-slim AS page
+WORKDIR /src/web
+COPY web/package.json web/package-lock.json web/.npmrc ./
+RUN npm ci --no-audit --no-fund
+COPY openapi.yaml /src/
+COPY web ./
+RUN npm run build
+
 FROM rust:1.95-slim-bookworm AS build
 # the slim image has the C compiler that SQLite and BLAKE3 need
 WORKDIR /src
 # dependencies and crates first: they don't change with the command line
 COPY Cargo.toml Cargo.lock ./
 COPY crates crates
+COPY --from=page /src/web/dist web/dist
 RUN mkdir src \
     && echo 'fn main() {}' > src/main.rs \
     && touch src/lib.rs \

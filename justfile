@@ -30,6 +30,14 @@ openapi:
     cargo run --release --locked --quiet -- openapi > openapi.yaml.new
     mv openapi.yaml.new openapi.yaml
 
+# the page at `/` (needs Node.js): built, with its own tests; the next cargo build takes it in
+web:
+    cd web && npm ci --no-audit --no-fund && npm run build && npm test
+
+# the page in Chromium, against the program that was built last
+web-e2e *args:
+    cd web && npm run e2e -- {{args}}
+
 # everything on code-made scans; `just demo --keep` leaves the server up
 demo *args:
     cargo run --release --locked -- demo {{args}}

@@ -18,6 +18,7 @@ mod jobs;
 mod long;
 mod metrics;
 mod models;
+mod page;
 mod pressure;
 mod queries;
 mod recovery;

@@ -8,13 +8,10 @@ use tower_http::cors::{AllowOrigin, CorsLayer};
 
 use visage_service::config::Origin;
 
-/// Said unless an answer says otherwise itself. Nothing that is answered may run scripts, be framed, or be taken for
-/// another type than it has; caches of others keep nothing.
-const SAID: [(HeaderName, &str); 6] = [
-    (header::CONTENT_SECURITY_POLICY, "default-src 'none'; style-src 'unsafe-inline'; frame-ancestors 'none'"),
-    (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
+/// Said unless an answer says otherwise itself, besides what `page` says of what is not the page: nothing may be framed,
+/// other pages load nothing of it, and caches of others keep nothing.
+const SAID: [(HeaderName, &str); 3] = [
     (header::X_FRAME_OPTIONS, "DENY"),
-    (header::REFERRER_POLICY, "no-referrer"),
     (HeaderName::from_static("cross-origin-resource-policy"), "same-origin"),
     (header::CACHE_CONTROL, "private, no-cache"),
 ];

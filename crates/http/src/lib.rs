@@ -13,6 +13,7 @@
 //! - `extract`, `conditions`, `idempotency`, `cursor`, `state`: parts of requests, repeated requests, where the next page
 //!   of a list begins, what handlers share
 //! - `access_log`: a line a request; `metrics`: figures for Prometheus
+//! - `page`: the page at `/`, built into the program
 //!
 //! A new resource is a file here with its routes and a line in `router`; what can be done with it is a use case of
 //! `visage_service::app`, and what is kept of it a trait of `visage_service::storage::database`.
@@ -52,6 +53,7 @@ mod multipart;
 mod names;
 mod negotiation;
 mod option_views;
+mod page;
 mod poses;
 pub mod problem;
 mod queries;

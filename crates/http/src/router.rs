@@ -20,8 +20,8 @@ use super::problem::{Code, Problem, ProblemBody};
 use super::schemas::{CloudFormat, MeshFormat, PosesFormat, ScansFormat, SurfaceFile};
 use super::state::AppState;
 use super::{
-    access, access_log, audit, body, evaluation, headers, hosts, jobs, keys, meta, metrics, models, queries, scan_sets,
-    session, standards,
+    access, access_log, audit, body, evaluation, headers, hosts, jobs, keys, meta, metrics, models, page, queries,
+    scan_sets, session, standards,
 };
 use visage_service::panics::panic_message;
 
@@ -77,9 +77,14 @@ pub fn openapi_yaml() -> Result<String, OpenApiError> {
     contract().to_yaml().map_err(|error| OpenApiError(error.to_string()))
 }
 
+/// The same as JSON, for the page.
+fn openapi_json() -> Result<String, OpenApiError> {
+    contract().to_json().map_err(|error| OpenApiError(error.to_string()))
+}
+
 /// The contract could not be written.
 #[derive(Debug, thiserror::Error)]
-#[error("the contract can't be written as YAML: {0}")]
+#[error("the contract can't be written: {0}")]
 pub struct OpenApiError(String);
 
 /// Why there is no router.
@@ -100,6 +105,11 @@ pub fn router(state: AppState) -> Result<Router, RouterError> {
         let yaml = yaml.clone();
         async move { ([(header::CONTENT_TYPE, "application/yaml")], yaml) }
     };
+    let json = openapi_json()?;
+    let contract_as_json = move || {
+        let json = json.clone();
+        async move { ([(header::CONTENT_TYPE, "application/json")], json) }
+    };
     let (router, _) = resources().split_for_parts();
     let outside = ServiceBuilder::new()
         .map_request(without_request_id)
@@ -109,6 +119,7 @@ pub fn router(state: AppState) -> Result<Router, RouterError> {
         .layer(from_fn_with_state(state.requests.clone(), metrics::metered))
         .layer(from_fn(headers::said))
         .propagate_request_id(REQUEST_ID)
+        .map_response(distrusted)
         .layer(CatchPanicLayer::custom(panicked));
     let origins = &state.context.config.cors_origins;
     let cors = (!origins.is_empty()).then(|| headers::cors(origins));
@@ -121,6 +132,8 @@ pub fn router(state: AppState) -> Result<Router, RouterError> {
         .layer(from_fn_with_state(state.clone(), access::permitted));
     Ok(router
         .route("/openapi.yaml", get(contract))
+        .route("/openapi.json", get(contract_as_json))
+        .merge(page::routes())
         .fallback(not_found)
         .method_not_allowed_fallback(method_not_allowed)
         .with_state(state)
@@ -128,6 +141,14 @@ pub fn router(state: AppState) -> Result<Router, RouterError> {
         .layer(DefaultBodyLimit::disable())
         .layer(admitted)
         .layer(outside))
+}
+
+/// What says nothing of itself is not trusted by browsers.
+fn distrusted<B>(mut response: axum::http::Response<B>) -> axum::http::Response<B> {
+    for (name, value) in page::distrust() {
+        response.headers_mut().entry(name).or_insert(value);
+    }
+    response
 }
 
 /// Ids of requests are ours: what a client sends could be anything.

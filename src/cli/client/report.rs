@@ -6,6 +6,7 @@ use serde_json::Value;
 use super::models::cell;
 use super::rows::{plain, table};
 use super::{Connection, block_on, print_json};
+use crate::domain::asset::Asset;
 
 /// Which model.
 #[derive(Debug, Args)]
@@ -21,7 +22,7 @@ pub(in super::super) fn run(args: ReportArgs) -> anyhow::Result<()> {
     let client = args.connection.client()?;
     block_on(async {
         if args.connection.json {
-            return print_json(&client.get(client.url(&["v1", "models", &args.id, "report.json"])).await?);
+            return print_json(&client.get(client.url(&["v1", "models", &args.id, &Asset::Report.name()])).await?);
         }
         let model: Value = client.get(client.url(&["v1", "models", &args.id])).await?;
         print!("{}", told(&model));

@@ -1,0 +1,42 @@
+import { readFileSync } from "node:fs";
+import { basename, join } from "node:path";
+
+import { demo, scansOfHead, type Server } from "./server";
+
+async function answered<T>(call: Promise<Response>): Promise<T> {
+    const response = await call;
+    if (!response.ok) throw new Error(`${response.status}: ${await response.text()}`);
+    return response.json() as Promise<T>;
+}
+
+const file = (path: string) => new Blob([readFileSync(path)]);
+
+/** Registers scans of the head without the page; answers with its set, job and model. */
+export async function registeredHead(
+    server: Server,
+    name = "Head",
+): Promise<{ set: string; job: string; model: string }> {
+    const form = new FormData();
+    form.append("name", name);
+    form.append("unit", "mm");
+    form.append("label", "face");
+    for (const path of scansOfHead()) form.append("scans", file(path), basename(path));
+    form.append("poses", file(join(demo(), "head", "rough.json")), "rough.json");
+    let job = await answered<{ id: string; status: string; model_id: string; scan_set_id: string }>(
+        fetch(`${server.url}/v1/jobs/upload`, { method: "POST", body: form }),
+    );
+    while (job.status === "queued" || job.status === "running")
+        job = await answered(fetch(`${server.url}/v1/jobs/${job.id}?wait=60`));
+    if (job.status !== "succeeded") throw new Error(`the job ${job.status}`);
+    return { set: job.scan_set_id, job: job.id, model: job.model_id };
+}
+
+/** Puts a finished cloud of the demo into the gallery. */
+export async function addedModel(server: Server, name: "decoy" | "jug" | "head", label: string): Promise<string> {
+    const form = new FormData();
+    form.append("model", file(join(demo(), `${name}_cloud.ply`)), `${name}.ply`);
+    form.append("name", name);
+    form.append("unit", "mm");
+    form.append("label", label);
+    return (await answered<{ id: string }>(fetch(`${server.url}/v1/models`, { method: "POST", body: form }))).id;
+}

@@ -1,0 +1,97 @@
+import { mkdirSync } from "node:fs";
+import { join } from "node:path";
+
+import type { Page } from "@playwright/test";
+
+import { expectSurface, test } from "../e2e/fixture";
+import { addedModel, registeredHead } from "../e2e/seed";
+import { scansOfHead } from "../e2e/server";
+
+/** `ALL` names a folder for every view in both sizes and colours, to be looked at; the documents get a few. */
+const all = process.env["ALL"];
+const documents = new URL("../../docs/pictures/", import.meta.url).pathname;
+
+const sizes = { wide: { width: 1280, height: 860 }, narrow: { width: 360, height: 740 } };
+
+interface View {
+    name: string;
+    place: string;
+    prepare?: (page: Page) => Promise<void>;
+    /** As what the documents have it, and in which colours. */
+    document?: ["light" | "dark", string];
+}
+
+const surface = async (page: Page) => {
+    await expectSurface(page);
+    // what was asked for last is on the screen two frames later
+    await page.evaluate(() => new Promise((resolve) => requestAnimationFrame(() => requestAnimationFrame(resolve))));
+};
+
+test("pictures of the page", async ({ page, server, watch }) => {
+    watch.allow(/status of (404|422)/);
+    const { set, job, model } = await registeredHead(server);
+    await addedModel(server, "decoy", "thing");
+    await addedModel(server, "jug", "thing");
+    await addedModel(server, "head", "face");
+    const views: View[] = [
+        {
+            name: "scan-sets",
+            place: "scan-sets",
+            prepare: async (page) => void (await page.getByTestId("files").setInputFiles(scansOfHead())),
+            document: ["light", "page_scans"],
+        },
+        {
+            name: "scan-set",
+            place: `scan-sets/${set}`,
+            prepare: (page) => page.getByText("Options", { exact: false }).first().click(),
+        },
+        { name: "hints", place: `scan-sets/${set}/hints` },
+        { name: "jobs", place: "jobs" },
+        { name: "job", place: `jobs/${job}` },
+        { name: "model", place: `models/${model}`, prepare: surface, document: ["light", "page_model"] },
+        {
+            name: "model-cloud",
+            place: `models/${model}`,
+            document: ["dark", "page_cloud"],
+            prepare: async (page) => {
+                await surface(page);
+                await page.getByLabel("Show", { exact: true }).selectOption("cloud");
+                await page.getByLabel("Colour by").selectOption("view");
+                await page.getByLabel("Cut across").selectOption("0");
+                await surface(page);
+            },
+        },
+        { name: "gallery", place: "gallery?standard=face", document: ["light", "page_gallery"] },
+        { name: "standards", place: "standards" },
+        {
+            name: "evaluation",
+            place: "evaluation",
+            prepare: async (page) => {
+                await page.getByRole("button", { name: "Evaluate" }).click();
+                await page.getByText("Area under", { exact: false }).waitFor();
+            },
+        },
+    ];
+    if (all) mkdirSync(all, { recursive: true });
+    for (const [size, viewport] of Object.entries(sizes)) {
+        for (const scheme of ["light", "dark"] as const) {
+            await page.setViewportSize(viewport);
+            await page.emulateMedia({ colorScheme: scheme });
+            for (const { name, place, prepare, document } of views) {
+                const isWanted = size === "wide" && document?.[0] === scheme;
+                if (!all && !isWanted) continue;
+                await page.goto("about:blank");
+                await page.goto(`${server.url}/#/${place}`);
+                await page.getByRole("heading", { level: 1 }).waitFor();
+                await page.waitForLoadState("networkidle");
+                await prepare?.(page);
+                if (all) await page.screenshot({ path: join(all, `${name}-${size}-${scheme}.png`), fullPage: true });
+                if (isWanted && document)
+                    await page.screenshot({ path: join(documents, `${document[1]}.jpg`), type: "jpeg", quality: 72 });
+            }
+            await page.goto(`${server.url}/docs#info`);
+            await page.getByRole("heading", { level: 1 }).waitFor();
+            if (all) await page.screenshot({ path: join(all, `docs-${size}-${scheme}.png`) });
+        }
+    }
+});

@@ -1,0 +1,77 @@
+import type { Schema } from "../api/client";
+
+export type Kind = "mesh" | "cloud";
+
+export const meshFormats = [
+    "ply",
+    "obj",
+    "stl",
+    "off",
+    "glb",
+    "3mf",
+] as const satisfies readonly Schema["MeshFormat"][];
+export const cloudFormats = [
+    "ply",
+    "pcd",
+    "obj",
+    "off",
+    "xyz",
+    "glb",
+    "e57",
+    "las",
+] as const satisfies readonly Schema["CloudFormat"][];
+export const posesFormats = [
+    "json",
+    "conf",
+    "aln",
+    "mlp",
+    "log",
+    "matrices",
+] as const satisfies readonly Schema["PosesFormat"][];
+export const scansFormats = [
+    "e57",
+    "ply",
+    "pcd",
+    "obj",
+    "off",
+    "xyz",
+    "glb",
+    "las",
+] as const satisfies readonly Schema["ScansFormat"][];
+
+// a format that the contract gains and this table lacks does not compile
+type Lacking =
+    | Exclude<Schema["MeshFormat"], (typeof meshFormats)[number]>
+    | Exclude<Schema["CloudFormat"], (typeof cloudFormats)[number]>
+    | Exclude<Schema["PosesFormat"], (typeof posesFormats)[number]>
+    | Exclude<Schema["ScansFormat"], (typeof scansFormats)[number]>;
+export const isComplete: Lacking extends never ? true : Lacking = true;
+
+export function has(model: Schema["Model"], kind: string): boolean {
+    return model.assets.some((asset) => asset.name.startsWith(`${kind}.`));
+}
+
+/** Where the surface of a model comes from as PLY: of an upload in another format it is made when it is asked for. */
+export function surfaceUrl(model: Schema["Model"], kind: Kind): string {
+    const own = model.assets.find((asset) => asset.name === `${kind}.ply`);
+    return own?.href ?? `/v1/models/${encodeURIComponent(model.id)}/${kind}?format=ply`;
+}
+
+export type Matrix = number[][];
+
+/** What of a report is shown. It is the server's own, but of whatever version made the model: nothing is taken for granted. */
+export interface Report {
+    verdict?: { quality: string; reasons: string[] };
+    views: { name: string; placed: boolean; unplaced?: string | null; copy_of?: string | null; points?: number }[];
+    spacing?: number;
+}
+
+export function reportOf(model: Schema["Model"]): Report | undefined {
+    const result = (model.report as { result?: Partial<Report> } | null | undefined)?.result;
+    if (!result) return undefined;
+    return {
+        views: Array.isArray(result.views) ? result.views : [],
+        ...(result.verdict && { verdict: { quality: result.verdict.quality, reasons: result.verdict.reasons ?? [] } }),
+        ...(typeof result.spacing === "number" && { spacing: result.spacing }),
+    };
+}

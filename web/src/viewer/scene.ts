@@ -1,0 +1,361 @@
+import {
+    AmbientLight,
+    Box3,
+    BufferAttribute,
+    BufferGeometry,
+    DirectionalLight,
+    DoubleSide,
+    Mesh,
+    MeshLambertMaterial,
+    PerspectiveCamera,
+    Plane,
+    Points,
+    PointsMaterial,
+    Scene,
+    Sphere,
+    Spherical,
+    SRGBColorSpace,
+    Vector3,
+    WebGLRenderer,
+    type Group,
+} from "three";
+import { OrbitControls } from "three/addons/controls/OrbitControls.js";
+
+import { colour, shade, type ColourMode } from "./colours";
+import type { Facing } from "./facing";
+import { noMarkers, type Markers, type Place } from "./marker-types";
+import { dispose, markerGroup } from "./markers";
+import { pickCloud, pickMesh, type Spot } from "./picking";
+import { shuffled, type Surface } from "./surface";
+
+/** So many points are drawn while the view moves, and never more: a phone has to keep up. */
+const mostWhileMoving = 300_000;
+/** After so long without a movement all is drawn. */
+const rest = 160;
+
+export interface Cut {
+    axis: 0 | 1 | 2;
+    /** 0 to 1 across the model. */
+    at: number;
+    isFlipped: boolean;
+}
+
+export interface Label {
+    text: string;
+    x: number;
+    y: number;
+    /** Whether an earlier one stands there. */
+    isCovered: boolean;
+}
+
+/** How much room a text takes, in pixels. */
+const letterWidth = 7;
+const lineHeight = 18;
+
+/** Draws one surface with what stands beside it, and only when something has changed. */
+export class Stage {
+    private readonly renderer: WebGLRenderer;
+    private readonly scene = new Scene();
+    private readonly camera = new PerspectiveCamera(40, 1, 0.01, 100);
+    private controls: OrbitControls;
+    private readonly sizes: ResizeObserver;
+    private surface: Surface | undefined;
+    private mesh: Mesh | undefined;
+    private points: Points | undefined;
+    private order = new Uint32Array();
+    private shown = new Uint32Array();
+    private bounds = new Sphere(new Vector3(), 1);
+    private box = new Box3();
+    private cut: Plane | undefined;
+    private markers: Markers = noMarkers;
+    private group: Group | undefined;
+    private frame = 0;
+    private isMoving = false;
+    private timer: ReturnType<typeof setTimeout> | undefined;
+    /** How often the view was drawn: what tests look at. */
+    drawn = 0;
+    onLabels: (labels: Label[]) => void = () => undefined;
+
+    constructor(private readonly canvas: HTMLCanvasElement) {
+        this.renderer = new WebGLRenderer({ canvas, antialias: true, alpha: true, powerPreference: "low-power" });
+        this.renderer.outputColorSpace = SRGBColorSpace;
+        this.renderer.localClippingEnabled = true;
+        this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
+        const lamp = new DirectionalLight(0xffffff, 2.1);
+        lamp.position.set(0.35, 0.6, 1);
+        // the lamp goes with the eye: whatever is looked at is lit
+        this.camera.add(lamp);
+        this.scene.add(new AmbientLight(0xffffff, 1.0), this.camera);
+        this.controls = this.newControls();
+        this.sizes = new ResizeObserver(() => this.resized());
+        this.sizes.observe(canvas);
+        this.resized();
+    }
+
+    /** Puts another surface on; the view stays if `keepView`. */
+    show(surface: Surface, mode: ColourMode, facing: Facing, keepView: boolean): void {
+        this.clear();
+        // each surface has its own origin: the eye stays where it was in the frame of the model
+        const shift = this.local(surface.origin).negate();
+        this.surface = surface;
+        if (keepView) {
+            this.camera.position.add(shift);
+            this.controls.target.add(shift);
+        }
+        const geometry = new BufferGeometry();
+        geometry.setAttribute("position", new BufferAttribute(surface.positions, 3));
+        if (surface.normals) geometry.setAttribute("normal", new BufferAttribute(surface.normals, 3));
+        geometry.computeBoundingBox();
+        this.box = geometry.boundingBox ?? new Box3();
+        this.bounds = this.box.getBoundingSphere(new Sphere());
+        this.bounds.radius = Math.max(this.bounds.radius, Number.EPSILON);
+        this.order = shuffled(surface.positions.length / 3);
+        this.shown = this.order;
+        if (surface.triangles) {
+            geometry.setIndex(new BufferAttribute(surface.triangles, 1));
+            if (!surface.normals) geometry.computeVertexNormals();
+            this.mesh = new Mesh(geometry, new MeshLambertMaterial({ vertexColors: true, side: DoubleSide }));
+            this.scene.add(this.mesh);
+        }
+        // a large mesh is shown by its vertices while it moves
+        if (!surface.triangles || surface.triangles.length / 3 > mostWhileMoving) {
+            const cloud = new BufferGeometry();
+            cloud.setAttribute("position", geometry.getAttribute("position"));
+            cloud.setIndex(new BufferAttribute(this.order, 1));
+            this.points = new Points(
+                cloud,
+                new PointsMaterial({ vertexColors: true, sizeAttenuation: false, size: this.pointSize() }),
+            );
+            this.points.visible = !this.mesh;
+            this.scene.add(this.points);
+        }
+        this.paint(mode, facing.axis);
+        this.setMarkers(this.markers);
+        if (!keepView) this.fit(facing);
+        this.request();
+    }
+
+    /** Colours it anew; answers which values the ends of the scale stand for. */
+    paint(mode: ColourMode, axis: 0 | 1 | 2): [number, number] | undefined {
+        if (!this.surface) return undefined;
+        const { colors, range } = colour(this.surface, mode, axis);
+        const painted = this.mesh ? colors : shade(colors, this.surface.normals);
+        // eyes see steps of brightness as screens write them, lights add up otherwise
+        const attribute = new BufferAttribute(linear(painted), 3, true);
+        this.mesh?.geometry.setAttribute("color", attribute);
+        this.points?.geometry.setAttribute("color", attribute);
+        this.request();
+        return range;
+    }
+
+    /** Shows the points of these scans alone. */
+    showViews(hidden: ReadonlySet<number>): void {
+        const views = this.surface?.views;
+        if (!this.points || this.mesh || !views) return;
+        this.shown = hidden.size === 0 ? this.order : this.order.filter((index) => !hidden.has(views[index] as number));
+        this.points.geometry.setIndex(new BufferAttribute(this.shown, 1));
+        this.request();
+    }
+
+    setCut(cut: Cut | undefined): void {
+        const axes = ["x", "y", "z"] as const;
+        if (cut) {
+            const axis = axes[cut.axis];
+            const at = this.box.min[axis] + (this.box.max[axis] - this.box.min[axis]) * cut.at;
+            const side = cut.isFlipped ? 1 : -1;
+            this.cut = new Plane(new Vector3().setComponent(cut.axis, side), -side * at);
+        } else {
+            this.cut = undefined;
+        }
+        for (const object of [this.mesh, this.points]) {
+            const material = object?.material as MeshLambertMaterial | PointsMaterial | undefined;
+            if (!material) continue;
+            material.clippingPlanes = this.cut ? [this.cut] : [];
+            material.needsUpdate = true;
+        }
+        this.request();
+    }
+
+    setMarkers(markers: Markers): void {
+        this.markers = markers;
+        if (this.group) {
+            this.scene.remove(this.group);
+            dispose(this.group);
+        }
+        this.group = markerGroup(markers, (place) => this.local(place), this.bounds.radius);
+        this.scene.add(this.group);
+        this.request();
+    }
+
+    /** Looks at all of it. */
+    fit(facing: Facing): void {
+        const upward = new Vector3(...facing.up);
+        const front = new Vector3(...facing.front);
+        const side = upward.clone().cross(front);
+        const toEye = front.addScaledVector(side, facing.aside).addScaledVector(upward, facing.above).normalize();
+        this.camera.up.copy(upward);
+        // the controls take the upward direction when they are made
+        this.controls.dispose();
+        this.controls = this.newControls();
+        const half = Math.min(this.camera.fov, this.camera.fov * this.camera.aspect) / 2;
+        const distance = (this.bounds.radius * 0.95) / Math.sin((half * Math.PI) / 180);
+        this.controls.target.copy(this.bounds.center);
+        this.camera.position.copy(this.bounds.center).addScaledVector(toEye, distance);
+        this.camera.lookAt(this.bounds.center);
+        this.controls.minDistance = this.bounds.radius * 0.02;
+        this.controls.maxDistance = this.bounds.radius * 30;
+        this.controls.update();
+        this.request();
+    }
+
+    /** Turns the eye about what it looks at, by angles in radians. */
+    turn(about: number, over: number): void {
+        const offset = this.camera.position.clone().sub(this.controls.target);
+        const toY = new Vector3(0, 1, 0);
+        const upward = this.camera.up.clone().normalize();
+        const quaternion = this.camera.quaternion.clone().setFromUnitVectors(upward, toY);
+        const place = new Spherical().setFromVector3(offset.applyQuaternion(quaternion));
+        place.theta += about;
+        place.phi += over;
+        place.makeSafe();
+        offset.setFromSpherical(place).applyQuaternion(quaternion.invert());
+        this.camera.position.copy(this.controls.target).add(offset);
+        this.camera.lookAt(this.controls.target);
+        this.moved();
+    }
+
+    /** Moves by shares of what is seen. */
+    pan(right: number, upward: number): void {
+        const reach = this.camera.position.distanceTo(this.controls.target);
+        const shift = new Vector3(right, upward, 0).multiplyScalar(reach * 0.6).applyQuaternion(this.camera.quaternion);
+        this.camera.position.add(shift);
+        this.controls.target.add(shift);
+        this.moved();
+    }
+
+    zoom(factor: number): void {
+        const offset = this.camera.position.clone().sub(this.controls.target);
+        const length = Math.max(
+            this.controls.minDistance,
+            Math.min(this.controls.maxDistance, offset.length() * factor),
+        );
+        this.camera.position.copy(this.controls.target).add(offset.setLength(length));
+        this.moved();
+    }
+
+    /** The place of the surface under a spot of the canvas, in the coordinates of the model. */
+    pick(x: number, y: number): Place | undefined {
+        if (!this.surface) return undefined;
+        this.camera.updateMatrixWorld();
+        const spot: Spot = { x, y, width: this.canvas.clientWidth, height: this.canvas.clientHeight };
+        const found = this.mesh
+            ? pickMesh(this.mesh, spot, this.camera, this.cut)
+            : pickCloud(this.surface.positions, this.shown, spot, this.camera, this.cut);
+        const { origin } = this.surface;
+        return found && [found.x + origin[0], found.y + origin[1], found.z + origin[2]];
+    }
+
+    dispose(): void {
+        cancelAnimationFrame(this.frame);
+        clearTimeout(this.timer);
+        this.sizes.disconnect();
+        this.controls.dispose();
+        this.clear();
+        if (this.group) dispose(this.group);
+        this.renderer.dispose();
+    }
+
+    private newControls(): OrbitControls {
+        const controls = new OrbitControls(this.camera, this.canvas);
+        controls.addEventListener("change", () => this.moved());
+        return controls;
+    }
+
+    private clear(): void {
+        for (const object of [this.mesh, this.points]) {
+            if (!object) continue;
+            this.scene.remove(object);
+            object.geometry.dispose();
+            (object.material as MeshLambertMaterial | PointsMaterial).dispose();
+        }
+        this.mesh = undefined;
+        this.points = undefined;
+    }
+
+    private local(place: Place): Vector3 {
+        const origin = this.surface?.origin ?? [0, 0, 0];
+        return new Vector3(place[0] - origin[0], place[1] - origin[1], place[2] - origin[2]);
+    }
+
+    private pointSize(): number {
+        const count = this.order.length;
+        return (count > 400_000 ? 1.6 : count > 60_000 ? 2.2 : 3.2) * Math.min(devicePixelRatio, 2);
+    }
+
+    private moved(): void {
+        this.isMoving = true;
+        clearTimeout(this.timer);
+        this.timer = setTimeout(() => {
+            this.isMoving = false;
+            this.request();
+        }, rest);
+        this.request();
+    }
+
+    private resized(): void {
+        const { clientWidth, clientHeight } = this.canvas;
+        if (clientWidth === 0 || clientHeight === 0) return;
+        this.renderer.setSize(clientWidth, clientHeight, false);
+        this.camera.aspect = clientWidth / clientHeight;
+        this.camera.updateProjectionMatrix();
+        this.request();
+    }
+
+    private request(): void {
+        if (this.frame === 0) this.frame = requestAnimationFrame(() => this.draw());
+    }
+
+    private draw(): void {
+        this.frame = 0;
+        this.drawn += 1;
+        if (this.points) {
+            const isRough = this.isMoving && this.mesh !== undefined;
+            this.points.visible = !this.mesh || isRough;
+            if (this.mesh) this.mesh.visible = !isRough;
+            this.points.geometry.setDrawRange(0, this.isMoving ? mostWhileMoving : Infinity);
+        }
+        const distance = this.camera.position.distanceTo(this.bounds.center);
+        this.camera.near = Math.max(distance - this.bounds.radius * 12, this.bounds.radius * 0.005);
+        this.camera.far = distance + this.bounds.radius * 12;
+        this.camera.updateProjectionMatrix();
+        this.renderer.render(this.scene, this.camera);
+        this.canvas.dataset["drawn"] = String(this.drawn);
+        this.onLabels(this.labels());
+    }
+
+    private labels(): Label[] {
+        const { clientWidth, clientHeight } = this.canvas;
+        const taken: [number, number, number][] = [];
+        return this.markers.points.flatMap(({ at, text }) => {
+            if (!text) return [];
+            const place = this.local(at).project(this.camera);
+            if (place.z > 1 || Math.abs(place.x) > 1 || Math.abs(place.y) > 1) return [];
+            const [x, y] = [((place.x + 1) / 2) * clientWidth, ((1 - place.y) / 2) * clientHeight];
+            const end = x + (text.length + 2) * letterWidth;
+            const isCovered = taken.some(
+                ([from, to, height]) => Math.abs(height - y) < lineHeight && x < to && end > from,
+            );
+            if (!isCovered) taken.push([x, end, y]);
+            return [{ text, x, y, isCovered }];
+        });
+    }
+}
+
+/** From how screens write brightness to how lights add up. */
+function linear(colors: Uint8Array): Uint16Array {
+    const table = Uint16Array.from({ length: 256 }, (_, value) => {
+        const share = value / 255;
+        return Math.round(65535 * (share <= 0.04045 ? share / 12.92 : ((share + 0.055) / 1.055) ** 2.4));
+    });
+    return Uint16Array.from(colors, (value) => table[value] as number);
+}

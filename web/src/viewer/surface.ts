@@ -1,0 +1,40 @@
+/** A cloud or a mesh as it is drawn: coordinates are relative to `origin`, since graphics cards know short floats alone. */
+export interface Surface {
+    origin: [number, number, number];
+    positions: Float32Array;
+    normals?: Float32Array;
+    colors?: Uint8Array;
+    /** Of each point the index of the scan that it comes from. */
+    views?: Uint16Array;
+    /** Of each vertex about how many points it is the mean of. */
+    support?: Float32Array;
+    triangles?: Uint32Array;
+}
+
+/** The arrays that can be handed over to another thread without a copy. */
+export function buffersOf(surface: Surface): ArrayBuffer[] {
+    const arrays = [
+        surface.positions,
+        surface.normals,
+        surface.colors,
+        surface.views,
+        surface.support,
+        surface.triangles,
+    ];
+    return arrays.flatMap((array) => (array ? [array.buffer as ArrayBuffer] : []));
+}
+
+/** Points in an order of which every beginning is an even choice: it can be drawn instead of all while the view moves. */
+export function shuffled(count: number): Uint32Array<ArrayBuffer> {
+    const order: Uint32Array<ArrayBuffer> = Uint32Array.from({ length: count }, (_, index) => index);
+    // a fixed sequence: the same model looks the same each time
+    let seed = 0x9e3779b9;
+    for (let left = count - 1; left > 0; left -= 1) {
+        seed = (Math.imul(seed, 1664525) + 1013904223) >>> 0;
+        const other = Math.floor((seed / 2 ** 32) * (left + 1));
+        const kept = order[left] as number;
+        order[left] = order[other] as number;
+        order[other] = kept;
+    }
+    return order;
+}
