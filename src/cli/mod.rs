@@ -2,22 +2,28 @@
 
 #![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used))]
 
+mod backup;
 mod client;
 mod convert;
 pub mod demo;
 pub mod deviation;
 mod doctor;
 mod healthcheck;
+mod key;
 mod openapi;
 pub mod register;
 pub mod serve;
+mod settings;
 pub mod surface;
 mod surfaces;
 mod workplace;
 
+use std::ffi::OsString;
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+
+use settings::SettingsFile;
 
 /// Registers batches of 3D range scans into one model and finds faces among the models it keeps.
 #[derive(Debug, Parser)]
@@ -30,7 +36,9 @@ struct Cli {
 #[derive(Debug, Subcommand)]
 enum Command {
     /// Run the service.
-    Serve(serve::ServeArgs),
+    Serve(Box<serve::ServeArgs>),
+    /// Print the settings that `serve` would have, and where each is from.
+    Config(Box<serve::ServeArgs>),
     /// Register the scans of a folder, without a server.
     Register(Box<register::RegisterArgs>),
     /// Write a scan, a model or poses in another format.
@@ -53,6 +61,12 @@ enum Command {
     Demo(demo::DemoArgs),
     /// Look whether a data folder is sound, and say what to do where it isn't.
     Doctor(doctor::DoctorArgs),
+    /// Copy a data folder, also while a server uses it; only what is new since the last time.
+    Backup(backup::BackupArgs),
+    /// Put a backup back into a new data folder.
+    Restore(backup::RestoreArgs),
+    /// Make, list and revoke the keys of a service.
+    Key(key::KeyArgs),
     /// Print the contract of the service (OpenAPI, YAML).
     Openapi,
     /// Ask a running service whether it is well; for container health checks.
@@ -61,13 +75,38 @@ enum Command {
 
 /// Runs the command that the arguments name.
 pub fn main() -> ExitCode {
-    let command = Cli::parse().command;
+    match run() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("visage: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run() -> anyhow::Result<()> {
+    let arguments: Vec<OsString> = std::env::args_os().collect();
+    let file = SettingsFile::named(&arguments, settings::variable())?;
+    let command = settings::command(Cli::command(), file.as_ref())?;
+    let matches = command.clone().try_get_matches_from(arguments).unwrap_or_else(|error| {
+        if let (Some(file), true) = (&file, error.use_stderr()) {
+            eprintln!("visage: {}", file.remark());
+        }
+        error.exit()
+    });
+    if let Some(("config", matches)) = matches.subcommand() {
+        sigpipe::reset();
+        return settings::print(&command, matches, file.as_ref());
+    }
+    let command = Cli::from_arg_matches(&matches)?.command;
     // `visage openapi | head` ends quietly when its reader does; a server must outlive its clients
     if !matches!(command, Command::Serve(_) | Command::Demo(_)) {
         sigpipe::reset();
     }
-    let done = match command {
-        Command::Serve(args) => serve::run(args),
+    match command {
+        Command::Serve(args) => serve::run(&args),
+        // printed above: it wants to know where each value is from
+        Command::Config(_) => Ok(()),
         Command::Register(args) => register::run(*args),
         Command::Convert(args) => convert::run(args),
         Command::Surface(args) => surface::run(args),
@@ -79,22 +118,17 @@ pub fn main() -> ExitCode {
         Command::Report(args) => client::report::run(args),
         Command::Demo(args) => demo::run(args),
         Command::Doctor(args) => doctor::run(args),
+        Command::Backup(args) => backup::back_up(args),
+        Command::Restore(args) => backup::restore(args),
+        Command::Key(args) => key::run(args),
         Command::Openapi => openapi::run(),
         Command::Healthcheck(args) => healthcheck::run(args),
-    };
-    match done {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("visage: {error:#}");
-            ExitCode::FAILURE
-        }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use clap::CommandFactory;
 
     #[test]
     fn the_arguments_are_consistent() {

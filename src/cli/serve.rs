@@ -4,16 +4,20 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use anyhow::Context;
+use anyhow::{Context, bail};
 use clap::Args;
 
-use crate::config::{EdgeLimits, HostName, Limits, ServerConfig, available_threads};
+use crate::config::{EdgeLimits, HostName, Limits, Origin, Quotas, Retention, ServerConfig, TlsPem, available_threads};
 use crate::http::Server;
 use crate::telemetry::{self, LogFormat};
 
 /// Where and how the service runs.
 #[derive(Debug, Args)]
 pub struct ServeArgs {
+    /// A file of settings (TOML): each line an argument without its dashes, such as jobs = 2; arguments and the
+    /// environment go before it
+    #[arg(long, env = "VISAGE_CONFIG", value_name = "FILE")]
+    config: Option<PathBuf>,
     /// Where to listen; port 0 takes a free one
     #[arg(long, env = "VISAGE_ADDR", default_value = "127.0.0.1:8080")]
     addr: SocketAddr,
@@ -21,6 +25,19 @@ pub struct ServeArgs {
     /// names and the address it listens on are known without
     #[arg(long = "host", env = "VISAGE_HOST", value_name = "NAME", value_delimiter = ',')]
     hosts: Vec<HostName>,
+    /// An origin such as https://app.example whose pages may ask too, with a key; can be repeated
+    #[arg(long = "cors-origin", env = "VISAGE_CORS_ORIGIN", value_name = "ORIGIN", value_delimiter = ',')]
+    cors_origins: Vec<Origin>,
+    /// The certificate by which connections are taken by TLS, with those that lead to its authority (PEM); read at
+    /// the start
+    #[arg(long, env = "VISAGE_TLS_CERT", value_name = "FILE")]
+    tls_cert: Option<PathBuf>,
+    /// The private key of the certificate (PEM, without a password)
+    #[arg(long, env = "VISAGE_TLS_KEY", value_name = "FILE")]
+    tls_key: Option<PathBuf>,
+    /// Let everybody who reaches the service do everything, though others than programs of this machine may
+    #[arg(long, env = "VISAGE_OPEN")]
+    open: bool,
     /// The folder of the database and of all files
     #[arg(long, env = "VISAGE_DATA_DIR", value_name = "DIR")]
     data: PathBuf,
@@ -48,6 +65,28 @@ pub struct ServeArgs {
     /// Points in one scan or model
     #[arg(long, env = "VISAGE_MAX_POINTS", default_value_t = Limits::default().points_per_scan)]
     max_points: u64,
+    /// Requests that a key may send in a minute; those who need none count as one [default: any number]
+    #[arg(long, env = "VISAGE_KEY_REQUESTS_PER_MINUTE", value_parser = clap::value_parser!(u32).range(1..))]
+    key_requests_per_minute: Option<u32>,
+    /// Uploads of a key at the same time [default: any number]
+    #[arg(long, env = "VISAGE_KEY_UPLOADS", value_parser = at_least_one)]
+    key_uploads: Option<usize>,
+    /// Jobs of a key that may wait or run [default: any number]
+    #[arg(long, env = "VISAGE_KEY_QUEUED_JOBS", value_parser = clap::value_parser!(u64).range(1..))]
+    key_queued_jobs: Option<u64>,
+    /// Megabytes (10^6) that are kept of what a key has sent and had made [default: any number]
+    #[arg(long, env = "VISAGE_KEY_STORED_MB", value_parser = clap::value_parser!(u64).range(1..))]
+    key_stored_mb: Option<u64>,
+    /// Days after which models are deleted [default: never]
+    #[arg(long, env = "VISAGE_KEEP_MODELS", value_name = "DAYS", value_parser = clap::value_parser!(u32).range(1..))]
+    keep_models: Option<u32>,
+    /// Days after which scan sets are deleted, with their jobs and models [default: never]
+    #[arg(long, env = "VISAGE_KEEP_SCAN_SETS", value_name = "DAYS", value_parser = clap::value_parser!(u32).range(1..))]
+    keep_scan_sets: Option<u32>,
+    /// Days after which entries of the audit log are deleted
+    #[arg(long, env = "VISAGE_KEEP_AUDIT", value_name = "DAYS", default_value_t = 365,
+          value_parser = clap::value_parser!(u32).range(1..))]
+    keep_audit: u32,
     /// Connections at the same time; others wait
     #[arg(long, env = "VISAGE_MAX_CONNECTIONS", default_value_t = EdgeLimits::default().connections,
           value_parser = at_least_one)]
@@ -80,10 +119,20 @@ fn at_least_one(text: &str) -> Result<usize, String> {
 }
 
 impl ServeArgs {
-    fn config(&self) -> ServerConfig {
+    fn tls(&self) -> anyhow::Result<Option<TlsPem>> {
+        let read = |path: &PathBuf| std::fs::read(path).with_context(|| format!("reading {}", path.display()));
+        match (&self.tls_cert, &self.tls_key) {
+            (None, None) => Ok(None),
+            (Some(certificate), Some(key)) => Ok(Some(TlsPem { certificate: read(certificate)?, key: read(key)? })),
+            (Some(_), None) => bail!("--tls-cert needs --tls-key, the key of the certificate"),
+            (None, Some(_)) => bail!("--tls-key needs --tls-cert, the certificate of the key"),
+        }
+    }
+
+    fn config(&self) -> anyhow::Result<ServerConfig> {
         let defaults = ServerConfig::new(self.addr, &self.data);
         let job_memory_bytes = self.job_memory_mb.map(|mb| mb.saturating_mul(1_000_000));
-        ServerConfig {
+        Ok(ServerConfig {
             job_memory_bytes: job_memory_bytes.or(defaults.job_memory_bytes),
             threads: self.threads.unwrap_or_else(available_threads),
             concurrent_jobs: self.jobs,
@@ -96,6 +145,20 @@ impl ServeArgs {
                 ..Limits::default()
             },
             hosts: self.hosts.clone(),
+            cors_origins: self.cors_origins.clone(),
+            tls: self.tls()?,
+            open: self.open,
+            quotas: Quotas {
+                requests_per_minute: self.key_requests_per_minute,
+                uploads: self.key_uploads,
+                queued_jobs: self.key_queued_jobs,
+                stored_bytes: self.key_stored_mb.map(|mb| mb.saturating_mul(1_000_000)),
+            },
+            retention: Retention {
+                models: self.keep_models,
+                scan_sets: self.keep_scan_sets,
+                audit: Some(self.keep_audit),
+            },
             edge: EdgeLimits {
                 connections: self.max_connections,
                 head_time: Duration::from_secs(self.head_seconds),
@@ -105,15 +168,15 @@ impl ServeArgs {
             },
             shutdown_deadline: Duration::from_secs(self.shutdown_seconds),
             ..defaults
-        }
+        })
     }
 }
 
 /// Serves until SIGTERM or SIGINT.
-pub fn run(args: ServeArgs) -> anyhow::Result<()> {
+pub fn run(args: &ServeArgs) -> anyhow::Result<()> {
     telemetry::init(args.log_format, &args.log)?;
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().context("starting the runtime")?;
-    let served = runtime.block_on(serve(args.config()));
+    let served = runtime.block_on(serve(args.config()?));
     // a job's thread or a check that does not listen must not keep the process
     runtime.shutdown_timeout(Duration::from_secs(1));
     served

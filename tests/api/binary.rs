@@ -233,3 +233,41 @@ async fn killed_in_a_job_it_finishes_with_the_same_bytes_after_a_restart() {
     assert_eq!(ended["attempts"], 2);
     assert_eq!(results(&restarted, &ended).await, expected);
 }
+
+#[tokio::test]
+async fn keys_are_made_and_revoked_beside_a_running_server() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let key = |arguments: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_visage"));
+        let output = command.arg("key").args(arguments).arg("--data").arg(folder.path()).output().expect("it runs");
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).expect("text").trim().to_owned()
+    };
+    let process = Process::start(folder.path());
+    let models = format!("{}/v1/models", process.url);
+    assert_eq!(client().get(&models).send().await.expect("an answer").status(), 200);
+    let token = key(&["create", "--name", "a person", "--scope", "write", "--expires-in", "30"]);
+    assert_eq!(client().get(&models).send().await.expect("an answer").status(), 401);
+    assert_eq!(client().get(&models).bearer_auth(&token).send().await.expect("an answer").status(), 200);
+    let list = key(&["list"]);
+    assert!(list.contains("write") && list.contains("a person") && list.contains("until") && !list.contains(&token));
+    key(&["revoke", list.split(' ').next().expect("an id")]);
+    assert_eq!(client().get(&models).bearer_auth(&token).send().await.expect("an answer").status(), 401);
+    drop(process);
+    // without a server
+    assert!(key(&["list"]).contains("revoked"));
+    assert!(key(&["create", "--name", "another"]).starts_with("visage_"));
+}
+
+#[test]
+fn nobody_is_let_in_from_elsewhere_by_accident() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let output = Command::new(env!("CARGO_BIN_EXE_visage"))
+        .args(["serve", "--addr", "0.0.0.0:0", "--data"])
+        .arg(folder.path())
+        .output()
+        .expect("it runs");
+    assert!(!output.status.success());
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(said.contains("visage key create") && said.contains("--open"), "{said}");
+}

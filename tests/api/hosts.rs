@@ -95,6 +95,7 @@ async fn pages_from_elsewhere_can_change_nothing() {
 async fn a_proxy_passes_on_a_name_that_is_allowed() {
     let server = TestServer::start_with(|config| {
         config.hosts = ["visage.example", "faces.example:8443"].map(|name| name.parse().expect("a host")).into();
+        config.open = true;
     })
     .await;
     for host in ["visage.example", "Visage.Example:443", "faces.example:8443"] {
@@ -122,4 +123,65 @@ async fn a_refused_upload_still_gets_its_answer() {
         server.client.put(server.url(&format!("/v1/scan-sets/{set}/scans/a.ply"))).header("host", "evil.example");
     let response = request.body(vec![b' '; 8 << 20]).send().await.expect("an answer, not a broken connection");
     expect_problem(response, 403, "foreign_host").await;
+}
+
+#[tokio::test]
+async fn other_pages_ask_if_they_are_listed_and_never_with_a_session() {
+    let server = TestServer::start_with(|config| {
+        config.cors_origins = vec!["https://app.example".parse().expect("an origin")];
+    })
+    .await;
+    let key = server.post("/v1/keys", &json!({"name": "app", "scope": "admin"})).await;
+    let key: serde_json::Value = key.json().await.expect("JSON");
+    let ask = |method: reqwest::Method, origin: &str| {
+        let request = server.client.request(method, server.url("/v1/scan-sets")).header("origin", origin);
+        request
+            .header("access-control-request-method", "POST")
+            .header("access-control-request-headers", "authorization")
+    };
+    // the preflight brings no key
+    let preflight = ask(reqwest::Method::OPTIONS, "https://app.example").send().await.expect("an answer");
+    assert_eq!(preflight.status(), 200);
+    let headers = preflight.headers();
+    assert_eq!(headers["access-control-allow-origin"], "https://app.example");
+    assert!(headers["access-control-allow-headers"].to_str().expect("text").contains("authorization"));
+    assert!(!headers.contains_key("access-control-allow-credentials"), "a session is not for other pages");
+    for stranger in ["https://evil.example", "https://app.example.evil.example", "http://app.example", "null"] {
+        let preflight = ask(reqwest::Method::OPTIONS, stranger).send().await.expect("an answer");
+        assert!(!preflight.headers().contains_key("access-control-allow-origin"), "{stranger}");
+    }
+    let token = key["token"].as_str().expect("text");
+    let post = |origin: &str| ask(reqwest::Method::POST, origin).bearer_auth(token).json(&json!({"name": "a"})).send();
+    let made = post("https://app.example").await.expect("an answer");
+    assert_eq!(made.headers()["access-control-allow-origin"], "https://app.example");
+    assert!(made.headers()["access-control-expose-headers"].to_str().expect("text").contains("location"));
+    assert_eq!(made.status(), 201);
+    expect_problem(post("https://evil.example").await.expect("an answer"), 403, "foreign_origin").await;
+    // a refusal can be read by the page, too
+    let refused = ask(reqwest::Method::POST, "https://app.example").json(&json!({"name": "a"})).send().await;
+    let refused = refused.expect("an answer");
+    assert_eq!(refused.headers()["access-control-allow-origin"], "https://app.example");
+    expect_problem(refused, 401, "unauthorized").await;
+}
+
+#[tokio::test]
+async fn every_answer_tells_browsers_what_not_to_do_with_it() {
+    let server = TestServer::start().await;
+    for path in ["/v1/models", "/healthz", "/v1/nothing", "/nothing", "/openapi.yaml", "/metrics"] {
+        let answer = server.get(path).await;
+        for (name, part) in [
+            ("content-security-policy", "default-src 'none'"),
+            ("x-content-type-options", "nosniff"),
+            ("x-frame-options", "DENY"),
+            ("referrer-policy", "no-referrer"),
+            ("cross-origin-resource-policy", "same-origin"),
+            ("cache-control", "private"),
+        ] {
+            let value = answer.headers().get(name).and_then(|value| value.to_str().ok()).unwrap_or_default();
+            assert!(value.contains(part), "{path} {name}: {value}");
+        }
+        assert!(
+            !answer.headers().contains_key("server") && !answer.headers().contains_key("access-control-allow-origin")
+        );
+    }
 }

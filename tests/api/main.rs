@@ -1,18 +1,22 @@
 //! The service over real connections, with algorithms that do what a test tells them; `binary` starts the program itself.
 
+mod access;
 mod additions;
 mod archives;
+mod backup;
 mod binary;
 mod client_commands;
 mod common;
 mod conditions;
 mod contract;
 mod describing;
+mod documents;
 mod gallery;
 mod hints;
 mod hosts;
 mod jobs;
 mod long;
+mod metrics;
 mod models;
 mod page;
 mod pressure;

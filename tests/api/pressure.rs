@@ -37,7 +37,7 @@ async fn logged(folder: &Path, words: &[&str]) -> Value {
 #[tokio::test]
 async fn the_log_has_a_line_for_each_request_but_no_more_than_is_promised() {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let server = start(folder.path(), &["--host", "visage.example"]);
+    let server = start(folder.path(), &["--host", "visage.example", "--open"]);
     let response = reqwest::get(format!("{}/v1/models/nothing?label=secret", server.url)).await.expect("an answer");
     let id = response.headers()["x-request-id"].to_str().expect("text").to_owned();
     let line = logged(folder.path(), &[&id, "answered"]).await;

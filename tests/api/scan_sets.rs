@@ -259,3 +259,24 @@ async fn lists_are_paged() {
     expect_problem(server.get("/v1/scan-sets?limit=0").await, 422, "invalid_field").await;
     expect_problem(server.get("/v1/scan-sets?limit=many").await, 400, "malformed_request").await;
 }
+
+#[tokio::test]
+async fn a_set_may_be_told_when_to_go() {
+    let server = TestServer::start().await;
+    let set = server.scan_set(2).await;
+    let path = format!("/v1/scan-sets/{set}/expiry");
+    let put = |body: serde_json::Value| server.client.put(server.url(&path)).json(&body).send();
+    assert!(expect_json(server.get(&path).await, StatusCode::OK).await["expires_at"].is_null());
+    let said = put(json!({"expires_at": "2100-01-01T00:00:00Z"})).await.expect("an answer");
+    assert_eq!(expect_json(said, StatusCode::OK).await["expires_at"], "2100-01-01T00:00:00Z");
+    assert_eq!(expect_json(server.get(&path).await, StatusCode::OK).await["expires_at"], "2100-01-01T00:00:00Z");
+    for wrong in
+        [json!({"expires_at": "2001-01-01T00:00:00Z"}), json!({"expires_at": "soon"}), json!({"at": null}), json!({})]
+    {
+        expect_problem(put(wrong).await.expect("an answer"), 422, "invalid_field").await;
+    }
+    let taken_back = put(json!({"expires_at": null})).await.expect("an answer");
+    assert!(expect_json(taken_back, StatusCode::OK).await["expires_at"].is_null());
+    server.delete(&format!("/v1/scan-sets/{set}")).await;
+    expect_problem(put(json!({"expires_at": null})).await.expect("an answer"), 404, "not_found").await;
+}

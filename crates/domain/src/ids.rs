@@ -30,6 +30,13 @@ macro_rules! id_type {
                 jiff::Timestamp::new(seconds, nanoseconds).unwrap_or_default()
             }
 
+            /// What sorts before all made at this time or later, and after all made before.
+            pub fn earliest_at(time: jiff::Timestamp) -> Self {
+                let milliseconds = u128::try_from(time.as_millisecond()).unwrap_or(0);
+                // version 7 and the variant of RFC 9562, and nothing random
+                $name(Uuid::from_u128((milliseconds << 80) | (7 << 76) | (2 << 62)))
+            }
+
             /// The id as a number, in the same order.
             pub fn number(self) -> u128 {
                 self.0.as_u128()
@@ -89,6 +96,19 @@ id_type!(
     SeatId
 );
 
+id_type!(
+    /// Names a key.
+    KeyId
+);
+id_type!(
+    /// Names a session of the page.
+    SessionId
+);
+id_type!(
+    /// Names an entry of the audit log.
+    AuditId
+);
+
 impl From<FolderId> for SeatId {
     /// The lock of a data folder is a seat.
     fn from(folder: FolderId) -> Self {
@@ -117,6 +137,16 @@ mod tests {
     fn an_id_holds_the_time() {
         let age = jiff::Timestamp::now().duration_since(JobId::new().created_at());
         assert!((0..1000).contains(&age.as_millis()), "{age:?}");
+    }
+
+    #[test]
+    fn a_time_stands_between_the_ids_before_and_after_it() {
+        let id = JobId::new();
+        let before = JobId::earliest_at(id.created_at());
+        let after = JobId::earliest_at(id.created_at() + jiff::SignedDuration::from_millis(1));
+        assert!(before <= id && id < after, "{before} {id} {after}");
+        assert_eq!(JobId::parse(&before.to_string()), Some(before));
+        assert_eq!(before.created_at().as_millisecond(), id.created_at().as_millisecond());
     }
 
     #[test]

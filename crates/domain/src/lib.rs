@@ -5,16 +5,20 @@
 //! - `ids`: what everything is called by; `owner`: who holds leases and files in the making
 //! - `scan_set`, `job`, `model`, `signature`, `standard`, `evaluation`, `replay`: records, as they are stored and given back
 //! - `job_kind`, `job_status`, `queue`: what jobs are for, where they stand, and how workers take and end them
-//! - `stored_file`: what is kept as files; `page`: lists, page by page
+//! - `key`, `audit`: who may ask, and for what; who did what
+//! - `stored_file`: what is kept as files; `census`: how much; `page`: lists, page by page
 
 #![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used))]
 
 pub mod asset;
+mod audit;
+mod census;
 mod evaluation;
 mod ids;
 mod job;
 mod job_kind;
 mod job_status;
+mod key;
 mod model;
 pub mod options;
 mod owner;
@@ -26,11 +30,14 @@ mod signature;
 mod standard;
 mod stored_file;
 
+pub use audit::{AuditEntry, AuditFilter};
+pub use census::Census;
 pub use evaluation::{Backlog, Outdated, StoredVerdict};
-pub use ids::{FileId, FolderId, JobId, ModelId, ProcessId, ScanSetId, SeatId, StandardId};
+pub use ids::{AuditId, FileId, FolderId, JobId, KeyId, ModelId, ProcessId, ScanSetId, SeatId, SessionId, StandardId};
 pub use job::{CancelAnswer, JobBase, JobError, JobFilter, JobRecord, NewJob, NewSurfaceJob};
 pub use job_kind::JobKind;
 pub use job_status::JobStatus;
+pub use key::{KeyRecord, NewKey, NewSession, NoScope, Scope, SecretHash};
 pub use model::{AssetRecord, MatchedModel, ModelFacets, ModelFilter, ModelRecord, NewModel};
 pub use owner::{Owner, WorkerId};
 pub use page::{Page, PageRequest};

@@ -11,12 +11,14 @@ use axum::Router;
 use hyper::server::conn::http1;
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
+use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
 use tokio::task::JoinSet;
 use tokio_io_timeout::TimeoutStream;
 use tokio_util::sync::CancellationToken;
 
+use super::tls::Tls;
 use visage_service::config::EdgeLimits;
 
 /// The most bytes of a request's head.
@@ -68,6 +70,7 @@ pub async fn serve(
     limits: EdgeLimits,
     stop: CancellationToken,
     count: watch::Sender<Connections>,
+    tls: Option<Tls>,
 ) {
     let places = Arc::new(Semaphore::new(limits.connections.max(1)));
     let mut door = Door { listener, places, full: false, failing: false };
@@ -75,7 +78,7 @@ pub async fn serve(
     loop {
         tokio::select! {
             accepted = door.next() => {
-                open.spawn(connection(accepted, router.clone(), limits, stop.clone()));
+                open.spawn(connection(accepted, router.clone(), limits, stop.clone(), tls.clone()));
                 count.send_modify(|count| *count = Connections { open: open.len(), accepted: count.accepted + 1 });
             }
             Some(_) = open.join_next() => count.send_modify(|count| count.open = open.len()),
@@ -146,10 +149,27 @@ async fn connection(
     router: Router,
     limits: EdgeLimits,
     stop: CancellationToken,
+    tls: Option<Tls>,
 ) {
     let _place = place;
     // an answer of several pieces must not wait for the acknowledgement of the first
     let _ = stream.set_nodelay(true);
+    let Some(tls) = tls else { return answer(stream, router, limits, stop).await };
+    // hands are shaken before the head of a request, and may take as long
+    match tokio::time::timeout(limits.head_time, tls.accept(stream)).await {
+        Ok(Ok(stream)) => answer(stream, router, limits, stop).await,
+        Ok(Err(error)) => tracing::debug!("a connection ended before there was TLS: {error}"),
+        Err(_) => tracing::debug!("a connection ended since there was no TLS in time"),
+    }
+}
+
+/// Answers what comes on a connection until its end.
+async fn answer(
+    stream: impl AsyncRead + AsyncWrite + Send + 'static,
+    router: Router,
+    limits: EdgeLimits,
+    stop: CancellationToken,
+) {
     let mut stream = TimeoutStream::new(stream);
     stream.set_write_timeout(Some(limits.answer_stall));
     let mut serving = std::pin::pin!(

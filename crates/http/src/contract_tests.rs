@@ -155,7 +155,8 @@ fn no_schema_is_empty_but_that_of_any_value() {
     let document = document();
     let mut empty = Vec::new();
     walk("", &document, &mut |place, schema| {
-        if schema.as_object().is_some_and(Map::is_empty) {
+        // one of the choices of what a request needs is nothing
+        if schema.as_object().is_some_and(Map::is_empty) && !place.ends_with("/security") {
             empty.push(place.to_owned());
         }
     });

@@ -14,7 +14,7 @@ use axum::response::{IntoResponse, Response};
 use tower_http::csrf::{ConfigError, CsrfLayer, ProtectionError};
 
 use super::problem::{Code, Problem};
-use visage_service::config::{Host, HostName};
+use visage_service::config::{Host, HostName, Origin};
 
 const HINT: &str = "call the service by its address or by localhost; other names have to be allowed when it is started: \
                     visage serve --host NAME";
@@ -65,12 +65,13 @@ impl Hosts {
         Ok(())
     }
 
-    /// Refuses changes that a page of another origin asks a browser for. Pages under the allowed names may ask for them,
-    /// whatever a proxy made of `Host` on the way.
-    pub fn same_origin(&self) -> Result<CsrfLayer<Refusal>, ConfigError> {
+    /// Refuses changes that a page of another origin asks a browser for. Pages under the allowed names may ask for
+    /// them, whatever a proxy made of `Host` on the way, and so may those of `others`.
+    pub fn same_origin(&self, others: &[Origin]) -> Result<CsrfLayer<Refusal>, ConfigError> {
         let layer = CsrfLayer::new().with_rejection_response(foreign_origin as Refusal);
         let origins = self.others.iter().flat_map(|name| [origin("https", 443, name), origin("http", 80, name)]);
-        origins.into_iter().try_fold(layer, |layer, origin| layer.add_trusted_origin(origin))
+        let mut origins = origins.chain(others.iter().map(Origin::to_string));
+        origins.try_fold(layer, |layer, origin| layer.add_trusted_origin(origin))
     }
 }
 
@@ -140,7 +141,7 @@ mod tests {
     fn every_host_name_makes_an_origin() {
         for name in ["visage.example", "a_b.example:8443", "[fd00::5]:80", "10.0.0.1", "xn--exmple-cua.com"] {
             let hosts = Hosts::new(([127, 0, 0, 1], 80).into(), &[name.parse().expect("a host")]);
-            assert!(hosts.same_origin().is_ok(), "{name}");
+            assert!(hosts.same_origin(&[]).is_ok(), "{name}");
         }
         let name: HostName = "visage.example:443".parse().expect("a host");
         assert_eq!(origin("https", 443, &name), "https://visage.example");

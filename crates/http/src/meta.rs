@@ -82,6 +82,20 @@ struct LimitsView {
     job_memory_bytes: Option<u64>,
     /// Times a job is started before it counts as failed.
     attempts_per_job: u32,
+    /// Requests of a key in a minute; null if that is not limited, as below.
+    key_requests_per_minute: Option<u32>,
+    /// Uploads of a key at the same time.
+    key_uploads: Option<usize>,
+    /// Jobs of a key that wait or run.
+    key_queued_jobs: Option<u64>,
+    /// Bytes that are kept of what a key has sent and had made.
+    key_stored_bytes: Option<u64>,
+    /// Days after which models are deleted; null if they are kept until somebody deletes them, as below.
+    keep_models_days: Option<u32>,
+    /// Days after which scan sets are deleted, with their jobs and models.
+    keep_scan_sets_days: Option<u32>,
+    /// Days after which entries of the audit log are deleted.
+    keep_audit_days: Option<u32>,
     /// Connections at the same time; others wait.
     connections: usize,
     /// Seconds that the head of a request may take, and that a connection may lie idle.
@@ -180,6 +194,13 @@ async fn info(State(state): State<AppState>) -> Result<Json<Info>, Problem> {
             concurrent_jobs: config.concurrent_jobs,
             job_memory_bytes: config.job_memory_bytes,
             attempts_per_job: config.queue.max_attempts,
+            key_requests_per_minute: config.quotas.requests_per_minute,
+            key_uploads: config.quotas.uploads,
+            key_queued_jobs: config.quotas.queued_jobs,
+            key_stored_bytes: config.quotas.stored_bytes,
+            keep_models_days: config.retention.models,
+            keep_scan_sets_days: config.retention.scan_sets,
+            keep_audit_days: config.retention.audit,
             connections: config.edge.connections,
             head_seconds: config.edge.head_time.as_secs(),
             body_seconds: config.edge.body_time.as_secs(),

@@ -71,6 +71,17 @@ pub fn surface_format(name: &str) -> Result<&'static Format, Problem> {
     visage_formats::check_name(name).map_err(|error| Problem::unreadable(name, &error))
 }
 
+/// A time that is to come.
+pub fn time_to_come(field: &str, text: &str) -> Result<jiff::Timestamp, Problem> {
+    let refused =
+        |detail| Problem::new(Code::InvalidField, detail, "send a time to come, such as 2030-01-31T00:00:00Z");
+    let time: jiff::Timestamp = text.parse().map_err(|error| refused(format!("{field} is no time: {error}")))?;
+    if time <= jiff::Timestamp::now() {
+        return Err(refused(format!("{field} is {time}, which is over")));
+    }
+    Ok(time)
+}
+
 /// A name or label: short, in one line.
 pub fn text(field: &str, value: &str) -> Result<String, Problem> {
     let value = value.trim();

@@ -47,6 +47,8 @@ macro_rules! codes {
 codes! {
     MalformedRequest = "malformed_request", BAD_REQUEST, "the request can't be read";
     DigestMismatch = "digest_mismatch", BAD_REQUEST, "the body is not what its digest says";
+    Unauthorized = "unauthorized", UNAUTHORIZED, "the request needs a valid key";
+    InsufficientScope = "insufficient_scope", FORBIDDEN, "the key does not allow this";
     ForeignHost = "foreign_host", FORBIDDEN, "the request is meant for another host";
     ForeignOrigin = "foreign_origin", FORBIDDEN, "the request comes from a page of another origin";
     NotFound = "not_found", NOT_FOUND, "there is no such resource";
@@ -94,7 +96,10 @@ codes! {
     TooManyLabels = "too_many_labels", UNPROCESSABLE_ENTITY, "too many models have labels";
     Undescribable = "undescribable_model", UNPROCESSABLE_ENTITY, "the model can't be described";
     TooLittleMemory = "too_little_memory", UNPROCESSABLE_ENTITY, "the job needs more memory than there is";
+    TooManyKeys = "too_many_keys", UNPROCESSABLE_ENTITY, "there are as many keys as are allowed";
     QueueFull = "queue_full", TOO_MANY_REQUESTS, "too many jobs are waiting";
+    RateLimited = "rate_limited", TOO_MANY_REQUESTS, "the key has asked for too much in too short a time";
+    QuotaExceeded = "quota_exceeded", TOO_MANY_REQUESTS, "the key has as much as it may have";
     Internal = "internal", INTERNAL_SERVER_ERROR, "the server failed";
     Damaged = "damaged", INTERNAL_SERVER_ERROR, "what is stored is damaged";
     DatabaseLocked = "database_locked", SERVICE_UNAVAILABLE, "another program holds the database";

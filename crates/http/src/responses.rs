@@ -24,6 +24,11 @@ macro_rules! problem_responses {
 problem_responses! {
     /// 400
     BadRequest = "400", "The request can't be read (`malformed_request`, `digest_mismatch`).";
+    /// 401
+    Unauthorized = "401", "There is no valid key (`unauthorized`).";
+    /// 403
+    InsufficientScope = "403", "The key does not allow this (`insufficient_scope`), or the request comes from elsewhere \
+                                (`foreign_host`, `foreign_origin`).";
     /// 404
     NotFound = "404", "There is no such resource (`not_found`).";
     /// 406
@@ -45,6 +50,9 @@ problem_responses! {
     Unprocessable = "422", "The request is well formed but can't be carried out: `code`, `scan` and `hint` say why.";
     /// 429
     QueueFull = "429", "Too many jobs are waiting (`queue_full`); `Retry-After` says when to try again.";
+    /// 429
+    TooMany = "429", "The key has asked for too much or has as much as it may have (`rate_limited`, `quota_exceeded`), or too \
+                      many jobs are waiting (`queue_full`); `Retry-After` says when to try again.";
     /// 503
     NotReady = "503", "The server is starting or stopping (`not_ready`, `shutting_down`); see `Retry-After`.";
     /// Any other error.

@@ -19,7 +19,10 @@ use utoipa_axum::router::OpenApiRouter;
 use super::problem::{Code, Problem, ProblemBody};
 use super::schemas::{CloudFormat, MeshFormat, PosesFormat, ScansFormat, SurfaceFile};
 use super::state::AppState;
-use super::{access_log, body, evaluation, hosts, jobs, meta, models, page, queries, scan_sets, standards};
+use super::{
+    access, access_log, audit, body, evaluation, headers, hosts, jobs, keys, meta, metrics, models, page, queries,
+    scan_sets, session, standards,
+};
 use visage_service::panics::panic_message;
 
 const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
@@ -41,6 +44,7 @@ const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
         (name = "models", description = "Registered objects, and finished models uploaded to the gallery."),
         (name = "queries", description = "Which models are faces, and which are like a given one."),
         (name = "standards", description = "The classes that can be asked for: the built-in face, and those of users."),
+        (name = "access", description = "Keys, and signing in by a browser."),
         (name = "service", description = "Health, limits, versions."),
     )
 )]
@@ -54,12 +58,18 @@ fn resources() -> OpenApiRouter<AppState> {
         .merge(queries::router())
         .merge(evaluation::router())
         .merge(standards::router())
+        .merge(keys::router())
+        .merge(session::router())
+        .merge(audit::router())
         .merge(meta::router())
+        .merge(metrics::router())
 }
 
 /// The contract, made from the routes that are served.
 pub(super) fn contract() -> utoipa::openapi::OpenApi {
-    resources().into_openapi()
+    let mut document = resources().into_openapi();
+    access::tell(&mut document);
+    document
 }
 
 /// The contract as YAML.
@@ -106,13 +116,20 @@ pub fn router(state: AppState) -> Result<Router, RouterError> {
         .set_request_id(REQUEST_ID, NewRequestId)
         .layer(TraceLayer::new_for_http().make_span_with(request_span).on_request(()).on_response(()).on_failure(()))
         .layer(from_fn(access_log::logged))
+        .layer(from_fn_with_state(state.requests.clone(), metrics::metered))
+        .layer(from_fn(headers::said))
         .propagate_request_id(REQUEST_ID)
         .map_response(distrusted)
         .layer(CatchPanicLayer::custom(panicked));
+    let origins = &state.context.config.cors_origins;
+    let cors = (!origins.is_empty()).then(|| headers::cors(origins));
     let admitted = ServiceBuilder::new()
         .layer(from_fn_with_state(state.clone(), body::paced))
         .layer(from_fn_with_state(state.hosts.clone(), hosts::known_host))
-        .layer(state.hosts.same_origin()?);
+        // preflights bring no key: what they may is answered before
+        .option_layer(cors)
+        .layer(state.hosts.same_origin(origins)?)
+        .layer(from_fn_with_state(state.clone(), access::permitted));
     Ok(router
         .route("/openapi.yaml", get(contract))
         .route("/openapi.json", get(contract_as_json))

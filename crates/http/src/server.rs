@@ -13,10 +13,13 @@ use super::connections::{self, Connections};
 use super::hosts::Hosts;
 use super::router::{self, RouterError};
 use super::state::AppState;
+use super::tls::{Tls, TlsError};
 use visage_service::app::context::ServiceContext;
 use visage_service::app::engine::{Engine, PipelineEngine};
+use visage_service::app::retention::{self, Dropped};
 use visage_service::config::ServerConfig;
 use visage_service::jobs::runner::Runner;
+use visage_service::storage::Database;
 use visage_service::storage::data_folder::{DataFolder, OpenError};
 use visage_service::storage::inventory::Storage;
 
@@ -37,6 +40,23 @@ pub enum StartError {
     /// The data folder can't be used.
     #[error(transparent)]
     Data(#[from] OpenError),
+    /// Everybody who reaches the service could do everything.
+    #[error(
+        "others than programs of this machine reach {addr}{names}, and there is no key: make one with \
+         `visage key create --data {data} --name admin --scope admin`, listen on 127.0.0.1 without --host, or let everybody \
+         do everything with --open"
+    )]
+    Exposed {
+        /// The address.
+        addr: SocketAddr,
+        /// The names by which it may be called.
+        names: String,
+        /// The data folder.
+        data: String,
+    },
+    /// The certificate or its key can't be used.
+    #[error(transparent)]
+    Tls(#[from] TlsError),
     /// The routes can't be made.
     #[error(transparent)]
     Router(#[from] RouterError),
@@ -57,21 +77,39 @@ impl Server {
         let mut config = config;
         config.edge.connections = connections::most(config.edge.connections);
         let config = Arc::new(config);
+        let tls = config.tls.as_ref().map(Tls::new).transpose()?;
         let context = open(&config, engine).await?;
+        check_exposure(&config, context.database.as_ref()).await?;
         let listener =
             TcpListener::bind(config.addr).await.map_err(|source| StartError::Listen { addr: config.addr, source })?;
         let addr = listener.local_addr().map_err(|source| StartError::Listen { addr: config.addr, source })?;
         let stop = CancellationToken::new();
         let crash = CancellationToken::new();
-        let state = AppState::new(context.clone(), Hosts::new(addr, &config.hosts), stop.clone());
-        let router = router::router(state)?;
         let (count, connections) = watch::channel(Connections::default());
-        let serving = tokio::spawn(connections::serve(listener, router, config.edge, stop.clone(), count));
+        let hosts = Hosts::new(addr, &config.hosts);
+        let state = AppState::new(context.clone(), hosts, connections.clone(), stop.clone());
+        let router = router::router(state)?;
+        let serving = connections::serve(listener, router, config.edge, stop.clone(), count, tls);
+        let serving = tokio::spawn(serving);
         let runner = Runner::start(&context, &stop, &crash);
         let chores = tokio::spawn(chores(context.clone(), stop.clone()));
         tracing::info!(%addr, data = %config.data_dir.display(), threads = config.threads, "serving");
         Ok(ServerHandle { addr, connections, context, stop, crash, serving, runner, chores })
     }
+}
+
+/// A service that others reach is not served without keys, unless the operator wants that.
+async fn check_exposure(config: &ServerConfig, database: &dyn Database) -> Result<(), StartError> {
+    if config.open {
+        tracing::warn!(addr = %config.addr, "OPEN: whoever reaches this service may read, change and delete everything");
+        return Ok(());
+    }
+    if !config.is_exposed() || database.has_keys().await.map_err(OpenError::from)? {
+        return Ok(());
+    }
+    database.close().await;
+    let names = config.hosts.iter().map(|name| format!(", or {name}")).collect();
+    Err(StartError::Exposed { addr: config.addr, names, data: config.data_dir.display().to_string() })
 }
 
 /// Opens the data folder and picks up what a crash left.
@@ -87,7 +125,7 @@ async fn open(config: &Arc<ServerConfig>, engine: Arc<dyn Engine>) -> Result<Ser
 /// Loads the gallery, then cleans up now and then.
 async fn chores(context: ServiceContext, stop: CancellationToken) {
     let storage = context.storage();
-    let ServiceContext { database, gallery, monitor, .. } = context;
+    let ServiceContext { database, gallery, monitor, .. } = context.clone();
     let work = async {
         match gallery.load(database.as_ref()).await {
             Ok(models) => tracing::info!(models, "the gallery is loaded"),
@@ -103,6 +141,13 @@ async fn chores(context: ServiceContext, stop: CancellationToken) {
         }
         loop {
             clean_up(&storage).await;
+            match retention::drop_old(&context, jiff::Timestamp::now()).await {
+                Ok(dropped) if dropped == Dropped::default() => {}
+                Ok(Dropped { scan_sets, models, audit }) => {
+                    tracing::info!(scan_sets, models, audit, "deleted what was old")
+                }
+                Err(error) => tracing::warn!("deleting what is old: {error}"),
+            }
             tokio::time::sleep(CLEAN_UP).await;
         }
     };
@@ -113,6 +158,9 @@ async fn chores(context: ServiceContext, stop: CancellationToken) {
 }
 
 async fn clean_up(storage: &Storage) {
+    if let Err(error) = storage.database.forget_old_sessions().await {
+        tracing::warn!("cleaning up: {error}");
+    }
     if let Err(error) = storage.database.forget_old_replays().await {
         tracing::warn!("cleaning up: {error}");
     }
@@ -145,9 +193,10 @@ impl ServerHandle {
         self.connections.clone()
     }
 
-    /// `http://` and the address.
+    /// `http://` or `https://` and the address.
     pub fn url(&self) -> String {
-        format!("http://{}", self.addr)
+        let scheme = if self.context.config.tls.is_some() { "https" } else { "http" };
+        format!("{scheme}://{}", self.addr)
     }
 
     /// Stops: nothing new is accepted, streams end, jobs are given back to the queue. Whoever is not done at the

@@ -4,12 +4,15 @@ use std::collections::HashSet;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use axum::http::StatusCode;
-use tokio::sync::{RwLock, Semaphore};
+use tokio::sync::{RwLock, Semaphore, watch};
 use tokio_util::sync::CancellationToken;
 
+use super::access::{Anonymous, Usage};
 use super::body::Room;
+use super::connections::Connections;
 use super::describe::Turns;
 use super::hosts::Hosts;
+use super::metrics::Requests;
 use super::problem::{Code, Problem};
 use visage_domain::ReplayKey;
 use visage_service::app::context::ServiceContext;
@@ -30,6 +33,14 @@ pub struct AppState {
     pub buffers: Arc<Semaphore>,
     /// By which names the service may be called.
     pub hosts: Hosts,
+    /// Whether those without a key may do everything.
+    pub anonymous: Anonymous,
+    /// Requests, counted.
+    pub requests: Arc<Requests>,
+    /// How many connections there are.
+    pub connections: watch::Receiver<Connections>,
+    /// What each key has asked for.
+    pub usage: Arc<Usage>,
     /// Held for a change; alone for one that depends on the state of what it changes.
     pub changes: Arc<RwLock<()>>,
     /// Set when the server goes down.
@@ -40,13 +51,22 @@ pub struct AppState {
 
 impl AppState {
     /// The state of a service that has just started.
-    pub fn new(context: ServiceContext, hosts: Hosts, stop: CancellationToken) -> Self {
+    pub fn new(
+        context: ServiceContext,
+        hosts: Hosts,
+        connections: watch::Receiver<Connections>,
+        stop: CancellationToken,
+    ) -> Self {
         let limits = &context.config.limits;
         AppState {
             checks: Arc::new(Semaphore::new(limits.concurrent_checks.max(1))),
             conversions: Arc::new(Semaphore::new(limits.concurrent_conversions.max(1))),
             describing: Turns::new(limits.concurrent_describing),
             buffers: Room::budget(limits.buffered_bytes),
+            anonymous: Anonymous::new(context.config.open, context.config.is_exposed()),
+            requests: Arc::default(),
+            connections,
+            usage: Arc::default(),
             hosts,
             changes: Arc::default(),
             stop,

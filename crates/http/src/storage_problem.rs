@@ -1,6 +1,7 @@
 //! What the database, the files and the memory say, as problems.
 
 use super::problem::{Code, Problem};
+use visage_service::app::access::AccessError;
 use visage_service::app::arrival::ArrivalError;
 use visage_service::jobs::memory::TooLarge;
 use visage_service::storage::inventory::StorageError;
@@ -28,6 +29,9 @@ impl From<DatabaseError> for Problem {
             DatabaseError::TooManyStandards { .. } => {
                 Problem::new(Code::TooManyStandards, detail, "delete one that is not needed any more")
             }
+            DatabaseError::TooManyKeys { .. } => {
+                Problem::new(Code::TooManyKeys, detail, "revoke one that is not needed any more")
+            }
             DatabaseError::TooManyScans { .. } => {
                 Problem::new(Code::TooManyScans, detail, "send fewer scans, or ask the operator to raise the limit")
             }
@@ -48,6 +52,7 @@ impl From<DatabaseError> for Problem {
             DatabaseError::Failed(_)
             | DatabaseError::Shortage(_)
             | DatabaseError::Migration(_)
+            | DatabaseError::OtherVersion
             | DatabaseError::Damaged { .. }
             | DatabaseError::Corrupt { .. }
             | DatabaseError::Foreign => Problem::internal(detail),
@@ -75,6 +80,15 @@ impl From<StorageError> for Problem {
             StorageError::Objects(error) => error.into(),
             StorageError::Database(error) => error.into(),
             StorageError::Task(error) => Problem::internal(error),
+        }
+    }
+}
+
+impl From<AccessError> for Problem {
+    fn from(error: AccessError) -> Self {
+        match error {
+            AccessError::Database(error) => error.into(),
+            AccessError::Randomness(error) => Problem::internal(error),
         }
     }
 }

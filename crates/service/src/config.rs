@@ -1,6 +1,7 @@
 //! What the operator may set: where the service listens, where it keeps things, and how much it takes on.
 
 mod host_name;
+mod origin;
 
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -9,6 +10,7 @@ use std::time::Duration;
 use visage_formats::ReadLimits;
 
 pub use self::host_name::{Host, HostName, NoHostName};
+pub use self::origin::{NoOrigin, Origin};
 
 /// Everything a server needs to know before it starts.
 #[derive(Debug, Clone)]
@@ -27,6 +29,16 @@ pub struct ServerConfig {
     pub limits: Limits,
     /// Names by which clients may call the service, besides loopback ones and the address it listens on.
     pub hosts: Vec<HostName>,
+    /// Origins of other pages that may ask, with a key.
+    pub cors_origins: Vec<Origin>,
+    /// Certificate and key, if connections are taken by TLS.
+    pub tls: Option<TlsPem>,
+    /// Whether everybody who reaches the service may do everything, with a key or without.
+    pub open: bool,
+    /// How much each key may ask for.
+    pub quotas: Quotas,
+    /// What is deleted when it is old.
+    pub retention: Retention,
     /// Bounds on connections.
     pub edge: EdgeLimits,
     /// Clocks of the job queue.
@@ -48,11 +60,24 @@ impl ServerConfig {
             job_memory_bytes: crate::machine::memory_bytes().map(|bytes| bytes / 4 * 3),
             limits: Limits::default(),
             hosts: Vec::new(),
+            cors_origins: Vec::new(),
+            tls: None,
+            open: false,
+            quotas: Quotas::default(),
+            retention: Retention::default(),
             edge: EdgeLimits::default(),
             queue: QueueTiming::default(),
             lock_patience: Duration::from_secs(5),
             shutdown_deadline: Duration::from_secs(10),
         }
+    }
+}
+
+impl ServerConfig {
+    /// Whether others than programs of this machine reach the service: by its address, or by a name that a proxy
+    /// answers to.
+    pub fn is_exposed(&self) -> bool {
+        !self.addr.ip().to_canonical().is_loopback() || self.hosts.iter().any(|name| !name.host.is_loopback())
     }
 }
 
@@ -115,6 +140,52 @@ impl Limits {
             max_faces: self.points_per_scan.saturating_mul(2),
             max_bytes: self.file_bytes,
         }
+    }
+}
+
+/// A certificate and its key, as PEM.
+#[derive(Clone)]
+pub struct TlsPem {
+    /// The certificate, and those that lead from it to its authority.
+    pub certificate: Vec<u8>,
+    /// Its private key.
+    pub key: Vec<u8>,
+}
+
+/// Without the key.
+impl std::fmt::Debug for TlsPem {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("TlsPem")
+    }
+}
+
+/// How much each key may ask for; those who need no key count as one. `None` is no bound. Beyond it: 429.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Quotas {
+    /// Requests in a minute; so many may come at once.
+    pub requests_per_minute: Option<u32>,
+    /// Uploads at the same time.
+    pub uploads: Option<usize>,
+    /// Jobs that wait or run.
+    pub queued_jobs: Option<u64>,
+    /// Bytes of what is kept of the scans and models that it has sent or had made.
+    pub stored_bytes: Option<u64>,
+}
+
+/// How many days things are kept; `None` is for ever.
+#[derive(Debug, Clone, Copy)]
+pub struct Retention {
+    /// Models, since they were made.
+    pub models: Option<u32>,
+    /// Scan sets with their jobs and models, since they were made.
+    pub scan_sets: Option<u32>,
+    /// The audit log.
+    pub audit: Option<u32>,
+}
+
+impl Default for Retention {
+    fn default() -> Self {
+        Retention { models: None, scan_sets: None, audit: Some(365) }
     }
 }
 

@@ -14,6 +14,11 @@ pub fn peak_memory_bytes() -> Option<u64> {
     u64::try_from(usage.max_rss()).ok().map(|size| size * unit)
 }
 
+/// The memory that this process holds now, in bytes; `None` where the system does not say.
+pub fn resident_memory_bytes() -> Option<u64> {
+    field("/proc/self/status", "VmRSS:").map(|kib| kib * 1024)
+}
+
 /// Seconds that all processors together have worked for this process; `None` where the system does not say.
 pub fn cpu_seconds() -> Option<f64> {
     let usage = nix::sys::resource::getrusage(nix::sys::resource::UsageWho::RUSAGE_SELF).ok()?;
@@ -46,5 +51,7 @@ mod tests {
     fn a_process_is_smaller_than_its_machine() {
         let (peak, memory) = (peak_memory_bytes().expect("Linux says"), memory_bytes().expect("Linux says"));
         assert!(1 << 20 < peak && peak < memory, "{peak} of {memory}");
+        let now = resident_memory_bytes().expect("Linux says");
+        assert!(1 << 20 < now && now < memory, "{now} of {memory}");
     }
 }

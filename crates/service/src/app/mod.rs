@@ -4,26 +4,32 @@
 //! - [`scan_sets`], [`models`], [`standards`]: they come with their files, change, and go
 //! - [`renditions`]: what is stored in other formats
 //! - [`orders`]: jobs are ordered, stopped, tried again
+//! - [`access`]: who asks: keys and sessions
+//! - [`retention`]: what is old is deleted
 //! - [`queries`]: the gallery is asked
 //! - [`evaluations`]: how well the gallery's answers agree with its labels
 //! - [`live_gallery`]: the stored signatures, searchable in memory
 //! - [`engine`]: the seam to the algorithms (tests put slow or failing ones in)
 //! - [`monitor`]: what runs now, for cancel and for those who wait; [`tracker`]: its progress, with a clock
+//! - [`figures`]: what this process has done, counted
 //! - [`context`]: what all of these share
 
 #![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used))]
 
+pub mod access;
 pub mod arrival;
 pub mod context;
 pub mod deviation;
 pub mod engine;
 pub mod evaluations;
+pub mod figures;
 pub mod live_gallery;
 pub mod models;
 pub mod monitor;
 pub mod orders;
 pub mod queries;
 pub mod renditions;
+pub mod retention;
 pub mod scan_sets;
 pub mod standards;
 pub mod tracker;

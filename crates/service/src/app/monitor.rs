@@ -6,6 +6,7 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use tokio::sync::{Notify, watch};
 
+use super::figures::Figures;
 use super::tracker::Tracker;
 use visage_domain::{JobId, JobKind, JobRecord, JobStatus, WorkerId};
 
@@ -60,6 +61,8 @@ pub struct JobMonitor {
     workers: Mutex<BTreeSet<WorkerId>>,
     changes: watch::Sender<u64>,
     work: Notify,
+    /// What was done so far.
+    pub figures: Figures,
     /// One worker claims at a time: what the next may claim depends on what the one before has.
     pub(crate) claiming: tokio::sync::Mutex<()>,
 }
@@ -71,6 +74,7 @@ impl Default for JobMonitor {
             workers: Mutex::default(),
             changes: watch::Sender::new(0),
             work: Notify::new(),
+            figures: Figures::default(),
             claiming: tokio::sync::Mutex::default(),
         }
     }

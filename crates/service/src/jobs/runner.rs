@@ -157,7 +157,14 @@ impl Worker {
     async fn end_surely(&self, claim: &JobClaim, entry: &Entry, made: &Result<Option<Made>, WorkError>) {
         loop {
             match self.end_job(claim, entry, made).await {
-                Ok(()) => return self.relieved(),
+                Ok(()) => {
+                    self.relieved();
+                    // by what is stored: one that was taken over, or deleted, is not counted here
+                    if let Ok(job) = self.context.database.job(claim.job.id).await {
+                        self.context.monitor.figures.job_ended(&job);
+                    }
+                    return;
+                }
                 Err(error) if self.stop.is_cancelled() => {
                     // the next start runs it again
                     tracing::error!("the end of the job could not be written: {error}");

@@ -2,14 +2,16 @@
 //!
 //! Folder and database hold the same id. A database that goes with other files touches none: a start is refused then.
 
+pub mod backup;
+
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
 use super::inventory::{Inventory, PickedUp, Storage, StorageError};
-use super::local_files::{FolderError, LocalFiles};
+use super::local_files::{self, FolderError, LocalFiles};
 use super::sqlite::SqliteDatabase;
-use super::{DatabaseError, ObjectError};
+use super::{Database, DatabaseError, ObjectError};
 use visage_domain::FolderId;
 
 /// Why a data folder can't be used.
@@ -78,6 +80,19 @@ pub struct DataFolder {
     /// Whether it is from before folders had ids.
     is_from_before: bool,
     folder: PathBuf,
+}
+
+/// The database of a folder alone, while a server may be using the folder: what is changed there the server sees. A new
+/// folder is made.
+pub async fn open_database(folder: &Path) -> Result<Arc<dyn Database>, OpenError> {
+    match DataFolder::open(folder, Duration::ZERO).await {
+        // the folder's lock goes with its files: a server may start from now on
+        Ok(data) => Ok(data.storage.database),
+        Err(OpenError::Folder(FolderError::Locked { .. })) => {
+            Ok(Arc::new(SqliteDatabase::open_beside(&local_files::database_of(folder)).await?))
+        }
+        Err(error) => Err(error),
+    }
 }
 
 impl DataFolder {

@@ -1,8 +1,8 @@
 //! What every database has to offer: a trait for each kind of thing that is kept, and [`Database`] for all of them.
 //!
 //! Values of `domain` go in and come out, errors are [`DatabaseError`]s. A write is whole or not at all, and there when
-//! it has returned. The traits are used as `Arc<dyn Database>`: with a type parameter instead, every handler and with it
-//! the table of routes would be generic. So calls return boxed futures, which `async-trait` writes; beside a
+//! it has returned. The traits are used as `Arc<dyn Database>`: with a type parameter instead, every handler and with
+//! it the table of routes would be generic. So calls return boxed futures, which `async-trait` writes; beside a
 //! transaction that is nothing.
 
 use std::collections::BTreeMap;
@@ -13,10 +13,11 @@ use async_trait::async_trait;
 
 use super::{DatabaseError, Deleted, Unseen};
 use visage_domain::{
-    AssetRecord, Backlog, CancelAnswer, Claimant, Examples, FileId, Finish, JobClaim, JobFilter, JobId, JobRecord,
-    KnownFiles, LooseFile, MatchedModel, ModelFacets, ModelFilter, ModelId, ModelRecord, NewJob, NewModel, NewScanSet,
-    NewStandard, NewSurfaceJob, Outdated, Owner, Page, PageRequest, PoseFile, PutScan, Replay, ReplayKey, ScanRecord,
-    ScanSetId, ScanSetRecord, StandardId, StandardRecord, StoredContent, StoredFile, StoredSignature, StoredVerdict,
+    AssetRecord, AuditEntry, AuditFilter, Backlog, CancelAnswer, Census, Claimant, Examples, FileId, Finish, JobClaim,
+    JobFilter, JobId, JobRecord, KeyId, KeyRecord, KnownFiles, LooseFile, MatchedModel, ModelFacets, ModelFilter,
+    ModelId, ModelRecord, NewJob, NewKey, NewModel, NewScanSet, NewSession, NewStandard, NewSurfaceJob, Outdated,
+    Owner, Page, PageRequest, PoseFile, PutScan, Replay, ReplayKey, ScanRecord, ScanSetId, ScanSetRecord, SecretHash,
+    SessionId, StandardId, StandardRecord, StoredContent, StoredFile, StoredSignature, StoredVerdict,
 };
 use visage_shape::standards::Standard;
 
@@ -32,6 +33,8 @@ pub trait Database:
     + Evaluations
     + Replays
     + Files
+    + Keys
+    + Audit
     + Upkeep
     + Debug
     + Send
@@ -60,6 +63,20 @@ pub trait ScanSets {
 
     /// Sets the initial poses of a set. Refused while a job uses the set.
     async fn put_poses(&self, set: ScanSetId, poses: &PoseFile) -> Result<(), DatabaseError>;
+
+    /// When a set is to be deleted, if that was said.
+    async fn expiry(&self, id: ScanSetId) -> Result<Option<jiff::Timestamp>, DatabaseError>;
+
+    /// Says when a set is to be deleted; `None` takes it back.
+    async fn set_expiry(&self, id: ScanSetId, at: Option<jiff::Timestamp>) -> Result<(), DatabaseError>;
+
+    /// Up to `limit` sets after the given one, in the order of their ids, that were to be deleted by this time.
+    async fn expired_scan_sets(
+        &self,
+        now: jiff::Timestamp,
+        after: Option<ScanSetId>,
+        limit: usize,
+    ) -> Result<Vec<ScanSetId>, DatabaseError>;
 
     /// Deletes a scan set with everything derived from it; answers with the models that went with it.
     async fn delete_scan_set(&self, id: ScanSetId) -> Result<Deleted, DatabaseError>;
@@ -254,8 +271,8 @@ pub trait Evaluations {
     /// Queues an evaluation if there is anything to be done and none waits already.
     async fn queue_evaluation(&self) -> Result<Option<JobId>, DatabaseError>;
 
-    /// Queues an evaluation unless one waits already; answers with the one that waits. `replay` makes the answer that is
-    /// kept from that job.
+    /// Queues an evaluation unless one waits already; answers with the one that waits. `replay` makes the answer that
+    /// is kept from that job.
     async fn demand_evaluation(
         &self,
         replay: &(dyn for<'r> Fn(&'r JobRecord) -> Option<Replay> + Send + Sync),
@@ -286,6 +303,56 @@ pub trait Files {
     async fn forget_loose(&self, files: &[StoredFile]) -> Result<(), DatabaseError>;
 }
 
+/// Keys, and sessions of browsers that have shown one.
+#[async_trait]
+pub trait Keys {
+    /// Stores a key; there may be so many that are not revoked.
+    async fn create_key(&self, key: &NewKey, limit: usize) -> Result<(), DatabaseError>;
+
+    /// Keys, newest first; revoked ones too.
+    async fn keys(&self, page: &PageRequest) -> Result<Page<KeyRecord>, DatabaseError>;
+
+    /// One key with the hash of its secret.
+    async fn key(&self, id: KeyId) -> Result<Option<(KeyRecord, SecretHash)>, DatabaseError>;
+
+    /// Whether there was ever a key.
+    async fn has_keys(&self) -> Result<bool, DatabaseError>;
+
+    /// Revokes a key and ends its sessions; no trouble if it was revoked before.
+    async fn revoke_key(&self, id: KeyId) -> Result<(), DatabaseError>;
+
+    /// Stores a session.
+    async fn create_session(&self, session: &NewSession) -> Result<(), DatabaseError>;
+
+    /// One session.
+    async fn session(&self, id: SessionId) -> Result<Option<NewSession>, DatabaseError>;
+
+    /// Ends a session; no trouble if there is none.
+    async fn delete_session(&self, id: SessionId) -> Result<(), DatabaseError>;
+
+    /// Forgets sessions that are over.
+    async fn forget_old_sessions(&self) -> Result<u64, DatabaseError>;
+}
+
+/// The audit log.
+#[async_trait]
+pub trait Audit {
+    /// Adds an entry, on a full disk too; what was made counts for its key from then on.
+    async fn record(&self, entry: &AuditEntry) -> Result<(), DatabaseError>;
+
+    /// Entries, newest first.
+    async fn audit(&self, filter: &AuditFilter, page: &PageRequest) -> Result<Page<AuditEntry>, DatabaseError>;
+
+    /// Jobs of a key that wait or run; of those who needed none, for `None`.
+    async fn jobs_waiting_of(&self, key: Option<KeyId>) -> Result<u64, DatabaseError>;
+
+    /// Bytes of the files that a key has sent or had made and that are kept.
+    async fn bytes_stored_of(&self, key: Option<KeyId>) -> Result<u64, DatabaseError>;
+
+    /// Forgets entries from before this time.
+    async fn forget_audit_before(&self, time: jiff::Timestamp) -> Result<u64, DatabaseError>;
+}
+
 /// The database as a whole: whether it is there, sound and writable, and its end.
 #[async_trait]
 pub trait Upkeep {
@@ -303,6 +370,9 @@ pub trait Upkeep {
 
     /// Makes what was deleted unreadable wherever copies of it may still be, such as in a log.
     async fn fold_log(&self);
+
+    /// How much of everything there is.
+    async fn census(&self) -> Result<Census, DatabaseError>;
 
     /// Everything that the database finds wrong with itself; reads all of it.
     async fn integrity(&self) -> Result<Vec<String>, DatabaseError>;

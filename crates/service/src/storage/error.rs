@@ -28,6 +28,11 @@ pub enum DatabaseError {
     /// The file is a database of some other program.
     #[error("visage.sqlite is the database of another program; choose another --data folder")]
     Foreign,
+    /// A server of another version uses the database.
+    #[error(
+        "a server of another version of visage uses the database: use the program of that version, or stop it first"
+    )]
+    OtherVersion,
     /// The database could not be brought to this program's version.
     #[error("migration of the database: {0}")]
     Migration(#[source] Box<dyn Error + Send + Sync>),
@@ -72,6 +77,12 @@ pub enum DatabaseError {
     /// There is no room for another standard.
     #[error("there are {limit} standards already, the most that are kept")]
     TooManyStandards {
+        /// How many there may be.
+        limit: usize,
+    },
+    /// There is no room for another key.
+    #[error("there are {limit} keys already, the most that are kept")]
+    TooManyKeys {
         /// How many there may be.
         limit: usize,
     },

@@ -120,6 +120,9 @@ pub trait ObjectStore: Debug + Send + Sync + 'static {
     /// a process that lives, stays. Answers with the number of things. Blocks.
     fn sweep_staging(&self) -> Result<usize, ObjectError>;
 
+    /// Bytes that may still be kept; `None` where nobody says. Blocks.
+    fn free_bytes(&self) -> Option<u64>;
+
     /// Deletes for good what was set aside more than [`TRASH_DAYS`] days ago; answers with the number of batches.
     /// Blocks.
     fn empty_trash(&self, now: jiff::Timestamp) -> Result<usize, ObjectError>;

@@ -208,6 +208,10 @@ impl ObjectStore for MemoryObjects {
         Ok(before - content.staged.len())
     }
 
+    fn free_bytes(&self) -> Option<u64> {
+        None
+    }
+
     fn empty_trash(&self, now: jiff::Timestamp) -> Result<usize, ObjectError> {
         let mut content = self.shared.lock();
         let before = content.trash.len();

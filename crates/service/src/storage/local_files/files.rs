@@ -6,7 +6,7 @@ use std::io;
 use async_trait::async_trait;
 
 use super::staged::LocalWriter;
-use super::{LocalFiles, doing, gone, private, sync_folder};
+use super::{LocalFiles, doing, free_space, gone, private, sync_folder};
 use crate::storage::{AssetReader, ObjectError, ObjectStore, Reserve, StagedFile, StagedModel, StagedWriter};
 use visage_domain::{AssetRecord, FileId, ModelId, ScanRecord, ScanSetId, StandardId, StoredFile};
 
@@ -143,6 +143,10 @@ impl ObjectStore for LocalFiles {
 
     fn sweep_staging(&self) -> Result<usize, ObjectError> {
         self.staging.sweep().map_err(doing("emptying the staging folder"))
+    }
+
+    fn free_bytes(&self) -> Option<u64> {
+        free_space(&self.root).ok()
     }
 
     fn empty_trash(&self, now: jiff::Timestamp) -> Result<usize, ObjectError> {

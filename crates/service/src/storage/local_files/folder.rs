@@ -2,7 +2,7 @@
 
 use std::fs::{self, File};
 use std::io;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use super::{LocalFiles, doing, listing, private};
@@ -90,34 +90,64 @@ impl LocalFiles {
 
     /// The id that the folder holds; `None` for a new one, or one from before folders had ids.
     pub fn folder_id(&self) -> Result<Option<FolderId>, FolderError> {
-        match fs::read_to_string(self.root.join(MARKER)) {
-            Ok(text) => match FolderId::parse(text.trim()) {
-                Some(id) => Ok(Some(id)),
-                None => {
-                    Err(FolderError::Foreign { folder: self.name(), found: format!("a {MARKER} that is not visage's") })
-                }
-            },
-            Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
-            Err(error) => Err(doing("reading whose data folder it is")(error).into()),
-        }
+        folder_id(&self.root)
     }
 
     /// Says whose folder it is; only once. Blocks.
     pub fn put_folder_id(&self, id: FolderId) -> Result<(), ObjectError> {
+        Self::write_folder_id(&self.root, id)
+    }
+
+    /// The same for a folder that is being made. Blocks.
+    pub(super) fn write_folder_id(root: &Path, id: FolderId) -> Result<(), ObjectError> {
         let write = || -> io::Result<()> {
-            let new = self.root.join("visage.folder.new");
+            let new = root.join("visage.folder.new");
             let mut file = private::options().write(true).create(true).truncate(true).open(&new)?;
             io::Write::write_all(&mut file, format!("{id}\n").as_bytes())?;
             file.sync_all()?;
-            fs::rename(&new, self.root.join(MARKER))?;
-            super::sync_folder(&self.root)
+            fs::rename(&new, root.join(MARKER))?;
+            super::sync_folder(root)
         };
         write().map_err(doing("saying whose data folder it is"))
     }
+}
 
-    /// The folder's name for messages.
-    pub(super) fn name(&self) -> String {
-        self.root.display().to_string()
+/// A folder that nobody else uses as long as this lives.
+#[derive(Debug)]
+pub struct FolderLock {
+    root: PathBuf,
+    _lock: File,
+}
+
+impl FolderLock {
+    /// Creates the folder when absent, and takes its lock. One with other things in it is refused. Blocks.
+    pub fn take(root: &Path, patience: Duration) -> Result<FolderLock, FolderError> {
+        let holds_copy = ["visage.sqlite.new", MARKER].iter().any(|name| root.join(name).exists());
+        if !holds_copy {
+            refuse_foreign(root)?;
+        }
+        private::create_folder(root).map_err(doing("creating the data folder"))?;
+        private::restrict(root).map_err(doing("restricting the data folder"))?;
+        Ok(FolderLock { root: root.to_owned(), _lock: lock(root, patience)? })
+    }
+
+    /// The id that the folder holds, if it has one.
+    pub fn folder_id(&self) -> Result<Option<FolderId>, FolderError> {
+        folder_id(&self.root)
+    }
+}
+
+fn folder_id(root: &Path) -> Result<Option<FolderId>, FolderError> {
+    match fs::read_to_string(root.join(MARKER)) {
+        Ok(text) => match FolderId::parse(text.trim()) {
+            Some(id) => Ok(Some(id)),
+            None => Err(FolderError::Foreign {
+                folder: root.display().to_string(),
+                found: format!("a {MARKER} that is not visage's"),
+            }),
+        },
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(doing("reading whose data folder it is")(error).into()),
     }
 }
 

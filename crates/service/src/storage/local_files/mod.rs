@@ -19,8 +19,9 @@
 //! - `folder`: whose it is, lock and marker; `private`: who may read; `reserve`: space for when there is none
 //! - `files`: the folder as an [`ObjectStore`](crate::storage::ObjectStore); `staged`: files in the making; `verified`:
 //!   files are what was stored
-//! - `listing`, `sweep`: what is there, the trash
+//! - `listing`, `sweep`: what is there, the trash; [`copies`]: backups
 
+pub mod copies;
 mod files;
 mod folder;
 mod listing;
@@ -38,8 +39,13 @@ use std::sync::Arc;
 use crate::storage::{ObjectError, Reserve};
 use visage_domain::{FileId, ScanSetId};
 
-pub use folder::FolderError;
+pub use folder::{FolderError, FolderLock};
 pub use reserve::DiskReserve;
+
+/// Where the database of a folder is.
+pub fn database_of(root: &Path) -> PathBuf {
+    root.join("visage.sqlite")
+}
 
 /// Names what was being done when the file system said no.
 fn doing(doing: &'static str) -> impl FnOnce(io::Error) -> ObjectError {
@@ -75,7 +81,7 @@ impl LocalFiles {
 
     /// Where the database is.
     pub fn database(&self) -> PathBuf {
-        self.root.join("visage.sqlite")
+        database_of(&self.root)
     }
 
     fn trash(&self) -> PathBuf {

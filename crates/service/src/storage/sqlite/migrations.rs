@@ -13,7 +13,7 @@ macro_rules! files {
     };
 }
 
-const FILES: [(&str, &str); 9] = files![
+const FILES: [(&str, &str); 11] = files![
     "0001_first",
     "0002_base_model",
     "0003_standards",
@@ -23,6 +23,8 @@ const FILES: [(&str, &str); 9] = files![
     "0007_owners",
     "0008_passed_over",
     "0009_surfaces",
+    "0010_keys",
+    "0011_expiry",
 ];
 
 /// All of them.

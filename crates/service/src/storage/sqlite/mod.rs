@@ -7,9 +7,14 @@
 //! statements take the write lock at their start (`BEGIN IMMEDIATE`): a transaction that begins by reading
 //! and then writes would be refused at once when another one has written meanwhile.
 
+mod audit;
+mod census;
 mod evaluations;
 mod files;
+#[cfg(test)]
+mod history_tests;
 mod jobs;
+mod keys;
 mod matches;
 mod migrations;
 mod models;
@@ -58,26 +63,31 @@ impl SqliteDatabase {
     /// Opens the database file, creates it when absent, checks it, and brings it to this program's version. `reserve`
     /// is what is given away when the disk is full.
     pub async fn open_with(file: &Path, reserve: Arc<dyn Reserve>) -> Result<SqliteDatabase, DatabaseError> {
-        let options = SqliteConnectOptions::new()
-            .filename(file)
-            .create_if_missing(true)
-            .journal_mode(SqliteJournalMode::Wal)
-            // a job is answered with 202 only when it would survive a power cut
-            .synchronous(SqliteSynchronous::Full)
-            .foreign_keys(true)
-            .busy_timeout(BUSY_TIMEOUT)
-            // what was deleted must not stay readable in the file
-            .pragma("secure_delete", "ON");
+        let options = options(file).create_if_missing(true);
         migrate(&options).await?;
+        let store = Self::connect(options, reserve).await?;
+        store.fill_in_checksums().await?;
+        Ok(store)
+    }
+
+    /// Opens a database that another process of the same version may be using, and leaves it as it is.
+    pub async fn open_beside(file: &Path) -> Result<SqliteDatabase, DatabaseError> {
+        let store = Self::connect(options(file), Arc::new(NoReserve)).await?;
+        let version: Option<i64> =
+            sqlx::query_scalar("SELECT max(version) FROM _sqlx_migrations").fetch_one(&store.readers).await?;
+        if version != migrations::migrator().iter().next_back().map(|migration| migration.version) {
+            return Err(DatabaseError::OtherVersion);
+        }
+        Ok(store)
+    }
+
+    async fn connect(options: SqliteConnectOptions, reserve: Arc<dyn Reserve>) -> Result<Self, DatabaseError> {
         let writer = writing::writer(&options).await?;
         let readers = SqlitePoolOptions::new()
             .max_connections(READERS)
             .connect_with(options.read_only(true).create_if_missing(false))
             .await?;
-        let store =
-            SqliteDatabase { writer, readers, reserve, changes: Changes::default(), owner: Owner::on(SeatId::new()) };
-        store.fill_in_checksums().await?;
-        Ok(store)
+        Ok(SqliteDatabase { writer, readers, reserve, changes: Changes::default(), owner: Owner::on(SeatId::new()) })
     }
 
     /// The same database, used from a seat that may have been another process's before. Without, it is a new one.
@@ -85,6 +95,18 @@ impl SqliteDatabase {
     pub fn on_seat(self, seat: SeatId) -> SqliteDatabase {
         SqliteDatabase { owner: Owner::on(seat), ..self }
     }
+}
+
+fn options(file: &Path) -> SqliteConnectOptions {
+    SqliteConnectOptions::new()
+        .filename(file)
+        .journal_mode(SqliteJournalMode::Wal)
+        // a job is answered with 202 only when it would survive a power cut
+        .synchronous(SqliteSynchronous::Full)
+        .foreign_keys(true)
+        .busy_timeout(BUSY_TIMEOUT)
+        // what was deleted must not stay readable in the file
+        .pragma("secure_delete", "ON")
 }
 
 /// Checks the file and brings it to this program's version, on a connection that lets tables be built anew without

@@ -3,7 +3,7 @@
 use sqlx::SqliteConnection;
 
 use super::rows::row;
-use super::{SqliteDatabase, damaged, files, models, replays, sql_limit, stored_id, to_i64, to_u64};
+use super::{SqliteDatabase, damaged, files, models, replays, sql_limit, stored_id, timestamp, to_i64, to_u64};
 use crate::storage::database::ScanSets;
 use crate::storage::{DatabaseError, Deleted};
 use async_trait::async_trait;
@@ -142,6 +142,55 @@ impl ScanSets for SqliteDatabase {
             .await?;
         tx.commit().await?;
         Ok(())
+    }
+
+    async fn expiry(&self, id: ScanSetId) -> Result<Option<jiff::Timestamp>, DatabaseError> {
+        let found: Option<(Option<i64>,)> = sqlx::query_as(
+            "SELECT expiry.at FROM scan_set LEFT JOIN expiry ON expiry.scan_set_id = scan_set.id WHERE scan_set.id = ?",
+        )
+        .bind(id.to_string())
+        .fetch_optional(&self.readers)
+        .await?;
+        let (at,) = found.ok_or_else(|| not_found(id))?;
+        at.map(timestamp).transpose()
+    }
+
+    async fn set_expiry(&self, id: ScanSetId, at: Option<jiff::Timestamp>) -> Result<(), DatabaseError> {
+        let mut tx = self.begin().await?;
+        let is_there: bool = sqlx::query_scalar("SELECT EXISTS (SELECT 1 FROM scan_set WHERE id = ?)")
+            .bind(id.to_string())
+            .fetch_one(&mut *tx)
+            .await?;
+        if !is_there {
+            return Err(not_found(id));
+        }
+        sqlx::query("DELETE FROM expiry WHERE scan_set_id = ?").bind(id.to_string()).execute(&mut *tx).await?;
+        if let Some(at) = at {
+            sqlx::query("INSERT INTO expiry (scan_set_id, at) VALUES (?, ?)")
+                .bind(id.to_string())
+                .bind(at.as_millisecond())
+                .execute(&mut *tx)
+                .await?;
+        }
+        tx.commit().await
+    }
+
+    async fn expired_scan_sets(
+        &self,
+        now: jiff::Timestamp,
+        after: Option<ScanSetId>,
+        limit: usize,
+    ) -> Result<Vec<ScanSetId>, DatabaseError> {
+        let ids: Vec<String> = sqlx::query_scalar(
+            "SELECT scan_set_id FROM expiry WHERE at <= ?1 AND (?2 IS NULL OR scan_set_id > ?2)
+             ORDER BY scan_set_id LIMIT ?3",
+        )
+        .bind(now.as_millisecond())
+        .bind(after.map(|id| id.to_string()))
+        .bind(to_i64(limit as u64))
+        .fetch_all(&self.readers)
+        .await?;
+        ids.iter().map(|text| stored_id!(ScanSetId, text)).collect()
     }
 
     async fn delete_scan_set(&self, id: ScanSetId) -> Result<Deleted, DatabaseError> {

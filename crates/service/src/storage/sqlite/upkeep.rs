@@ -1,5 +1,6 @@
 //! The database as a whole: whether it is there, sound and writable, and its end.
 
+use std::path::Path;
 use std::sync::Arc;
 
 use async_trait::async_trait;
@@ -7,7 +8,7 @@ use async_trait::async_trait;
 use super::{SqliteDatabase, now_ms, stored_id};
 use crate::storage::DatabaseError;
 use crate::storage::database::Upkeep;
-use visage_domain::{FolderId, Owner};
+use visage_domain::{Census, FolderId, Owner};
 
 #[async_trait]
 impl Upkeep for SqliteDatabase {
@@ -43,6 +44,10 @@ impl Upkeep for SqliteDatabase {
         }
     }
 
+    async fn census(&self) -> Result<Census, DatabaseError> {
+        self.counted().await
+    }
+
     async fn integrity(&self) -> Result<Vec<String>, DatabaseError> {
         let lines: Vec<String> = sqlx::query_scalar("PRAGMA integrity_check(20)").fetch_all(&self.readers).await?;
         Ok(lines.into_iter().filter(|line| line != "ok").collect())
@@ -52,6 +57,22 @@ impl Upkeep for SqliteDatabase {
     async fn close(&self) {
         self.readers.close().await;
         self.writer.close().await;
+    }
+}
+
+/// A copy is a file of its own.
+impl SqliteDatabase {
+    /// Writes the database as it is at this moment into a new file; readers and writers go on meanwhile.
+    pub async fn write_copy(&self, file: &Path) -> Result<(), DatabaseError> {
+        // by the writer: the pool of readers opens the file such that nothing can be attached
+        sqlx::query("VACUUM INTO ?").bind(file.to_string_lossy().into_owned()).execute(&self.writer).await?;
+        Ok(())
+    }
+
+    /// Ends all sessions.
+    pub async fn forget_all_sessions(&self) -> Result<(), DatabaseError> {
+        sqlx::query("DELETE FROM session").execute(&self.writer).await?;
+        Ok(())
     }
 }
 
