@@ -101,11 +101,15 @@ fn settle_declared(
 }
 
 impl Settled {
-    /// Brings the scans to the unit, with what is said of places in them and the poses that they have in a model.
+    /// Brings the scans to the unit, with what is said of places in them, the poses that they have in a model, and those that
+    /// their own files tell. Other poses are in the unit of the set.
     pub fn apply(&self, scans: &mut [NamedScan], start: &mut Start) {
         for (scan, factor) in scans.iter_mut().zip(&self.factors).filter(|(_, factor)| **factor != 1.0) {
             scan.surface = scaled(std::mem::take(&mut scan.surface), *factor);
             start.hints.scale(&scan.name, *factor);
+            if let Some(pose) = start.poses.get_mut(&scan.name).filter(|_| start.of_scan_files) {
+                pose.translation.vector *= *factor;
+            }
             if let Some(matrix) = start.base.get_mut(&scan.name) {
                 turn_scaled(matrix, 1.0 / factor);
             }
@@ -269,12 +273,19 @@ mod tests {
         let hints =
             serde_json::json!({"regions": [{"scan": "a", "leave": {"sphere": {"center": [1, 0, 0], "radius": 2}}}]});
         let hints = serde_json::from_value(hints).expect("hints");
-        let mut start = Start { base: [("a".to_owned(), identity)].into(), hints, ..Start::default() };
+        let told = [("a".to_owned(), visage_geometry::Motion::translation(1.0, 0.0, 2.0))].into();
+        let base = [("a".to_owned(), identity)].into();
+        let mut start = Start { base, hints, poses: told, of_scan_files: true, ..Start::default() };
         let settled = Settled { unit: Unit::Mm, factors: vec![10.0], notes: Vec::new() };
         settled.apply(&mut scans, &mut start);
         assert_eq!(scans[0].surface.cloud.points, [Point3::new(10.0, 20.0, 30.0)]);
         assert_eq!(scans[0].surface.sensor, Some(Point3::new(0.0, 0.0, 10.0)));
         assert!((start.base["a"][0][0], start.base["a"][0][3]) == (0.1, 5.0));
+        assert_eq!(start.poses["a"].translation.vector, nalgebra::Vector3::new(10.0, 0.0, 20.0));
+        // poses that were given are in the unit of the set
+        start.of_scan_files = false;
+        settled.apply(&mut scans.clone(), &mut start);
+        assert_eq!(start.poses["a"].translation.vector.x, 10.0);
         let sphere = start.hints.regions[0].leave.as_ref().and_then(|region| region.sphere.as_ref()).expect("there");
         assert_eq!((sphere.center, sphere.radius), ([10.0, 0.0, 0.0], 20.0));
     }
