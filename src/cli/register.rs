@@ -133,7 +133,7 @@ pub fn run(args: RegisterArgs) -> anyhow::Result<()> {
     let declared: Vec<_> = names.iter().map(String::as_str).zip(read.iter().map(|reading| reading.unit)).collect();
     // depth images are in metres whatever is said of them
     let given = args.unit.filter(|_| folder.depth().is_none());
-    let settled = units::settle(given, &declared, &hints.units).map_err(with_hint)?;
+    let mut settled = units::settle(given, &declared, &hints.units).map_err(with_hint)?;
     settled.notes.iter().for_each(|note| eprintln!("note: {note}"));
     let mut dropped: BTreeMap<String, Dropped> = BTreeMap::new();
     let mut scans: Vec<NamedScan> = Vec::with_capacity(read.len());

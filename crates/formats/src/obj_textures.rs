@@ -82,13 +82,12 @@ impl Materials {
         let Some(text) = resolve(path) else {
             // the name of a file may have blanks, and a line the names of several
             let parts: Vec<&str> = path.split_ascii_whitespace().collect();
-            if parts.len() == 1 {
-                self.note("materials", path, "are not there");
+            let is_known = |part: &&str| self.done.contains(*part) || resolve(part).is_some();
+            if parts.len() > 1 && parts.iter().any(is_known) {
+                return parts.into_iter().try_for_each(|part| self.read(part, resolve, budget));
             }
-            return match parts.len() {
-                1 => Ok(()),
-                _ => parts.into_iter().try_for_each(|part| self.read(part, resolve, budget)),
-            };
+            self.note("materials", path, "are not there");
+            return Ok(());
         };
         let mut name = Vec::new();
         for line in lines(&text) {

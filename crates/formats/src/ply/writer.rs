@@ -142,8 +142,10 @@ macro_rules! put {
         fn $name(&mut self, value: $kind) {
             match self.encoding {
                 Encoding::Binary => self.bytes.extend(value.to_le_bytes()),
-                // writing to memory can't fail
-                Encoding::Text => drop(write!(self.bytes, "{value} ")),
+                Encoding::Text => {
+                    // writing to memory can't fail
+                    let _ = write!(self.bytes, "{value} ");
+                }
             }
         }
     };
@@ -273,8 +275,7 @@ mod tests {
             assert_eq!(text.map(|x| x as f32), binary.map(|x| x as f32));
         }
         // what needs doubles is read back to the last bit
-        cloud.points[0].x = 4.0e5 + 1.0 / 3.0;
-        cloud.points[2].x = 4.0e5;
+        cloud.points = (0..5).map(|k| Point3::new(4.0e5 + f64::from(k) / 3.0, 1.0, 0.0)).collect();
         let far = write_cloud_text(&cloud);
         assert!(header_of(&far).contains("property double x"));
         assert_eq!(back(&far).cloud, cloud);

@@ -1,6 +1,7 @@
 //! OBJ files whose colours are in other files of their archive: materials and pictures.
 
 use std::borrow::Cow;
+use std::cell::{Cell, RefCell};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Mutex, PoisonError};
 
@@ -43,18 +44,19 @@ impl Beside {
     /// Those of the reader; the outer ones are those of the storage.
     pub fn read(&self, desk: &Desk, name: &str, bytes: &[u8]) -> Result<Result<Textured, FormatError>, ObjectError> {
         let folder = name.rfind('/').map_or("", |end| &name[..=end]);
-        let failed = Mutex::new(None);
+        let (is_found, failed) = (Cell::new(false), RefCell::new(None));
         let resolve = |path: &str| {
             // the paths of an archive hold no `..`: nothing above the file's folder is found
             let file = format!("{folder}{path}");
             let staged = self.files.get(&file).filter(|_| path.split('/').count() <= obj_textures::DEPTH + 1)?;
             match desk.objects.read_staged(staged) {
                 Ok(bytes) => {
+                    is_found.set(true);
                     self.used.lock().unwrap_or_else(PoisonError::into_inner).insert(file);
                     Some(Cow::Owned(bytes))
                 }
                 Err(error) => {
-                    failed.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
+                    failed.borrow_mut().get_or_insert(error);
                     None
                 }
             }
@@ -62,18 +64,14 @@ impl Beside {
         let limits = desk.limits.read_limits();
         let read = || {
             let (_, bytes) = packed::unpacked(name, bytes, &limits)?;
-            let has_own = |reading: &Reading| reading.surface.cloud.colors.is_some();
-            let plain = visage_formats::obj::read(&bytes, &limits)?;
-            if has_own(&plain) {
-                return Ok(Textured { reading: plain, colored: None });
-            }
-            drop(plain);
             let reading = obj_textures::read(&bytes, &limits, &resolve)?;
-            let colored = has_own(&reading).then(|| written(name, &reading)).flatten();
+            // a file that has colours of its own asks for no other
+            let is_colored = is_found.get() && reading.surface.cloud.colors.is_some();
+            let colored = if is_colored { written(name, &reading) } else { None };
             Ok(Textured { reading, colored })
         };
         let read = read();
-        match failed.into_inner().unwrap_or_else(PoisonError::into_inner) {
+        match failed.into_inner() {
             Some(error) => Err(error),
             None => Ok(read),
         }
