@@ -18,6 +18,7 @@ mod start;
 mod still;
 mod supports;
 pub mod surface;
+mod surface_report;
 pub mod units;
 
 use std::collections::BTreeMap;

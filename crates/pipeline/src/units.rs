@@ -292,9 +292,9 @@ mod tests {
         assert!((start.base["a"][0][0], start.base["a"][0][3]) == (0.1, 5.0));
         assert_eq!(start.poses["a"].translation.vector, nalgebra::Vector3::new(10.0, 0.0, 20.0));
         // poses that were given are in the unit of the set
-        start.of_scan_files = false;
-        settled.apply(&mut scans.clone(), &mut start);
-        assert_eq!(start.poses["a"].translation.vector.x, 10.0);
+        let mut given = Start { of_scan_files: false, ..start.clone() };
+        settled.apply(&mut scans.clone(), &mut given);
+        assert_eq!(given.poses["a"].translation.vector.x, 10.0);
         let sphere = start.hints.regions[0].leave.as_ref().and_then(|region| region.sphere.as_ref()).expect("there");
         assert_eq!((sphere.center, sphere.radius), ([10.0, 0.0, 0.0], 20.0));
     }
