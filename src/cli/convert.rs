@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, bail, ensure};
+use anyhow::{Context, anyhow, bail, ensure};
 use clap::Args;
 
 use crate::formats::written::{Written, scaled};
@@ -24,6 +24,9 @@ pub struct ConvertArgs {
     /// Write the vertices of a mesh as a cloud, with all their attributes
     #[arg(long)]
     points: bool,
+    /// Write text where the format knows both text and binary files (PLY)
+    #[arg(long)]
+    ascii: bool,
 }
 
 /// Reads and writes.
@@ -65,6 +68,12 @@ fn surface_as(args: &ConvertArgs, ending: &str, name: &str, bytes: &[u8]) -> any
         endings.dedup();
         bail!("files ending in {ending:?} are not written: give one of {}", endings.join(", "));
     };
+    let writers = if args.ascii {
+        let able = |able| anyhow!("--ascii is for formats that are binary otherwise ({able}): leave it out");
+        format.writers.as_text().map_err(able)?
+    } else {
+        format.writers
+    };
     let Reading { surface, dropped, unit: declared } = formats::read(name, bytes, &ReadLimits::default())?;
     if !dropped.is_empty() {
         eprintln!("note: {dropped}");
@@ -76,8 +85,8 @@ fn surface_as(args: &ConvertArgs, ending: &str, name: &str, bytes: &[u8]) -> any
         eprintln!("note: {} files are in metres: lengths are multiplied by {factor}", format.name);
     }
     let surface = scaled(surface, factor);
-    let write_mesh = format.writers.mesh.filter(|_| !args.points && !surface.faces.is_empty());
-    match (write_mesh, format.writers.cloud) {
+    let write_mesh = writers.mesh.filter(|_| !args.points && !surface.faces.is_empty());
+    match (write_mesh, writers.cloud) {
         (Some(write), _) => {
             let given = args.unit.or_else(|| declared.and_then(DeclaredUnit::unit)).unwrap_or_default();
             let unit = if metres.is_some() && format.fixed_unit().is_some() { Unit::M } else { given };
@@ -132,6 +141,12 @@ mod tests {
         let refused =
             format!("{:#}", converted(("a.xyz", b"1 2 3\n4 5 6\n7 8 1\n"), "b.stl", &[]).expect_err("points"));
         assert!(refused.contains("it has no triangles"), "{refused}");
+        let text = converted(("a.obj", OBJ), "b.ply", &["--ascii"]).expect("a mesh");
+        assert!(text.starts_with(b"ply\nformat ascii") && text.ends_with(b"\n0 0 1000\n3 0 1 2\n"));
+        let points = converted(("a.obj", OBJ), "b.ply", &["--ascii", "--points"]).expect("a cloud");
+        assert!(points.ends_with(b"\n0 0 1000\n"));
+        let refused = format!("{:#}", converted(("a.obj", OBJ), "b.glb", &["--ascii"]).expect_err("binary alone"));
+        assert!(refused.contains("--ascii is for formats that are binary otherwise (PLY)"), "{refused}");
         let refused = format!("{:#}", converted(("a.obj", OBJ), "b.doc", &[]).expect_err("no format"));
         assert!(refused.contains("give one of ply, pcd"), "{refused}");
     }

@@ -133,13 +133,8 @@ pub fn run(args: RegisterArgs) -> anyhow::Result<()> {
     let declared: Vec<_> = names.iter().map(String::as_str).zip(read.iter().map(|reading| reading.unit)).collect();
     // depth images are in metres whatever is said of them
     let given = args.unit.filter(|_| folder.depth().is_none());
-    let settled = units::settle(given, &declared, &hints.units).map_err(with_hint)?;
+    let mut settled = units::settle(given, &declared, &hints.units).map_err(with_hint)?;
     settled.notes.iter().for_each(|note| eprintln!("note: {note}"));
-    for (name, factor) in names.iter().zip(&settled.factors) {
-        if let Some(pose) = of_files.get_mut(name) {
-            pose.translation.vector *= *factor;
-        }
-    }
     let mut dropped: BTreeMap<String, Dropped> = BTreeMap::new();
     let mut scans: Vec<NamedScan> = Vec::with_capacity(read.len());
     for (name, reading) in names.iter().zip(read) {
@@ -148,6 +143,7 @@ pub fn run(args: RegisterArgs) -> anyhow::Result<()> {
     }
     let mut start = Start {
         other_conventions: poses.as_ref().map(|file| file.other_conventions).unwrap_or_default(),
+        of_scan_files: poses.as_ref().is_none_or(|file| file.of_scan_files),
         poses: poses.as_ref().map_or(of_files, PoseFile::to_map),
         scales: poses.map(|file| file.scales).unwrap_or_default(),
         base: base.map(|file| file.matrices).unwrap_or_default(),

@@ -86,6 +86,7 @@ pub(super) fn in_words(surface: &SurfaceOutcome, unit: Unit, without: &str) -> V
             spacings.mean
         ));
     }
+    lines.extend(surface.reasons.iter().map(|reason| format!("  {reason}")));
     lines
 }
 

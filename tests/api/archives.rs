@@ -65,7 +65,7 @@ async fn an_archive_is_a_set_with_its_poses_and_what_is_no_part_of_it_is_said() 
     assert_eq!(set["poses"]["scans_without_pose"], json!(["c.ply"]));
     let passed: Vec<String> =
         set["passed_over"].as_array().expect("a list").iter().map(|file| text(file, "/file")).collect();
-    let expected = ["../out.ply", "__MACOSX/set/._a.ply", "readme.md", "set/photo.jpg"];
+    let expected = ["../out.ply", "__MACOSX/set/._a.ply", "photo.jpg", "readme.md"];
     assert_eq!(passed, expected.map(|file| format!("{file} in turn table.zip")));
     assert_eq!(set["passed_over"][0]["why"], "leads out of the archive");
     assert_eq!(set["scans"][2]["checksum"], blake3::hash(&b).to_hex().to_string());
@@ -87,6 +87,15 @@ async fn each_scan_of_an_e57_file_is_one_of_the_set_and_starts_from_its_pose() {
     );
     let set = set.await;
     assert_eq!(names(&set), ["door.e57", "room.e57#1.e57", "x.ply"]);
+    // one by one they are sent alone
+    let place = format!("{}/scans", text(&set, "/links/self"));
+    let problem =
+        expect_problem(server.put(&format!("{place}/more.e57"), room.clone()).await, 422, "several_scans").await;
+    assert!(text(&problem, "/detail").contains("holds 2 scans"), "{problem}");
+    assert!(text(&problem, "/hint").contains("POST /v1/scan-sets/upload"), "{problem}");
+    let alone = server.put(&format!("{place}/alone.e57"), e57(&["alone"])).await;
+    assert_eq!(alone.status(), StatusCode::CREATED);
+    assert_eq!(server.delete(&format!("{place}/alone.e57")).await, StatusCode::NO_CONTENT);
     assert_eq!((&set["scans"][0]["points"], &set["scans"][0]["reading"]), (&json!(60), &Value::Null));
     assert_eq!(set["poses"]["scans_without_pose"], json!(["x.ply"]));
     // they are registered as they are in the file
@@ -103,6 +112,83 @@ async fn each_scan_of_an_e57_file_is_one_of_the_set_and_starts_from_its_pose() {
     assert_eq!(names(&set), ["door.e57", "one.e57", "room.e57#1.e57"]);
     assert_eq!((set["poses"]["file"].as_str(), &set["poses"]["scans_without_pose"]), (Some("poses"), &json!([])));
     assert_eq!(set["scans"][1]["checksum"], blake3::hash(&one).to_hex().to_string());
+}
+
+#[tokio::test]
+async fn poses_that_files_tell_are_converted_with_their_scans() {
+    let server = TestServer::start().await;
+    let room = e57(&["door", "wall"]);
+    let pose = async |units: Value| {
+        let sent = form(&[("room.e57", &room)]).text("unit", "mm");
+        let set = expect_json(server.post_form(ROUTE, sent).await, StatusCode::CREATED).await;
+        let order = json!({"scan_set_id": text(&set, "/id"), "hints": {"units": units}});
+        let job = expect_json(server.post("/v1/jobs", &order).await, StatusCode::ACCEPTED).await;
+        let job = server.finished(&text(&job, "/id")).await;
+        let poses = server.get(&format!("/v1/models/{}/poses.json", text(&job, "/model_id"))).await;
+        expect_json(poses, StatusCode::OK).await["wall.e57"].clone()
+    };
+    // what is given counts: all numbers are millimetres
+    assert_eq!(pose(json!({})).await[0], json!([1.0, 0.0, 0.0, 1.0]));
+    // a scan in metres stands a metre away, and its matrix maps the file
+    assert_eq!(pose(json!({"door.e57": "m", "wall.e57": "m"})).await[0], json!([1000.0, 0.0, 0.0, 1000.0]));
+}
+
+/// A picture of two by two pixels: red, green, blue, white.
+fn texture() -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, 2, 2);
+    encoder.set_color(png::ColorType::Rgb);
+    let data = [255, 0, 0, 0, 255, 0, 0, 0, 255, 255, 255, 255];
+    encoder.write_header().expect("a header").write_image_data(&data).expect("data");
+    bytes
+}
+
+#[tokio::test]
+async fn an_obj_file_has_the_colours_of_its_materials_and_pictures() {
+    let server = TestServer::start().await;
+    let grid = |columns: usize| {
+        let corners = (0..6 * columns).map(|k| (k % columns, k / columns));
+        let vertices: String = corners
+            .map(|(x, y)| {
+                let z = (x as f64).sin() + (y as f64).cos();
+                format!("v {x} {y} {z}\nvt {} {}\n", 0.1 + 0.8 * f64::from(x > 3), 0.9 - 0.8 * f64::from(y > 2))
+            })
+            .collect();
+        let faces: String = (0..5 * (columns - 1))
+            .map(|k| 1 + k % (columns - 1) + k / (columns - 1) * columns)
+            .map(|a| format!("f {a}/{a} {b}/{b} {c}/{c}\n", b = a + 1, c = a + columns))
+            .collect();
+        format!("mtllib skin.mtl\n{vertices}usemtl skin\n{faces}")
+    };
+    let (a, b) = (grid(8), grid(9));
+    let packed = visage::formats::packed::pack(b.as_bytes());
+    let (materials, picture) = (b"newmtl skin\nKd 1 1 1\nmap_Kd maps/skin.png\n".as_slice(), texture());
+    let archive = zip(&[
+        ("set/b/maps/skin.png", &picture),
+        ("set/b/maps/other.png", &picture),
+        ("set/photo.jpg", b"\xff\xd8"),
+        ("set/b/b.obj.gz", &packed),
+        ("set/a.obj", a.as_bytes()),
+        ("set/b/skin.mtl", materials),
+    ]);
+    let set = expect_json(server.post_form(ROUTE, form(&[("set.zip", &archive)])).await, StatusCode::CREATED).await;
+    assert_eq!(names(&set), ["a.obj", "b/b.obj.gz"]);
+    let passed: Vec<String> =
+        set["passed_over"].as_array().expect("a list").iter().map(|file| text(file, "/file")).collect();
+    assert_eq!(passed, ["b/maps/other.png in set.zip", "photo.jpg in set.zip"]);
+    // what is above the folder of a file is not its own
+    let notes = &set["scans"][0]["reading"]["notes"];
+    assert!(text(notes, "/0").starts_with("colours: the materials \"skin.mtl\" are not there"), "{notes}");
+    assert_eq!((&set["scans"][1]["reading"]["colors"], &set["scans"][1]["points"]), (&json!(1), &json!(54)));
+    let checksum = text(&set, "/scans/1/checksum");
+    let files = std::fs::read_dir(server.folder.path().join("scan-sets").join(text(&set, "/id"))).expect("a folder");
+    let stored = files.map(|file| std::fs::read(file.expect("an entry").path()).expect("a file"));
+    let stored = stored.into_iter().find(|file| blake3::hash(file).to_hex().as_str() == checksum).expect("it is kept");
+    let limits = visage::formats::ReadLimits::default();
+    let read = visage::formats::read_surface("b.obj.gz", &stored, &limits).expect("what is stored is sound");
+    let colors = read.cloud.colors.expect("those of the picture");
+    assert_eq!((colors[0], colors[8], colors[53], read.faces.len()), ([255, 0, 0], [0, 255, 0], [0; 3], 40));
+    assert_eq!(read.cloud.points[9], Point3::new(0.0, 1.0, 1f64.cos()));
 }
 
 /// A depth image of 8 x 6 pixels at a metre.

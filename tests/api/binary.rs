@@ -271,3 +271,51 @@ fn nobody_is_let_in_from_elsewhere_by_accident() {
     let said = String::from_utf8_lossy(&output.stderr);
     assert!(said.contains("visage key create") && said.contains("--open"), "{said}");
 }
+
+#[tokio::test]
+async fn killed_in_a_surface_job_it_loses_nothing_and_makes_the_same_bytes() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let process = Process::start(folder.path());
+    let cloud = Part::bytes(coarse_scan(0, 300)).file_name("cloud.ply");
+    let form = Form::new().part("model", cloud).text("unit", "mm");
+    let sent = client().post(format!("{}/v1/models", process.url)).multipart(form).send().await.expect("an answer");
+    let model = text(&expect_json(sent, StatusCode::CREATED).await, "/id");
+    let order = json!({"kind": "surface", "model_id": model, "options": {"fill": "all", "triangles": 9000}});
+    let post = async |process: &Process| {
+        let sent = client().post(format!("{}/v1/jobs", process.url)).json(&order).send().await.expect("an answer");
+        text(&expect_json(sent, StatusCode::ACCEPTED).await, "/id")
+    };
+    let job = post(&process).await;
+    let begin = Instant::now();
+    loop {
+        let view = process.get(&format!("/v1/jobs/{job}")).await;
+        if view["stage"] == "surfacing" {
+            break;
+        }
+        assert!(view["status"] != "succeeded" && begin.elapsed() < Duration::from_secs(60), "never surfacing: {view}");
+    }
+    process.signal("-KILL");
+    let restarted = Process::start(folder.path());
+    let ended = finished(&restarted, &job).await;
+    assert_eq!((&ended["status"], &ended["attempts"]), (&json!("succeeded"), &json!(2)), "{ended}");
+    // one that nobody disturbs
+    let again = finished(&restarted, &post(&restarted).await).await;
+    let made = async |ended: &Value| {
+        let model = text(ended, "/links/model");
+        let mut files = Vec::new();
+        for asset in ["cloud.ply", "mesh.ply", "preview.glb"] {
+            let sent = client().get(format!("{}{model}/{asset}", restarted.url)).send().await.expect("an answer");
+            assert_eq!(sent.status(), StatusCode::OK, "{asset}");
+            files.push(sent.bytes().await.expect("a body"));
+        }
+        (files, restarted.get(&format!("{model}/report.json")).await["result"].clone())
+    };
+    assert_eq!(made(&ended).await, made(&again).await);
+    let models = restarted.get("/v1/models").await;
+    assert_eq!(models["items"].as_array().map(Vec::len), Some(3), "the model, and what each job has made");
+    restarted.signal("-TERM");
+    drop(restarted);
+    let doctor = Command::new(env!("CARGO_BIN_EXE_visage")).args(["doctor", "--data"]).arg(folder.path()).output();
+    let doctor = doctor.expect("it runs");
+    assert!(doctor.status.success(), "{}", String::from_utf8_lossy(&doctor.stdout));
+}

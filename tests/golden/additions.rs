@@ -150,6 +150,44 @@ fn a_scan_in_another_unit_is_added_with_its_scale() {
 }
 
 #[test]
+fn a_model_whose_scans_were_converted_is_added_to() {
+    let set = SCANNER.scan_set(&objects::blob(8, 20_000).mesh, 8);
+    let initial = disturb(&set.poses, 0.04, 4.0, 8);
+    // the second scan is in metres
+    let mut factors = [1.0; 8];
+    factors[1] = 1000.0;
+    let all = named(&in_other_units(&set, &factors));
+    let register = |count: usize, base: BTreeMap<String, pipeline::PoseMatrix>, said: bool| {
+        let mut scans = all[..count].to_vec();
+        let names: Vec<String> = scans.iter().map(|scan| scan.name.clone()).collect();
+        let said = if said { [(name(1), Unit::M)].into() } else { BTreeMap::new() };
+        let declared: Vec<_> = names.iter().map(|name| (name.as_str(), None)).collect();
+        let mut settled = pipeline::units::settle(Some(Unit::Mm), &declared, &said).expect("clear");
+        let mut start = Start { base, ..start(&initial[..count]) };
+        settled.apply(&mut scans, &mut start);
+        let mut outcome = run(scans, &start, &quick()).expect("a sound set");
+        settled.undo(&names, &mut outcome);
+        outcome
+    };
+    let base = register(7, BTreeMap::new(), true);
+    assert!((base.matrices[1].1.expect("placed")[0][0].hypot(base.matrices[1].1.expect("placed")[1][0])) > 100.0);
+    let file = poses::read_scaled("poses.json", poses::write_matrices(&base.matrices).as_bytes()).expect("our own");
+    // whether the unit is said again or not: the matrix holds the scale
+    for said in [true, false] {
+        let outcome = register(8, file.matrices.clone(), said);
+        assert_eq!(poses::write_matrices(&outcome.matrices[..7]), poses::write_matrices(&base.matrices), "{said}");
+        assert_eq!(outcome.report.to_json()["verdict"]["quality"], "good", "{said}");
+        let ends = |all: &[Motion]| [all[0], all[7]];
+        let error = pose_error(
+            &ends(&placed(&outcome)),
+            &ends(&set.poses),
+            &samples(&[set.scans[0].clone(), set.scans[7].clone()]),
+        );
+        assert!(error.rotation_deg_max < 0.4, "{said}: {error:?}");
+    }
+}
+
+#[test]
 fn the_reference_keeps_its_pose_and_comes_first() {
     let set = SCANNER.scan_set(&objects::blob(7, 20_000).mesh, 7);
     let mut initial = disturb(&set.poses, 0.04, 3.0, 7);

@@ -44,7 +44,10 @@ fn a_head_gets_a_mesh_that_says_what_was_seen() {
     let specimen = head(&Proportions::of(1));
     let outcome = registered(&specimen, options(Fill::Small));
     let surface = outcome.mesh.expect("a mesh is made when nothing is said");
-    assert_eq!(outcome.report.surface, Some(surface.report));
+    assert_eq!(outcome.report.surface.as_ref(), Some(&surface.report));
+    let layers = surface.report.layers.as_ref().expect("the scans overlap");
+    assert!(layers.scans.iter().all(|scan| scan.name.is_some() && scan.distance < layers.spacing), "{layers:?}");
+    assert!(surface.report.reasons.is_empty(), "{:?}", surface.report.reasons);
     let mesh = &surface.surface.mesh;
     assert_eq!(outcome.report.to_json()["surface"]["triangles"], mesh.faces.len());
     let support = surface.surface.support.as_ref().expect("it says what was seen");
@@ -84,7 +87,7 @@ fn where_no_mesh_or_no_cloud_is_wanted_there_is_none() {
     let specimen = head(&Proportions::of(1));
     for wanted in [Options { mesh: false, ..options(Fill::Small) }, Options { cloud: false, ..options(Fill::Small) }] {
         let outcome = registered(&specimen, wanted.clone());
-        assert_eq!((&outcome.mesh, outcome.report.surface), (&None, None), "{wanted:?}");
+        assert_eq!((&outcome.mesh, &outcome.report.surface), (&None, &None), "{wanted:?}");
         assert_eq!(outcome.cloud.is_some(), wanted.cloud);
         assert!(outcome.report.to_json().get("surface").is_none());
     }

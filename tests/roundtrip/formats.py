@@ -45,8 +45,8 @@ def check(name, holds, detail=""):
         print(f"FAILED {name} {detail}")
 
 
-def convert(name, out):
-    run = subprocess.run([CONVERT, FOLDER / name, FOLDER / out], capture_output=True, text=True)
+def convert(name, out, *options):
+    run = subprocess.run([CONVERT, FOLDER / name, FOLDER / out, *options], capture_output=True, text=True)
     if run.returncode != 0:
         check(f"{name} to {out}", False, run.stderr.strip())
         return False
@@ -150,18 +150,18 @@ def meshes():
     for name in ["o.off", "o.obj", "o.stl", "o.ply"]:
         o3d.io.write_triangle_mesh(str(FOLDER / name), mesh)
         their_mesh(name)
-    for ending in ["off", "obj", "stl", "ply"]:
-        if convert("t.ply", f"ours.{ending}"):
-            path = str(FOLDER / f"ours.{ending}")
+    for ours, options in [("ours.off", ()), ("ours.obj", ()), ("ours.stl", ()), ("ours.ply", ()), ("text.ply", ("--ascii",))]:
+        if convert("t.ply", ours, *options):
+            path = str(FOLDER / ours)
             by_trimesh = trimesh.load(path, force="mesh")
-            same_corners(by_trimesh.triangles, SPHERE.triangles, f"ours.{ending} by trimesh")
+            same_corners(by_trimesh.triangles, SPHERE.triangles, f"{ours} by trimesh")
             by_open3d = o3d.io.read_triangle_mesh(path)
             corners = np.asarray(by_open3d.vertices)[np.asarray(by_open3d.triangles)]
-            same_corners(corners, SPHERE.triangles, f"ours.{ending} by Open3D")
+            same_corners(corners, SPHERE.triangles, f"{ours} by Open3D")
             by_meshlab = pymeshlab.MeshSet()
             by_meshlab.load_new_mesh(path)
             mesh = by_meshlab.current_mesh()
-            same_corners(mesh.vertex_matrix()[mesh.face_matrix()], SPHERE.triangles, f"ours.{ending} by MeshLab")
+            same_corners(mesh.vertex_matrix()[mesh.face_matrix()], SPHERE.triangles, f"{ours} by MeshLab")
 
 
 def files_of_meshlab():
@@ -199,20 +199,26 @@ def ours():
     source.normals = o3d.utility.Vector3dVector(NORMALS)
     source.colors = o3d.utility.Vector3dVector(COLORS / 255)
     o3d.io.write_point_cloud(str(FOLDER / "source.ply"), source)
-    for ending in ["ply", "pcd"]:
-        if convert("source.ply", f"ours.{ending}"):
-            cloud = o3d.io.read_point_cloud(str(FOLDER / f"ours.{ending}"))
+    text = ("--ascii",)
+    for name, options in [("ours.ply", ()), ("ours.pcd", ()), ("text.ply", text)]:
+        if convert("source.ply", name, *options):
+            cloud = o3d.io.read_point_cloud(str(FOLDER / name))
             colors = np.round(np.asarray(cloud.colors) * 255).astype(int)
-            compare(f"ours.{ending} by Open3D", np.asarray(cloud.points), np.asarray(cloud.normals), colors)
-    for ending in ["ply", "obj"]:
-        if convert("source.ply", f"ours.{ending}"):
+            compare(f"{name} by Open3D", np.asarray(cloud.points), np.asarray(cloud.normals), colors)
+    if convert("source.ply", "text.ply", *text):
+        check("text.ply is text", (FOLDER / "text.ply").read_bytes().startswith(b"ply\nformat ascii 1.0\n"))
+        points, normals, colors, _ = of_ply("text.ply")
+        compare("text.ply by plyfile", points, normals, colors)
+        theirs("text.ply", True, True)
+    for name, options in [("ours.ply", ()), ("ours.obj", ()), ("text.ply", text)]:
+        if convert("source.ply", name, *options):
             by_meshlab = pymeshlab.MeshSet()
-            by_meshlab.load_new_mesh(str(FOLDER / f"ours.{ending}"))
+            by_meshlab.load_new_mesh(str(FOLDER / name))
             cloud = by_meshlab.current_mesh()
             colors = np.round(cloud.vertex_color_matrix()[:, :3] * 255).astype(int)
             # it takes normals of OBJ from faces only
-            normals = cloud.vertex_normal_matrix() if ending == "ply" else None
-            compare(f"ours.{ending} by MeshLab", cloud.vertex_matrix(), normals, colors)
+            normals = cloud.vertex_normal_matrix() if name.endswith("ply") else None
+            compare(f"{name} by MeshLab", cloud.vertex_matrix(), normals, colors)
     if convert("source.ply", "ours.xyz"):
         rows = np.loadtxt(FOLDER / "ours.xyz")
         compare("ours.xyz by NumPy", rows[:, :3], rows[:, 3:6], rows[:, 6:9].astype(int))

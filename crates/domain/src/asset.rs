@@ -112,6 +112,8 @@ assets! {
     Cloud = "cloud.ply", visage_formats::ply::FORMAT.media_type, Cloud, signature: true;
     /// The surface of that cloud. Signatures are made from the cloud: a mesh of this name describes an upload alone.
     Mesh = "mesh.ply", visage_formats::ply::FORMAT.media_type, Mesh, signature: false;
+    /// A copy of that surface that pages can show large: where it has many more triangles.
+    Medium = "medium.glb", visage_formats::gltf::GLB.media_type, Mesh, signature: false;
     /// A small copy of that surface.
     Preview = "preview.glb", visage_formats::gltf::GLB.media_type, Mesh, signature: false;
     /// What the registration found out, and what it took.
@@ -129,6 +131,11 @@ impl Asset {
                 meshes.chain(holding(Content::Points).map(Asset::UploadedCloud)).collect()
             }
         }
+    }
+
+    /// Whether it shows less than another file of the same model.
+    pub fn is_coarse_copy(self) -> bool {
+        matches!(self, Asset::Medium | Asset::Preview)
     }
 
     /// The names of the files that the signature of a model may be made anew from, the best first.

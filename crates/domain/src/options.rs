@@ -263,7 +263,7 @@ options! {
         "the most triangles of the mesh: it is made coarser where that shows least; all are kept when not given";
     max_error: Option<f64> = None, Kind::Number(0.0, LONGEST),
         "make the mesh coarser as far as no place of it is farther off than this, in the unit of the scans";
-    preview: bool = true, Kind::Flag, "make a small copy of the mesh for pages and phones";
+    preview: bool = true, Kind::Flag, "make coarse copies of the mesh for pages and phones";
     deface: bool = false, Kind::Flag,
         "cut the face out of cloud and mesh, where one is found: for copies that must not show whose it is";
     signature: bool = true, Kind::Flag, "make the signature by which queries find the model";

@@ -64,8 +64,8 @@ pub use poses::same_name;
 pub use reading::{DeclaredUnit, Dropped, Reading, ScanReading};
 pub use several::scan_names;
 pub use table::{
-    Content, Format, Reader, ScansReader, SurfaceReader, Writers, is_common, markdown, scan_files, shared_frame,
-    surface_endings, surface_names,
+    Content, Format, Reader, ScansReader, SurfaceReader, TextWriters, Writers, is_common, markdown, scan_files,
+    shared_frame, surface_endings, surface_names,
 };
 
 use visage_geometry::Surface;

@@ -1,13 +1,22 @@
 //! Colours of OBJ files whose materials and pictures are in other files: of an archive, or a folder that was uploaded.
 
-use std::collections::HashMap;
+use std::borrow::Cow;
+use std::collections::{HashMap, HashSet};
 
 use super::budget::Budget;
 use super::picture::{Picture, repeated};
 use super::{FormatError, ReadLimits, Reading, number, obj, quote, text_start};
 
-/// Gives the bytes of a file beside the OBJ file, by its path from there (`/` between folders).
-pub type Resolve<'r, 'a> = &'r dyn Fn(&str) -> Option<&'a [u8]>;
+/// Gives the bytes of a file beside the OBJ file, by its path from there (`/` between folders). They are not kept: one such
+/// file at a time is in memory.
+pub type Resolve<'r, 'a> = &'r dyn Fn(&str) -> Option<Cow<'a, [u8]>>;
+
+/// Endings of the files that an OBJ file may need.
+pub const ENDINGS: &[&str] = &["mtl", "png", "jpg", "jpeg"];
+/// An OBJ file's files are in its folder, or in folders in it down to this depth.
+pub const DEPTH: usize = 2;
+/// More than so many notes say nothing new.
+const MOST_NOTES: usize = 8;
 
 /// Reads an OBJ file as [`obj::read`] does. If its vertices have no colours, its materials give them: by the picture of
 /// the first face that has a vertex (`map_Kd`), or by its plain colour (`Kd`). A file that isn't there costs its
@@ -23,7 +32,7 @@ pub fn read(bytes: &[u8], limits: &ReadLimits, resolve: Resolve) -> Result<Readi
     }
     let text = &bytes[text_start(bytes)?..];
     let mut budget = limits.budget();
-    let mut materials = Materials { all: HashMap::new(), notes: Vec::new() };
+    let mut materials = Materials::default();
     for line in lines(text).filter(|line| keyword(line) == b"mtllib") {
         materials.read(&rest(line), resolve, &mut budget)?;
     }
@@ -46,20 +55,42 @@ enum Material {
     Picture(Picture),
 }
 
+#[derive(Default)]
 struct Materials {
     all: HashMap<Vec<u8>, Material>,
     notes: Vec<String>,
+    /// Paths that were read, or tried in vain: a file that names one a million times has it read once.
+    done: HashSet<String>,
 }
 
 impl Materials {
+    fn note(&mut self, what: &str, path: &str, problem: &str) {
+        match self.notes.len() {
+            0..MOST_NOTES => self.notes.push(format!("colours: the {what} {} {problem}", quote(path.as_bytes()))),
+            MOST_NOTES => self.notes.push("colours: further files are missing or can't be read".into()),
+            _ => {}
+        }
+    }
+
     /// Reads a library of materials.
     fn read(&mut self, path: &str, resolve: Resolve, budget: &mut Budget) -> Result<(), FormatError> {
+        if self.done.contains(path) {
+            return Ok(());
+        }
+        budget.take(1, size_of::<String>() + path.len())?;
+        self.done.insert(path.to_owned());
         let Some(text) = resolve(path) else {
-            self.notes.push(format!("colours: the materials {} are not there", quote(path.as_bytes())));
+            // the name of a file may have blanks, and a line the names of several
+            let parts: Vec<&str> = path.split_ascii_whitespace().collect();
+            let is_known = |part: &&str| self.done.contains(*part) || resolve(part).is_some();
+            if parts.len() > 1 && parts.iter().any(is_known) {
+                return parts.into_iter().try_for_each(|part| self.read(part, resolve, budget));
+            }
+            self.note("materials", path, "are not there");
             return Ok(());
         };
         let mut name = Vec::new();
-        for line in lines(text) {
+        for line in lines(&text) {
             match keyword(line) {
                 b"newmtl" => name = rest(line).into_bytes(),
                 b"Kd" => {
@@ -71,24 +102,36 @@ impl Materials {
                     let color = channels.map(|channel| (channel * 255.0).round() as u8);
                     self.all.entry(name.clone()).or_insert(Material::Plain(color));
                 }
-                b"map_Kd" => {
-                    let path = picture_path(line);
-                    let Some(bytes) = resolve(&path) else {
-                        self.notes.push(format!("colours: the picture {} is not there", quote(path.as_bytes())));
-                        continue;
-                    };
-                    match Picture::read(bytes, budget)? {
-                        Ok(picture) => {
-                            self.all.insert(name.clone(), Material::Picture(picture));
-                        }
-                        Err(problem) => {
-                            self.notes.push(format!("colours: the picture {} {problem}", quote(path.as_bytes())));
-                        }
-                    }
-                }
+                b"map_Kd" => self.read_picture(&name, &picture_path(line), resolve, budget)?,
                 _ => {}
             }
         }
+        Ok(())
+    }
+
+    /// Gives a material its picture.
+    fn read_picture(
+        &mut self,
+        name: &[u8],
+        path: &str,
+        resolve: Resolve,
+        budget: &mut Budget,
+    ) -> Result<(), FormatError> {
+        if self.done.contains(path) {
+            return Ok(());
+        }
+        let found = resolve(path);
+        let problem = match found.as_deref().map(|bytes| Picture::read(bytes, budget)).transpose()? {
+            Some(Ok(picture)) => {
+                self.all.insert(name.to_vec(), Material::Picture(picture));
+                return Ok(());
+            }
+            Some(Err(problem)) => problem,
+            None => "is not there".into(),
+        };
+        budget.take(1, size_of::<String>() + path.len())?;
+        self.done.insert(path.to_owned());
+        self.note("picture", path, &problem);
         Ok(())
     }
 }
@@ -209,8 +252,8 @@ mod tests {
     fn pictures_and_plain_colours_go_to_the_vertices() {
         let picture = picture();
         let resolve = |path: &str| match path {
-            "parts/a b.mtl" => Some(MATERIALS),
-            "my wood.png" => Some(&picture[..]),
+            "parts/a b.mtl" => Some(Cow::Borrowed(MATERIALS)),
+            "my wood.png" => Some(Cow::Borrowed(&picture[..])),
             _ => None,
         };
         let reading = read(OBJ, &ReadLimits::default(), &resolve).expect("sound");
@@ -224,12 +267,34 @@ mod tests {
         let reading = read(OBJ, &ReadLimits::default(), &|_| None).expect("sound");
         assert_eq!((reading.surface.cloud.len(), reading.surface.cloud.colors), (5, None));
         assert_eq!(reading.dropped.notes, ["colours: the materials \"parts/a b.mtl\" are not there"]);
-        let resolve = |path: &str| path.ends_with("mtl").then_some(MATERIALS);
+        let resolve = |path: &str| path.ends_with("mtl").then_some(Cow::Borrowed(MATERIALS));
         let reading = read(OBJ, &ReadLimits::default(), &resolve).expect("sound");
         assert_eq!(reading.dropped.notes, ["colours: the picture \"my wood.png\" is not there"]);
         assert_eq!(reading.surface.cloud.colors.expect("plain ones")[0], [255; 3]);
-        let resolve = |path: &str| Some(if path.ends_with("mtl") { MATERIALS } else { &b"no picture"[..] });
+        let resolve =
+            |path: &str| Some(Cow::Borrowed(if path.ends_with("mtl") { MATERIALS } else { &b"no picture"[..] }));
         let notes = read(OBJ, &ReadLimits::default(), &resolve).expect("sound").dropped.notes;
         assert!(notes[0].contains("is neither PNG nor JPEG"), "{notes:?}");
+    }
+
+    #[test]
+    fn files_are_read_once_however_often_they_are_named() {
+        let text = String::from_utf8_lossy(OBJ).replace("mtllib .\\parts\\a b.mtl\n", &"mtllib a.mtl\n".repeat(5000));
+        let materials = format!("newmtl wood\n{}", "map_Kd x.png\n".repeat(5000));
+        let asked = std::cell::Cell::new(0);
+        let resolve = |path: &str| {
+            asked.set(asked.get() + 1);
+            Some(Cow::Borrowed(if path == "a.mtl" { materials.as_bytes() } else { &b"no picture"[..] }))
+        };
+        let reading = read(text.as_bytes(), &ReadLimits::default(), &resolve).expect("sound");
+        assert_eq!((asked.get(), reading.dropped.notes.len()), (2, 1));
+        let many: String = (0..5000).map(|k| format!("mtllib {k}.mtl\n")).collect();
+        let notes = read((many + &text).as_bytes(), &ReadLimits::default(), &|_| None).expect("sound").dropped.notes;
+        assert_eq!(notes.len(), MOST_NOTES + 1);
+        // a line may name several
+        let text = String::from_utf8_lossy(OBJ).replace(".\\parts\\a b.mtl", "x.mtl a.mtl");
+        let resolve = |path: &str| (path == "a.mtl").then_some(Cow::Borrowed(MATERIALS));
+        let colors = read(text.as_bytes(), &ReadLimits::default(), &resolve).expect("sound").surface.cloud.colors;
+        assert_eq!(colors.expect("plain ones")[3], [255, 128, 0]);
     }
 }

@@ -92,15 +92,40 @@ pub struct Writers {
     pub mesh: Option<MeshWriter>,
     /// Poses by scan name, `None` for a scan without a place.
     pub poses: Option<PoseWriter>,
+    /// The same as text, where the others write binary files of a format that knows both.
+    pub text: Option<TextWriters>,
+}
+
+/// Writes files as text that are binary otherwise.
+#[derive(Clone, Copy)]
+pub struct TextWriters {
+    /// A cloud with all its attributes.
+    pub cloud: fn(&Cloud) -> Vec<u8>,
+    /// A mesh with what is known of its vertices.
+    pub mesh: MeshWriter,
 }
 
 impl Writers {
     /// For a format that is only read.
-    pub const NONE: Writers = Writers { cloud: None, mesh: None, poses: None };
+    pub const NONE: Writers = Writers { cloud: None, mesh: None, poses: None, text: None };
 
     /// Whether anything is written in the format.
     pub fn any(&self) -> bool {
         self.cloud.is_some() || self.mesh.is_some() || self.poses.is_some()
+    }
+
+    /// The same, writing text.
+    ///
+    /// # Errors
+    /// The names of the formats that can be told to, if this one can't.
+    pub fn as_text(self) -> Result<Writers, String> {
+        match self.text {
+            Some(TextWriters { cloud, mesh }) => Ok(Writers { cloud: Some(cloud), mesh: Some(mesh), ..self }),
+            None => {
+                let able = FORMATS.iter().filter(|format| format.writers.text.is_some());
+                Err(able.map(|format| format.name).collect::<Vec<_>>().join(", "))
+            }
+        }
     }
 }
 

@@ -73,6 +73,7 @@ codes! {
     DuplicateScan = "duplicate_scan", UNPROCESSABLE_ENTITY, "two scans have the same name";
     UnsupportedFormat = "unsupported_format", UNPROCESSABLE_ENTITY, "the file has a format that is not read here";
     UnreadableScan = "unreadable_scan", UNPROCESSABLE_ENTITY, "the file can't be read";
+    SeveralScans = "several_scans", UNPROCESSABLE_ENTITY, "the file holds several scans";
     TooManyPoints = "too_many_points", UNPROCESSABLE_ENTITY, "the file has more points than are allowed";
     TooManyScans = "too_many_scans", UNPROCESSABLE_ENTITY, "the scan set has more scans than are allowed";
     TooFewScans = "too_few_scans", UNPROCESSABLE_ENTITY, "there is nothing to register with each other";
@@ -229,6 +230,18 @@ impl Problem {
             }
         };
         Problem::new(code, format!("{name}: {error}"), hint).scan(name)
+    }
+
+    /// A file of several scans where one is wanted.
+    pub fn several_scans(name: &str, count: usize) -> Self {
+        let hint = "send it as `scans` of the form POST /v1/scan-sets/upload, which makes each a scan of a set with the pose \
+                    that the file gives it; or export them one by one";
+        Problem::new(
+            Code::SeveralScans,
+            format!("{name}: the file holds {count} scans, and this is the place of one"),
+            hint,
+        )
+        .scan(name)
     }
 
     /// What the reader says about a pose file; its message names the file.

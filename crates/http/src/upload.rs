@@ -10,7 +10,7 @@ use super::multipart::{Part, Parts};
 use super::names;
 use super::problem::{Code, Problem};
 use super::state::{AppState, blocking};
-use visage_formats::{Reading, same_name};
+use visage_formats::{ReadLimits, Reading, same_name};
 use visage_geometry::Surface;
 use visage_service::app::arrival::CheckedScan;
 use visage_service::config::Limits;
@@ -197,17 +197,28 @@ pub async fn read_surface(state: &AppState, file: UploadedFile) -> Result<(Uploa
     read(state, file).await.map(|(file, reading)| (file, reading.surface))
 }
 
-/// Reads a received file as a scan or model. Bounded: only a few files are in memory at a time.
+/// Reads a received file as a scan or model.
 pub async fn read(state: &AppState, file: UploadedFile) -> Result<(UploadedFile, Reading), Problem> {
+    read_as(state, file, |name, bytes, limits| {
+        visage_formats::read(name, bytes, limits).map_err(|error| Problem::unreadable(name, &error))
+    })
+    .await
+}
+
+/// Reads a received file. Bounded: only a few files are in memory at a time.
+async fn read_as<T: Send + 'static>(
+    state: &AppState,
+    file: UploadedFile,
+    read: fn(&str, &[u8], &ReadLimits) -> Result<T, Problem>,
+) -> Result<(UploadedFile, T), Problem> {
     let permit = state.checks.clone().acquire_owned().await.map_err(Problem::internal)?;
     let limits = state.limits().read_limits();
     let objects = state.context.objects.clone();
     blocking(move || {
         let _permit = permit;
         let bytes = objects.read_staged(&file.staged)?;
-        let reading = visage_formats::read(&file.name, &bytes, &limits)
-            .map_err(|error| Problem::unreadable(&file.name, &error))?;
-        Ok((file, reading))
+        let read = read(&file.name, &bytes, &limits)?;
+        Ok((file, read))
     })
     .await?
 }
@@ -231,8 +242,15 @@ pub async fn unpacked(state: &AppState, file: UploadedFile) -> Result<UploadedFi
     Ok(UploadedFile { name: inner, staged: writer.finish().await? })
 }
 
-/// Checks a received scan.
+/// Checks a received scan. United, the scans of a file would be one that no scanner has taken.
 pub async fn check_scan(state: &AppState, file: UploadedFile) -> Result<CheckedScan, Problem> {
-    let (file, Reading { surface, dropped, .. }) = read(state, file).await?;
-    Ok(CheckedScan { file, points: surface.cloud.len() as u64, dropped })
+    read_as(state, file, |name, bytes, limits| {
+        let mut scans = visage_formats::read_scans(name, bytes, limits).map_err(|e| Problem::unreadable(name, &e))?;
+        match (scans.pop(), scans.len()) {
+            (Some(scan), 0) => Ok((scan.reading.surface.cloud.len() as u64, scan.reading.dropped)),
+            (_, others) => Err(Problem::several_scans(name, others + 1)),
+        }
+    })
+    .await
+    .map(|(file, (points, dropped))| CheckedScan { file, points, dropped })
 }

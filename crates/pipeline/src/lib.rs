@@ -18,6 +18,7 @@ mod start;
 mod still;
 mod supports;
 pub mod surface;
+mod surface_report;
 pub mod units;
 
 use std::collections::BTreeMap;
@@ -168,22 +169,7 @@ pub fn run_from(
         Finished { names: &names, views: &views, result: &result, placement: &placement, poses: &covariances };
     let registration = RegistrationReport::new(options.method, unit.name(), &finished, verdict);
 
-    let mut merged = merge_views(&scans, &views, &sensors, &result, options, progress)?;
-    let mut mesh = match &merged {
-        Some((cloud, outward)) if options.cloud && options.mesh => {
-            surface::surface(cloud, outward, &views, &result.placed, options, progress)?
-        }
-        _ => None,
-    };
-    let signature = match &merged {
-        Some((cloud, _)) if options.signature || options.deface => describe(cloud, unit, progress)?,
-        _ => None,
-    };
-    let face_cut = match &mut merged {
-        Some((cloud, _)) if options.deface => Some(deface::deface(signature.as_ref(), cloud, mesh.as_mut())),
-        _ => None,
-    };
-    let signature = signature.filter(|_| options.signature);
+    let merged = merge_views(&scans, &views, &sensors, &result, options, progress)?;
     let poses: Vec<(String, Option<Motion>)> = names
         .iter()
         .zip(views.iter().zip(result.local_poses.iter().zip(&result.placed)))
@@ -205,19 +191,58 @@ pub fn run_from(
         reading: None,
         view,
     });
+    let spacing = surface::spacing(&views, &result.placed);
+    // what comes takes much memory, and needs the cloud alone
+    drop((scans, views, result));
+    let described = Described::of(merged, &names, spacing, unit, options, progress)?;
     let report = ModelReport {
         registration,
-        surface: mesh.as_ref().map(|mesh| mesh.report),
-        face_cut,
+        surface: described.mesh.as_ref().map(|mesh| mesh.report.clone()),
+        face_cut: described.face_cut,
         hints: said,
         pose_convention: convention,
         pose_notes: Vec::new(),
         unit_notes: Vec::new(),
     };
-    let cloud = merged.map(|(cloud, _)| cloud).filter(|_| options.cloud);
+    let Described { cloud, mesh, signature, .. } = described;
     let mut outcome = RegisteredModel { poses, matrices, report, cloud, mesh, signature };
     copies::put_back(&copied, &setting, &mut outcome);
     Ok(outcome)
+}
+
+/// What is made of the merged cloud.
+#[derive(Default)]
+struct Described {
+    cloud: Option<ModelCloud>,
+    mesh: Option<MadeSurface>,
+    signature: Option<Signature>,
+    face_cut: Option<bool>,
+}
+
+impl Described {
+    /// Makes mesh and signature of the cloud, and cuts the face out, as far as is wanted; `merged` is with whether the normals
+    /// of each view are outward, `spacing` is that of a single scan.
+    fn of(
+        merged: Option<(ModelCloud, Vec<bool>)>,
+        names: &[String],
+        spacing: f64,
+        unit: Unit,
+        options: &Options,
+        progress: &Progress,
+    ) -> Result<Described, PipelineError> {
+        let Some((mut cloud, outward)) = merged else { return Ok(Described::default()) };
+        let mut mesh = match options.cloud && options.mesh {
+            true => surface::surface(&cloud, &outward, names, spacing, options, progress)?,
+            false => None,
+        };
+        let signature = match options.signature || options.deface {
+            true => describe(&cloud, unit, progress)?,
+            false => None,
+        };
+        let face_cut = options.deface.then(|| deface::deface(signature.as_ref(), &mut cloud, mesh.as_mut()));
+        let signature = signature.filter(|_| options.signature);
+        Ok(Described { cloud: options.cloud.then_some(cloud), mesh, signature, face_cut })
+    }
 }
 
 /// A scan that holds the points of another one.

@@ -5,14 +5,12 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use super::orient::NormalsFrom;
+pub use super::surface_report::{Estimate, LayerReport, LayersReport, SimplifiedReport, SurfaceOutcome};
 use visage_formats::Dropped;
 use visage_registration::global::placement::Origin;
 use visage_registration::method::Method;
 use visage_registration::quality::{Quality, Verdict};
 use visage_registration::report::{RegistrationReport, ViewReport};
-use visage_surface::distance::Distances;
-use visage_surface::reconstruct::SurfaceReport;
-use visage_surface::simplify::SimplifyReport;
 
 /// The `result` part of a report (deterministic: the same scans give the same bytes).
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -49,42 +47,6 @@ impl ModelReport {
     }
 }
 
-/// How a mesh came about; lengths in the unit of the scans.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
-pub struct SurfaceOutcome {
-    /// How the surface was made of the cloud.
-    #[serde(flatten)]
-    pub reconstruction: SurfaceReport,
-    /// What was reckoned with before the work began.
-    pub estimate: Estimate,
-    /// What became of it, if it was to be coarser.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub simplified: Option<SimplifiedReport>,
-}
-
-/// What work was reckoned to take before it began, by the points that it begins with.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
-pub struct Estimate {
-    /// Memory at the peak, bytes.
-    pub memory_bytes: u64,
-    /// Seconds of a processor.
-    pub cpu_seconds: f64,
-}
-
-/// Bytes that a surface takes for each point of its cloud, beside the cloud: grid, mesh, and the queue that makes it coarser.
-const SURFACE_BYTES_PER_POINT: u64 = 300;
-/// Seconds of a processor for a million points.
-const SURFACE_SECONDS_PER_MILLION: f64 = 5.0;
-
-impl Estimate {
-    /// What the surface of so many points takes.
-    pub fn of_surface(points: usize) -> Estimate {
-        let seconds = SURFACE_SECONDS_PER_MILLION * points as f64 / 1e6;
-        let memory_bytes = SURFACE_BYTES_PER_POINT.saturating_mul(points as u64);
-        Estimate { memory_bytes, cpu_seconds: (seconds * 100.0).round() / 100.0 }
-    }
-}
-
 /// The `result` part of the report of a model that was given a surface.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ResurfacedReport {
@@ -108,23 +70,6 @@ impl ResurfacedReport {
     pub fn to_json(&self) -> serde_json::Value {
         // it can't fail: all keys are strings
         serde_json::to_value(self).unwrap_or_default()
-    }
-}
-
-/// A mesh that was made coarser.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct SimplifiedReport {
-    /// What became of it, and how far it is from what it was.
-    #[serde(flatten)]
-    pub of_surface: SimplifyReport,
-    /// The same distances in spacings of a scan.
-    pub error_spacings: Distances,
-}
-
-impl SimplifiedReport {
-    /// The report of a mesh from scans of this spacing.
-    pub fn new(of_surface: SimplifyReport, spacing: f64) -> Self {
-        SimplifiedReport { of_surface, error_spacings: of_surface.error.in_units_of(spacing) }
     }
 }
 

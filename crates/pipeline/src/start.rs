@@ -33,6 +33,8 @@ pub struct Start {
     pub hints: Hints,
     /// How else the poses may be meant: the surfaces tell. Nothing if they are certainly scan to world.
     pub other_conventions: &'static [PoseConvention],
+    /// Whether the files of the scans tell the poses: then they are in the units of these, and are converted with the scans.
+    pub of_scan_files: bool,
 }
 
 impl From<&BTreeMap<String, Motion>> for Start {
@@ -129,7 +131,7 @@ impl Setting {
         if let Some(place) = place {
             scans[..=place].rotate_right(1);
         }
-        let Start { poses, scales, base, hints, other_conventions } = start.clone();
+        let Start { poses, scales, base, hints, other_conventions, of_scan_files: _ } = start.clone();
         let adopted = Vec::new();
         let mut setting = Setting { poses, scales, base, hints, is_cut: false, other_conventions, adopted };
         for (name, matrix) in &start.base {

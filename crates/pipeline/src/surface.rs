@@ -3,19 +3,34 @@
 use std::borrow::Cow;
 
 use super::PipelineError;
-use super::report::{Estimate, SimplifiedReport, SurfaceOutcome};
+use super::report::{Estimate, LayersReport, SimplifiedReport, SurfaceOutcome};
 use visage_domain::options::Options;
 use visage_geometry::progress::{Canceled, Progress, Stage};
 use visage_geometry::{Cloud, Point3};
 use visage_registration::view::{View, median_spacing};
 pub use visage_surface::SurfaceMesh;
 use visage_surface::merge::ModelCloud;
+use visage_surface::reconstruct::layers::layers;
 use visage_surface::reconstruct::{Fill, SurfaceOptions, reconstruct};
 use visage_surface::simplify::levels;
 pub use visage_surface::simplify::{Target, simplify};
 
+/// Triangles of the copy that pages can show large.
+pub const MEDIUM_TRIANGLES: usize = 100_000;
 /// Triangles of the small copy.
 pub const PREVIEW_TRIANGLES: usize = 20_000;
+
+/// The memory that the grid of a surface may take for each point of its cloud (bytes): what jobs are admitted with, but for the
+/// cloud and the mesh. Scans of one coverage take some 180. Points that lie far from each other for their spacing would take
+/// any number of it: their surface gets wider cells.
+const GRID_BYTES_PER_POINT: u64 = 240;
+/// It may take so much however few points there are (bytes).
+const GRID_BYTES: u64 = 128 << 20;
+
+/// The memory that the grid may take for so many points.
+fn grid_bytes(points: usize) -> u64 {
+    GRID_BYTES_PER_POINT.saturating_mul(points as u64).clamp(GRID_BYTES, SurfaceOptions::default().max_bytes)
+}
 
 /// What is wanted of a surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -24,7 +39,7 @@ pub struct SurfaceOrder {
     pub fill: Fill,
     /// How coarse it may become; nothing given keeps all.
     pub target: Target,
-    /// Whether a small copy is made.
+    /// Whether coarse copies are made.
     pub preview: bool,
 }
 
@@ -35,11 +50,13 @@ impl From<&Options> for SurfaceOrder {
     }
 }
 
-/// A surface with its small copy.
+/// A surface with its coarse copies.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct MadeSurface {
     /// The surface.
     pub surface: SurfaceMesh,
+    /// A copy that pages can show large, if copies were asked for and the surface itself has more triangles.
+    pub medium: Option<SurfaceMesh>,
     /// A small copy, if it was asked for.
     pub preview: Option<SurfaceMesh>,
     /// How it came about.
@@ -49,7 +66,8 @@ pub struct MadeSurface {
 impl MadeSurface {
     /// Leaves out all triangles with a corner for which `is_gone` holds.
     pub fn cut(&mut self, is_gone: impl Fn(&Point3) -> bool) {
-        for surface in [Some(&mut self.surface), self.preview.as_mut()].into_iter().flatten() {
+        let copies = self.medium.iter_mut().chain(&mut self.preview);
+        for surface in std::iter::once(&mut self.surface).chain(copies) {
             let gone: Vec<bool> = surface.mesh.vertices.iter().map(&is_gone).collect();
             *surface = surface.kept(|face| !face.iter().any(|vertex| gone[*vertex as usize]));
         }
@@ -70,7 +88,7 @@ pub fn make_surface(
 ) -> Result<Option<MadeSurface>, Canceled> {
     let part = |from: f64, to: f64| progress.within(Stage::Surfacing, from, to);
     progress.report(Stage::Surfacing, 0.0);
-    let options = SurfaceOptions { fill: order.fill, views, ..SurfaceOptions::default() };
+    let options = SurfaceOptions { fill: order.fill, views, max_bytes: grid_bytes(cloud.len()) };
     let Some(made) = reconstruct(cloud, spacing, &options, &part(0.0, 0.7))? else { return Ok(None) };
     let reconstruction = made.report;
     let mut surface = SurfaceMesh::from(made);
@@ -82,15 +100,25 @@ pub fn make_surface(
         simplified = Some(SimplifiedReport::new(coarser.report, spacing));
     }
     progress.report(Stage::Surfacing, 0.9);
-    let preview = match order.preview {
-        false => None,
-        true if surface.mesh.faces.len() <= PREVIEW_TRIANGLES => Some(surface.clone()),
-        true => levels(&surface, &[PREVIEW_TRIANGLES], progress)?.pop(),
-    };
+    let [medium, preview] = if order.preview { copies(&surface, progress)? } else { [None, None] };
+    let layers = views.and_then(|views| layers(cloud, views, spacing)).map(|found| LayersReport::new(found, spacing));
     progress.report(Stage::Surfacing, 1.0);
     let estimate = Estimate::of_surface(cloud.len());
-    let report = SurfaceOutcome { reconstruction, estimate, simplified };
-    Ok(Some(MadeSurface { surface, preview, report }))
+    let mut report = SurfaceOutcome { reconstruction, estimate, simplified, layers, reasons: Vec::new() };
+    report.name(&[]);
+    Ok(Some(MadeSurface { surface, medium, preview, report }))
+}
+
+/// Coarse copies of a surface: one for pages that show it large, where it has more triangles itself, and a small one.
+fn copies(surface: &SurfaceMesh, progress: &Progress) -> Result<[Option<SurfaceMesh>; 2], Canceled> {
+    let count = surface.mesh.faces.len();
+    if count <= PREVIEW_TRIANGLES {
+        return Ok([None, Some(surface.clone())]);
+    }
+    let sizes = [MEDIUM_TRIANGLES, PREVIEW_TRIANGLES];
+    let mut found = levels(surface, if count > MEDIUM_TRIANGLES { &sizes } else { &sizes[1..] }, progress)?;
+    let preview = found.pop();
+    Ok([found.pop(), preview])
 }
 
 /// The surface of the placed views; `None` if they make none.
@@ -100,14 +128,22 @@ pub fn make_surface(
 pub(super) fn surface(
     model: &ModelCloud,
     outward: &[bool],
-    views: &[View],
-    placed: &[bool],
+    names: &[String],
+    spacing: f64,
     options: &Options,
     progress: &Progress,
 ) -> Result<Option<MadeSurface>, PipelineError> {
     let (cloud, views_of_points) = of_known_side(model, outward);
-    let spacing = median_spacing(views.iter().zip(placed).filter(|(_, placed)| **placed).map(|(view, _)| view));
-    Ok(make_surface(&cloud, Some(&views_of_points), spacing, &options.into(), progress)?)
+    let mut made = make_surface(&cloud, Some(&views_of_points), spacing, &options.into(), progress)?;
+    if let Some(made) = &mut made {
+        made.report.name(names);
+    }
+    Ok(made)
+}
+
+/// The spacing of a single scan among the placed ones.
+pub(super) fn spacing(views: &[View], placed: &[bool]) -> f64 {
+    median_spacing(views.iter().zip(placed).filter(|(_, placed)| **placed).map(|(view, _)| view))
 }
 
 /// The points whose normals are known to be outward, and their views.
@@ -171,8 +207,51 @@ mod tests {
         assert_eq!(coarse.preview.as_ref(), Some(&coarse.surface), "it is small enough");
         let fine = make(Options { max_error: Some(0.01), ..Options::default() });
         assert!(fine.report.simplified.expect("made coarser").of_surface.error.max <= 0.01);
-        let preview = make(Options::default()).preview.expect("asked for");
-        assert!(preview.mesh.faces.len() <= PREVIEW_TRIANGLES);
+        let copied = make(Options::default());
+        let preview = copied.preview.expect("asked for");
+        assert!(
+            preview.mesh.faces.len() <= PREVIEW_TRIANGLES && copied.medium.is_none(),
+            "it has not many more itself"
+        );
+    }
+
+    #[test]
+    fn a_fine_surface_has_two_copies() {
+        // a torus in strips of quads, enough for more than 100 000 triangles
+        let (around, along) = (240u32, 230u32);
+        let vertex = |k: u32| {
+            let (a, b) = (f64::from(k % around) / f64::from(around), f64::from(k / around) / f64::from(along));
+            let ((sa, ca), (sb, cb)) = ((a * std::f64::consts::TAU).sin_cos(), (b * std::f64::consts::TAU).sin_cos());
+            Point3::new((10.0 + 3.0 * ca) * cb, (10.0 + 3.0 * ca) * sb, 3.0 * sa)
+        };
+        let at = |a: u32, b: u32| a % around + b % along * around;
+        let faces = (0..around * along).flat_map(|k| {
+            let (a, b) = (k % around, k / around);
+            [[at(a, b), at(a, b + 1), at(a + 1, b)], [at(a + 1, b), at(a, b + 1), at(a + 1, b + 1)]]
+        });
+        let mesh =
+            visage_geometry::Mesh { vertices: (0..around * along).map(vertex).collect(), faces: faces.collect() };
+        let surface = SurfaceMesh { mesh, ..SurfaceMesh::default() };
+        let [medium, preview] = copies(&surface, &Progress::silent()).expect("not canceled");
+        let count = |copy: Option<SurfaceMesh>| copy.expect("there").mesh.faces.len();
+        let (medium, preview) = (count(medium), count(preview));
+        assert!((90_000..=MEDIUM_TRIANGLES).contains(&medium), "{medium}");
+        assert!((18_000..=PREVIEW_TRIANGLES).contains(&preview), "{preview}");
+    }
+
+    #[test]
+    fn points_far_from_each_other_make_wider_cells_and_not_more_memory() {
+        // half of the points are spread so widely that each needs a block of its own
+        let (dense, spacing) = sphere();
+        let (wide, _) = sphere();
+        let mut cloud = dense.clone();
+        cloud.points.extend(wide.points.iter().map(|p| Point3::from(300.0 * p.coords)));
+        cloud.normals = Some([dense.normals.unwrap_or_default(), wide.normals.unwrap_or_default()].concat());
+        let order = SurfaceOrder { fill: Fill::Small, target: Target::default(), preview: false };
+        let made = make_surface(&cloud, None, spacing, &order, &Progress::silent()).expect("not canceled");
+        let report = made.expect("a surface").report;
+        assert!(report.reconstruction.widened, "{report:?}");
+        assert_eq!((grid_bytes(60_000), grid_bytes(1 << 40)), (GRID_BYTES, 2 << 30));
     }
 
     #[test]

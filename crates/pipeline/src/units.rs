@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::{NamedScan, PipelineError, RegisteredModel, Start};
+use super::{NamedScan, PipelineError, PoseMatrix, RegisteredModel, Start};
 use visage_formats::DeclaredUnit;
 use visage_formats::written::scaled;
 use visage_geometry::Unit;
@@ -18,6 +18,8 @@ pub struct Settled {
     pub factors: Vec<f64>,
     /// What the user should know of it.
     pub notes: Vec<String>,
+    /// The matrices of a model that scans are added to, as they were before the scans were converted.
+    base: BTreeMap<String, PoseMatrix>,
 }
 
 /// Settles the unit of scans that declare these. What is given counts; else what is declared, if there is no doubt; scans
@@ -71,10 +73,10 @@ fn settle_declared(
                 unit.name()
             )
         });
-        return Settled { unit, factors: ones, notes: note.into_iter().collect() };
+        return Settled { unit, factors: ones, notes: note.into_iter().collect(), base: BTreeMap::new() };
     }
     let Some((first, of_first)) = declared.first() else {
-        return Settled { unit: Unit::Unknown, factors: ones, notes: Vec::new() };
+        return Settled { unit: Unit::Unknown, factors: ones, notes: Vec::new(), base: BTreeMap::new() };
     };
     let unit = declared.iter().find_map(|(_, declared)| declared.unit()).unwrap_or(Unit::M);
     let metres = unit.in_mm().map_or(1.0, |mm| mm / 1000.0);
@@ -97,15 +99,20 @@ fn settle_declared(
         let count = silent.len();
         notes.push(format!("{count} scans declare no unit, such as {name}: they are taken to be in {words}, too"));
     }
-    Settled { unit, factors, notes }
+    Settled { unit, factors, notes, base: BTreeMap::new() }
 }
 
 impl Settled {
-    /// Brings the scans to the unit, with what is said of places in them and the poses that they have in a model.
-    pub fn apply(&self, scans: &mut [NamedScan], start: &mut Start) {
+    /// Brings the scans to the unit, with what is said of places in them, the poses that they have in a model, and those that
+    /// their own files tell. Other poses are in the unit of the set.
+    pub fn apply(&mut self, scans: &mut [NamedScan], start: &mut Start) {
+        self.base.clone_from(&start.base);
         for (scan, factor) in scans.iter_mut().zip(&self.factors).filter(|(_, factor)| **factor != 1.0) {
             scan.surface = scaled(std::mem::take(&mut scan.surface), *factor);
             start.hints.scale(&scan.name, *factor);
+            if let Some(pose) = start.poses.get_mut(&scan.name).filter(|_| start.of_scan_files) {
+                pose.translation.vector *= *factor;
+            }
             if let Some(matrix) = start.base.get_mut(&scan.name) {
                 turn_scaled(matrix, 1.0 / factor);
             }
@@ -116,7 +123,13 @@ impl Settled {
     pub fn undo(&self, scans: &[String], outcome: &mut RegisteredModel) {
         for (name, factor) in scans.iter().zip(&self.factors).filter(|(_, factor)| **factor != 1.0) {
             let of_scan = outcome.matrices.iter_mut().filter(|(scan, _)| scan == name);
-            of_scan.filter_map(|(_, matrix)| matrix.as_mut()).for_each(|matrix| turn_scaled(matrix, *factor));
+            for matrix in of_scan.filter_map(|(_, matrix)| matrix.as_mut()) {
+                match self.base.get(name) {
+                    // to the last bit
+                    Some(base) => *matrix = *base,
+                    None => turn_scaled(matrix, *factor),
+                }
+            }
         }
         outcome.report.unit_notes.clone_from(&self.notes);
     }
@@ -216,7 +229,7 @@ mod tests {
 
     fn of(given: Option<Unit>, declared: &[Option<DeclaredUnit>]) -> (Unit, Vec<f64>, String) {
         let names = ["a", "b", "c"];
-        let Settled { unit, factors, notes } =
+        let Settled { unit, factors, notes, .. } =
             settle(given, &names.into_iter().zip(declared.iter().copied()).collect::<Vec<_>>(), &BTreeMap::new())
                 .expect("nothing is said");
         (unit, factors, notes.join("; "))
@@ -269,12 +282,19 @@ mod tests {
         let hints =
             serde_json::json!({"regions": [{"scan": "a", "leave": {"sphere": {"center": [1, 0, 0], "radius": 2}}}]});
         let hints = serde_json::from_value(hints).expect("hints");
-        let mut start = Start { base: [("a".to_owned(), identity)].into(), hints, ..Start::default() };
-        let settled = Settled { unit: Unit::Mm, factors: vec![10.0], notes: Vec::new() };
+        let told = [("a".to_owned(), visage_geometry::Motion::translation(1.0, 0.0, 2.0))].into();
+        let base = [("a".to_owned(), identity)].into();
+        let mut start = Start { base, hints, poses: told, of_scan_files: true, ..Start::default() };
+        let mut settled = Settled { unit: Unit::Mm, factors: vec![10.0], notes: Vec::new(), base: BTreeMap::new() };
         settled.apply(&mut scans, &mut start);
         assert_eq!(scans[0].surface.cloud.points, [Point3::new(10.0, 20.0, 30.0)]);
         assert_eq!(scans[0].surface.sensor, Some(Point3::new(0.0, 0.0, 10.0)));
         assert!((start.base["a"][0][0], start.base["a"][0][3]) == (0.1, 5.0));
+        assert_eq!(start.poses["a"].translation.vector, nalgebra::Vector3::new(10.0, 0.0, 20.0));
+        // poses that were given are in the unit of the set
+        let mut given = Start { of_scan_files: false, ..start.clone() };
+        settled.apply(&mut scans.clone(), &mut given);
+        assert_eq!(given.poses["a"].translation.vector.x, 10.0);
         let sphere = start.hints.regions[0].leave.as_ref().and_then(|region| region.sphere.as_ref()).expect("there");
         assert_eq!((sphere.center, sphere.radius), ([10.0, 0.0, 0.0], 20.0));
     }

@@ -1,18 +1,10 @@
 //! OBJ files whose colours are in files beside them.
 
-use std::cell::OnceCell;
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use crate::formats::{self, FormatError, ReadLimits, Reading, obj, obj_textures, packed};
-
-/// Endings of the files that an OBJ file may need.
-const ENDINGS: &[&str] = &["mtl", "png", "jpg", "jpeg"];
-/// Folders in folders that are searched for them.
-const DEPTH: usize = 2;
-
-/// A file, and its content once that was asked for.
-type Lazy = (PathBuf, OnceCell<Option<Vec<u8>>>);
 
 /// Reads a scan, `name` from `folder`; an OBJ file with its materials and pictures.
 pub fn read(folder: &Path, name: &str, bytes: &[u8], limits: &ReadLimits) -> Result<Reading, FormatError> {
@@ -23,27 +15,24 @@ pub fn read(folder: &Path, name: &str, bytes: &[u8], limits: &ReadLimits) -> Res
     let parent = folder.join(name).parent().map(Path::to_owned).unwrap_or_default();
     // only what is listed is read, wherever the paths in the file lead
     let mut files = BTreeMap::new();
-    list(&parent, "", DEPTH, &mut files);
-    let content = |file: &PathBuf| {
-        let is_sound = file.metadata().is_ok_and(|data| data.is_file() && data.len() <= limits.max_bytes);
-        is_sound.then(|| std::fs::read(file).ok()).flatten()
-    };
+    list(&parent, "", obj_textures::DEPTH, &mut files);
     let resolve = |path: &str| {
-        let (file, read): &Lazy = files.get(path)?;
-        read.get_or_init(|| content(file)).as_deref()
+        let file = files.get(path)?;
+        let is_sound = file.metadata().is_ok_and(|data| data.is_file() && data.len() <= limits.max_bytes);
+        is_sound.then(|| std::fs::read(file).ok()).flatten().map(Cow::Owned)
     };
     obj_textures::read(&bytes, limits, &resolve)
 }
 
 /// Lists the files that may be needed by their paths from the OBJ file. A folder that can't be listed has none.
-fn list(path: &Path, prefix: &str, depth: usize, files: &mut BTreeMap<String, Lazy>) {
+fn list(path: &Path, prefix: &str, depth: usize, files: &mut BTreeMap<String, PathBuf>) {
     for entry in std::fs::read_dir(path).into_iter().flatten().flatten() {
         let name = format!("{prefix}{}", entry.file_name().to_string_lossy());
         let Ok(kind) = entry.file_type() else { continue };
         if kind.is_dir() && depth > 0 {
             list(&entry.path(), &format!("{name}/"), depth - 1, files);
-        } else if ENDINGS.contains(&formats::extension(&name).as_str()) {
-            files.insert(name, (entry.path(), OnceCell::new()));
+        } else if obj_textures::ENDINGS.contains(&formats::extension(&name).as_str()) {
+            files.insert(name, entry.path());
         }
     }
 }

@@ -29,6 +29,7 @@ enum Order {
     ScanSet { number: u64 },
     Job { number: u64, set: String },
     Model { number: u64 },
+    Surface { number: u64, model: String },
     DeleteModel(String),
     DeleteSet(String),
 }
@@ -39,7 +40,7 @@ struct Ledger {
     sets: BTreeSet<String>,
     /// Uploaded models.
     models: BTreeSet<String>,
-    /// Jobs with their scan sets.
+    /// Jobs with their scan sets, or the models that they give a surface.
     jobs: BTreeMap<String, String>,
     /// Things that a request under way may delete.
     leaving: BTreeSet<String>,
@@ -56,6 +57,7 @@ impl Ledger {
             Order::ScanSet { .. } => "scan sets",
             Order::Job { .. } => "jobs",
             Order::Model { .. } => "models",
+            Order::Surface { .. } => "surface jobs",
             Order::DeleteModel(_) => "deleted models",
             Order::DeleteSet(_) => "deleted scan sets",
         };
@@ -73,8 +75,12 @@ impl Ledger {
             }
             (Order::Job { .. }, 202) => {}
             (Order::Job { set, .. }, 404) if !self.sets.contains(set) || self.leaving.contains(set) => {}
+            (Order::Surface { model, .. }, 202) => {
+                self.jobs.insert(id(), model.clone());
+            }
+            (Order::Surface { model, .. }, 404) if !self.models.contains(model) || self.leaving.contains(model) => {}
             // there are jobs enough
-            (Order::Job { .. }, 429) => {}
+            (Order::Job { .. } | Order::Surface { .. }, 429) => {}
             (Order::DeleteModel(_) | Order::DeleteSet(_), 404) if !is_repeated => panic!("{order:?}: it is lost"),
             (Order::DeleteModel(model), 204 | 404) => {
                 self.models.remove(model);
@@ -117,6 +123,10 @@ fn request(client: &Client, url: &str, order: &Order) -> RequestBuilder {
             let ball = Part::bytes(files::bumpy_sphere(*number as f64 * 0.1)).file_name("ball.obj");
             let form = Form::new().part("model", ball).text("unit", "mm");
             client.post(format!("{url}/v1/models")).header("idempotency-key", format!("model{number}")).multipart(form)
+        }
+        Order::Surface { number, model } => {
+            let body = json!({"kind": "surface", "model_id": model, "options": {"triangles": 400 + number % 7}});
+            client.post(format!("{url}/v1/jobs")).header("idempotency-key", format!("surface{number}")).json(&body)
         }
         Order::DeleteModel(model) => client.delete(format!("{url}/v1/models/{model}")),
         Order::DeleteSet(set) => client.delete(format!("{url}/v1/scan-sets/{set}")),
@@ -162,7 +172,7 @@ fn next_order(ledger: &mut Ledger, random: &mut ChaCha8Rng, number: u64) -> Opti
     let of = |all: &BTreeSet<String>, leaving: &BTreeSet<String>, at: usize| {
         all.iter().filter(|id| !leaving.contains(*id)).nth(at).cloned()
     };
-    let order = match random.random_range(0..10) {
+    let order = match random.random_range(0..12) {
         0..=2 if ledger.sets.len() < MANY => Some(Order::ScanSet { number }),
         3..=5 => {
             let set = of(&ledger.sets, &ledger.leaving, random.random_range(0..MANY));
@@ -171,6 +181,10 @@ fn next_order(ledger: &mut Ledger, random: &mut ChaCha8Rng, number: u64) -> Opti
         6..=7 if ledger.models.len() < MANY => Some(Order::Model { number }),
         6..=7 => of(&ledger.models, &ledger.leaving, 0).map(Order::DeleteModel),
         0..=2 => of(&ledger.sets, &ledger.leaving, 0).map(Order::DeleteSet),
+        8..=9 => {
+            let model = of(&ledger.models, &ledger.leaving, random.random_range(0..MANY));
+            model.map(|model| Order::Surface { number, model })
+        }
         _ => None,
     };
     if let Some(Order::DeleteModel(id) | Order::DeleteSet(id)) = &order {
@@ -215,6 +229,7 @@ async fn compare(process: &Process, ledger: &Mutex<Ledger>) {
     for job in jobs {
         match job["status"].as_str() {
             Some("succeeded") => assert!(of_jobs.contains(&job["id"].as_str().expect("an id")), "{job} has no model"),
+            Some("failed") if job["kind"] == "surface" && job["error"]["code"] == "model_gone" => {}
             Some("failed") => assert_eq!(job["error"]["code"], "attempts_exhausted", "{job}"),
             _ => {}
         }

@@ -13,10 +13,10 @@ mod writer;
 
 pub use reader::read;
 pub use views::views;
-use writer::write_content;
-pub use writer::{VertexAttributes, write_cloud, write_mesh, write_surface};
+pub use writer::{VertexAttributes, write_cloud, write_cloud_text, write_mesh, write_surface};
+use writer::{write_content, write_content_text};
 
-use super::table::{BYTES, Content, Format, Reader, Writers};
+use super::table::{BYTES, Content, Format, Reader, TextWriters, Writers};
 
 /// Its line in the table of formats.
 pub const FORMAT: Format = Format {
@@ -25,5 +25,10 @@ pub const FORMAT: Format = Format {
     media_type: BYTES,
     holds: &[Content::Points, Content::Mesh, Content::Normals, Content::Colors, Content::Intensities, Content::Grid],
     reader: Reader::Surface(read),
-    writers: Writers { cloud: Some(|cloud| write_cloud(cloud, None)), mesh: Some(write_content), poses: None },
+    writers: Writers {
+        cloud: Some(|cloud| write_cloud(cloud, None)),
+        mesh: Some(write_content),
+        text: Some(TextWriters { cloud: write_cloud_text, mesh: write_content_text }),
+        ..Writers::NONE
+    },
 };

@@ -1,4 +1,6 @@
-//! Clouds and meshes to binary little-endian PLY.
+//! Clouds and meshes to PLY: binary little-endian, or as text.
+
+use std::io::Write as _;
 
 use crate::MeshContent;
 use crate::precision::fits_float;
@@ -9,7 +11,16 @@ use visage_geometry::{Cloud, Mesh, Point3, Vector3};
 /// Positions are `float`, or `double` where `float` would round them visibly (far from the origin). `views` must
 /// have the length of the cloud. The same cloud always gives the same bytes.
 pub fn write_cloud(cloud: &Cloud, views: Option<&[u16]>) -> Vec<u8> {
-    let mut writer = Writer::new(&cloud.points);
+    cloud_as(Encoding::Binary, cloud, views)
+}
+
+/// Writes a cloud as text, as exactly as [`write_cloud`] does.
+pub fn write_cloud_text(cloud: &Cloud) -> Vec<u8> {
+    cloud_as(Encoding::Text, cloud, None)
+}
+
+fn cloud_as(encoding: Encoding, cloud: &Cloud, views: Option<&[u16]>) -> Vec<u8> {
+    let mut writer = Writer::new(encoding, &cloud.points);
     if cloud.normals.is_some() {
         writer.properties("float", &["nx", "ny", "nz"]);
     }
@@ -22,24 +33,24 @@ pub fn write_cloud(cloud: &Cloud, views: Option<&[u16]>) -> Vec<u8> {
     if views.is_some() {
         writer.properties("ushort", &["view"]);
     }
-    let mut bytes = writer.end_header();
-    bytes.reserve(cloud.len() * 45);
+    writer.end_header(cloud.len() * 45);
     for (index, point) in cloud.points.iter().enumerate() {
-        writer.put_point(&mut bytes, point);
+        writer.put_point(point);
         if let Some(normals) = &cloud.normals {
-            normals[index].iter().for_each(|x| bytes.extend(x.to_le_bytes()));
+            normals[index].iter().for_each(|x| writer.put_float(*x));
         }
         if let Some(colors) = &cloud.colors {
-            bytes.extend(colors[index]);
+            colors[index].iter().for_each(|x| writer.put_byte(*x));
         }
         if let Some(intensities) = &cloud.intensities {
-            bytes.extend(intensities[index].to_le_bytes());
+            writer.put_float(intensities[index]);
         }
         if let Some(views) = views {
-            bytes.extend(views[index].to_le_bytes());
+            writer.put_short(views[index]);
         }
+        writer.end_row();
     }
-    bytes
+    writer.bytes
 }
 
 /// Writes a mesh; positions as in [`write_cloud`].
@@ -65,9 +76,18 @@ pub(super) fn write_content(content: &MeshContent) -> Vec<u8> {
     write_surface(content.mesh, &content.attributes)
 }
 
+/// The same as text.
+pub(super) fn write_content_text(content: &MeshContent) -> Vec<u8> {
+    surface_as(Encoding::Text, content.mesh, &content.attributes)
+}
+
 /// Writes a mesh with attributes of its vertices; positions as in [`write_cloud`].
 pub fn write_surface(mesh: &Mesh, attributes: &VertexAttributes) -> Vec<u8> {
-    let mut writer = Writer::new(&mesh.vertices);
+    surface_as(Encoding::Binary, mesh, attributes)
+}
+
+fn surface_as(encoding: Encoding, mesh: &Mesh, attributes: &VertexAttributes) -> Vec<u8> {
+    let mut writer = Writer::new(encoding, &mesh.vertices);
     if attributes.normals.is_some() {
         writer.properties("float", &["nx", "ny", "nz"]);
     }
@@ -82,42 +102,74 @@ pub fn write_surface(mesh: &Mesh, attributes: &VertexAttributes) -> Vec<u8> {
     }
     writer.header.push_str(&format!("element face {}\n", mesh.faces.len()));
     writer.header.push_str("property list uchar int vertex_indices\n");
-    let mut bytes = writer.end_header();
-    bytes.reserve(mesh.vertices.len() * 43 + mesh.faces.len() * 13);
+    writer.end_header(mesh.vertices.len() * 43 + mesh.faces.len() * 13);
     for (index, point) in mesh.vertices.iter().enumerate() {
-        writer.put_point(&mut bytes, point);
+        writer.put_point(point);
         if let Some(normals) = attributes.normals {
-            normals[index].iter().for_each(|x| bytes.extend((*x as f32).to_le_bytes()));
+            normals[index].iter().for_each(|x| writer.put_float(*x as f32));
         }
         if let Some(colors) = attributes.colors {
-            bytes.extend(colors[index]);
+            colors[index].iter().for_each(|x| writer.put_byte(*x));
         }
         if let Some(support) = attributes.support {
-            bytes.extend(support[index].to_le_bytes());
+            writer.put_float(support[index]);
         }
         if let Some(deviation) = attributes.deviation {
-            bytes.extend(deviation[index].to_le_bytes());
+            writer.put_float(deviation[index]);
         }
+        writer.end_row();
     }
     for face in &mesh.faces {
-        bytes.push(3);
-        face.iter().for_each(|vertex| bytes.extend(vertex.to_le_bytes()));
+        writer.put_byte(3);
+        face.iter().for_each(|vertex| writer.put_index(*vertex));
+        writer.end_row();
     }
-    bytes
+    writer.bytes
 }
 
-/// The header as it grows, and how positions are stored.
+/// How values are written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Encoding {
+    /// Little-endian.
+    Binary,
+    /// The shortest numbers that are read back as the same values, a row a line.
+    Text,
+}
+
+/// Writes the value's bytes, or its digits and a blank.
+macro_rules! put {
+    ($name:ident, $kind:ty) => {
+        fn $name(&mut self, value: $kind) {
+            match self.encoding {
+                Encoding::Binary => self.bytes.extend(value.to_le_bytes()),
+                Encoding::Text => {
+                    // writing to memory can't fail
+                    let _ = write!(self.bytes, "{value} ");
+                }
+            }
+        }
+    };
+}
+
+/// The header as it grows, then the rows.
 struct Writer {
+    encoding: Encoding,
     header: String,
+    /// How positions are stored.
     as_float: bool,
+    bytes: Vec<u8>,
 }
 
 impl Writer {
     /// A header that declares `points` and their positions.
-    fn new(points: &[Point3]) -> Self {
+    fn new(encoding: Encoding, points: &[Point3]) -> Self {
         let as_float = fits_float(points);
-        let header = format!("ply\nformat binary_little_endian 1.0\nelement vertex {}\n", points.len());
-        let mut writer = Writer { header, as_float };
+        let format = match encoding {
+            Encoding::Binary => "binary_little_endian",
+            Encoding::Text => "ascii",
+        };
+        let header = format!("ply\nformat {format} 1.0\nelement vertex {}\n", points.len());
+        let mut writer = Writer { encoding, header, as_float, bytes: Vec::new() };
         writer.properties(if as_float { "float" } else { "double" }, &["x", "y", "z"]);
         writer
     }
@@ -128,18 +180,34 @@ impl Writer {
         }
     }
 
-    fn end_header(&mut self) -> Vec<u8> {
+    /// Rows come now, about so many bytes.
+    fn end_header(&mut self, expected: usize) {
         self.header.push_str("end_header\n");
-        self.header.as_bytes().to_vec()
+        self.bytes.reserve(self.header.len() + expected);
+        self.bytes.extend(self.header.as_bytes());
     }
 
-    fn put_point(&self, bytes: &mut Vec<u8>, point: &Point3) {
+    fn put_point(&mut self, point: &Point3) {
         for coordinate in point.iter() {
             if self.as_float {
-                bytes.extend((*coordinate as f32).to_le_bytes());
+                self.put_float(*coordinate as f32);
             } else {
-                bytes.extend(coordinate.to_le_bytes());
+                self.put_double(*coordinate);
             }
+        }
+    }
+
+    put!(put_float, f32);
+    put!(put_double, f64);
+    put!(put_byte, u8);
+    put!(put_short, u16);
+    put!(put_index, u32);
+
+    fn end_row(&mut self) {
+        if self.encoding == Encoding::Text
+            && let Some(blank) = self.bytes.last_mut()
+        {
+            *blank = b'\n';
         }
     }
 }
@@ -190,6 +258,33 @@ mod tests {
         let back = ply::read(&write_mesh(&mesh), &ReadLimits::default()).expect("own files are read").surface;
         assert_eq!(back.mesh(), Some(mesh));
     }
+
+    #[test]
+    fn text_holds_the_same_values() {
+        let values: [f64; 5] = [1.0 / 3.0, -1e-9, 4.5e6, 0.0, 123.456];
+        let mut cloud = Cloud::from_points(values.map(|x| Point3::new(f64::from(x as f32), 1.0, -x.floor())).to_vec());
+        cloud.normals = Some(vec![nalgebra::Vector3::new(0.6, 0.0, 0.8); 5]);
+        cloud.colors = Some(vec![[0, 7, 255]; 5]);
+        cloud.intensities = Some(vec![0.1, 2e-12, 3e20, -1.0, 0.0]);
+        let near = write_cloud_text(&cloud);
+        assert!(header_of(&near).starts_with("ply\nformat ascii 1.0\nelement vertex 5\nproperty float x\n"));
+        assert!(near.ends_with(b"\n123.456 1 -123 0.6 0 0.8 0 7 255 0\n"), "{}", String::from_utf8_lossy(&near));
+        let back = |bytes: &[u8]| ply::read(bytes, &ReadLimits::default()).expect("own files are read").surface;
+        let binary = back(&write_cloud(&cloud, None)).cloud;
+        for (text, binary) in back(&near).cloud.points.iter().zip(&binary.points) {
+            assert_eq!(text.map(|x| x as f32), binary.map(|x| x as f32));
+        }
+        // what needs doubles is read back to the last bit
+        cloud.points = (0..5).map(|k| Point3::new(4.0e5 + f64::from(k) / 3.0, 1.0, 0.0)).collect();
+        let far = write_cloud_text(&cloud);
+        assert!(header_of(&far).contains("property double x"));
+        assert_eq!(back(&far).cloud, cloud);
+        let mesh = Mesh { vertices: cloud.points.clone(), faces: vec![[0, 1, 2], [4, 3, 2]] };
+        let text = write_content_text(&(&mesh).into());
+        assert!(text.ends_with(b"\n3 0 1 2\n3 4 3 2\n"));
+        assert_eq!(back(&text).mesh(), Some(mesh));
+    }
+
     #[test]
     fn a_mesh_is_written_with_what_is_known_of_its_vertices() {
         let mesh = Mesh {

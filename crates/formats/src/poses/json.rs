@@ -6,6 +6,8 @@ use visage_geometry::{Motion, PoseConvention, se3};
 
 /// Keys by which lists of objects name a scan.
 const NAME_KEYS: &[&str] = &["name", "file_path", "file", "filename", "file_name", "scan", "image", "path"];
+/// The key, and its value, of poses that the files of the scans tell.
+const FROM: (&str, &str) = ("from", "scan files");
 /// Keys by which they give its matrix.
 const MATRIX_KEYS: &[&str] =
     &["pose", "matrix", "transform", "transformation", "transform_matrix", "pose_world", "camera_to_world", "c2w"];
@@ -16,7 +18,9 @@ pub(super) fn by_name(root: &Node) -> Result<PoseFile, Fault> {
     let Node::Map(entries) = wrapped.unwrap_or(root) else {
         return Err(Fault::file("it is no JSON object"));
     };
-    let mut file = PoseFile { other_conventions: &[PoseConvention::WorldToScan], ..PoseFile::default() };
+    let of_scan_files = wrapped.is_some() && root.get(FROM.0).and_then(Node::text) == Some(FROM.1);
+    let other_conventions: &[PoseConvention] = if of_scan_files { &[] } else { &[PoseConvention::WorldToScan] };
+    let mut file = PoseFile { other_conventions, of_scan_files, ..PoseFile::default() };
     for (name, node) in entries {
         match node {
             Node::Null => file.unplaced.push(name.clone()),
@@ -147,11 +151,22 @@ pub fn write(poses: &[(String, Option<Motion>)]) -> String {
 
 /// The same from the matrices themselves, whose upper left blocks may hold a scale.
 pub fn write_matrices(matrices: &[(String, Option<[[f64; 4]; 4]>)]) -> String {
+    format!("{}\n", object(matrices))
+}
+
+fn object(matrices: &[(String, Option<[[f64; 4]; 4]>)]) -> String {
     let entry = |(name, rows): &(String, Option<[[f64; 4]; 4]>)| {
         format!("  {}: {}", serde_json::Value::from(name.as_str()), serde_json::json!(rows))
     };
     let entries: Vec<String> = matrices.iter().map(entry).collect();
-    format!("{{\n{}\n}}\n", entries.join(",\n"))
+    format!("{{\n{}\n}}", entries.join(",\n"))
+}
+
+/// Poses that the files of the scans tell, as a file that says so: `{"from": "scan files", "poses": {...}}`. Each is in the
+/// unit of its scan's file.
+pub fn write_of_scan_files(poses: &[(String, Motion)]) -> String {
+    let matrices: Vec<_> = poses.iter().map(|(name, pose)| (name.clone(), Some(se3::to_rows(pose)))).collect();
+    format!("{{\"{}\": \"{}\", \"poses\": {}}}\n", FROM.0, FROM.1, object(&matrices))
 }
 
 #[cfg(test)]
@@ -181,6 +196,16 @@ mod tests {
             [("z".into(), Motion::translation(7.0, 0.0, 0.0)), ("a".into(), Motion::translation(0.5, 0.0, 0.0))]
         );
         assert_eq!(file.unplaced, ["m"]);
+    }
+
+    #[test]
+    fn poses_of_the_scans_own_files_say_so() {
+        let poses = [("b.e57".to_owned(), Motion::translation(7.0, 0.0, 0.0)), ("a".to_owned(), Motion::identity())];
+        let file = sound(&write_of_scan_files(&poses));
+        assert_eq!((file.of_scan_files, file.other_conventions.len()), (true, 0));
+        assert_eq!(file.poses, poses);
+        let given = sound(&write(&[("a".to_owned(), Some(Motion::identity()))]));
+        assert_eq!((given.of_scan_files, given.other_conventions.len()), (false, 1));
     }
 
     #[test]

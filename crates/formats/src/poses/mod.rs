@@ -27,7 +27,7 @@ use visage_geometry::{Motion, PoseConvention};
 pub use conf::write as write_conf;
 pub use fit::same_name;
 pub use folder::read_folder;
-pub use json::{write as write_json, write_matrices};
+pub use json::{write as write_json, write_matrices, write_of_scan_files};
 pub use kinds::{KINDS, Kind, markdown, remedy};
 pub use log::write as write_log;
 pub use matrices::write_matrix;
@@ -129,6 +129,9 @@ pub struct PoseFile {
     pub rounded: Vec<(String, f64)>,
     /// What else was done to read the file, in words.
     pub said: Vec<String>,
+    /// Whether the files of the scans tell these poses: each is in the unit of its scan's file, and maps the scan into the
+    /// world for certain. See [`write_of_scan_files`].
+    pub of_scan_files: bool,
 }
 
 /// What the names of a pose file are.

@@ -154,7 +154,10 @@ fn intrinsics(name: &str, bytes: &[u8]) -> String {
 /// An OBJ file, its materials and a picture.
 fn textures(_: &str, bytes: &[u8]) -> String {
     let parts = beside::parts(bytes);
-    let resolve = |path: &str| if path.ends_with("mtl") { parts.get(1) } else { parts.get(2) }.copied();
+    let resolve = |path: &str| {
+        let part = if path.ends_with("mtl") { parts.get(1) } else { parts.get(2) };
+        part.map(|bytes| std::borrow::Cow::Borrowed(*bytes))
+    };
     check::reading(obj_textures::read(parts[0], &LIMITS, &resolve))
 }
 

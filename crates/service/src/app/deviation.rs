@@ -105,7 +105,7 @@ async fn best(context: &ServiceContext, id: ModelId) -> Result<(AssetRecord, Uni
     let known = context.database.assets(id).await?;
     let of_kind = |kind: Kind| {
         let assets = Asset::of(model.origin()).into_iter();
-        let wanted = assets.filter(move |asset| asset.role().kind == kind && *asset != Asset::Preview);
+        let wanted = assets.filter(move |asset| asset.role().kind == kind && !asset.is_coarse_copy());
         wanted.map(Asset::name).find_map(|name| known.iter().find(|record| record.name == name))
     };
     let asset = of_kind(Kind::Mesh).or_else(|| of_kind(Kind::Cloud)).ok_or(DeviationError::NoSurface(id))?;

@@ -58,6 +58,8 @@ pub struct PoseFit {
     pub scales: BTreeMap<String, f64>,
     /// How else the poses may be meant.
     pub other_conventions: &'static [PoseConvention],
+    /// Whether the files of the scans tell the poses.
+    pub of_scan_files: bool,
     /// What was done to make the file fit, in words.
     pub notes: Vec<String>,
 }
@@ -87,6 +89,7 @@ pub fn fit_poses(scans: &[&str], file: &PoseFile) -> Result<PoseFit, FormatError
         scans_without_pose: without,
         scales: read.scales,
         other_conventions: read.other_conventions,
+        of_scan_files: read.of_scan_files,
         notes,
         poses,
     })
@@ -133,6 +136,7 @@ fn fit_all(scans: &[&str], file: Option<&PoseFile>) -> Result<PoseFit, FormatErr
             scans_without_pose: scans.iter().map(|name| (*name).to_owned()).collect(),
             scales: BTreeMap::new(),
             other_conventions: &[],
+            of_scan_files: false,
             notes: Vec::new(),
         },
     };
@@ -168,6 +172,7 @@ pub fn plan(
                     poses: fit.poses.into_iter().collect(),
                     scales: fit.scales,
                     other_conventions: fit.other_conventions,
+                    of_scan_files: fit.of_scan_files,
                     ..Start::default()
                 },
             }
@@ -198,6 +203,7 @@ fn plan_addition(scans: &[&str], file: Option<&PoseFile>, base: &poses::PoseFile
     start.scales = fit.scales.iter().filter(|(name, _)| is_added(name)).map(|(name, s)| (name.clone(), *s)).collect();
     start.poses = fit.poses.into_iter().collect();
     start.other_conventions = fit.other_conventions;
+    start.of_scan_files = fit.of_scan_files;
     Ok(Plan { names, start, notes: fit.notes })
 }
 

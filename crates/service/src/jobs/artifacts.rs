@@ -113,15 +113,16 @@ fn content(
             outcome.cloud.as_ref().map(|merged| visage_formats::ply::write_cloud(&merged.cloud, Some(&merged.views)))
         }
         Asset::Mesh => outcome.mesh.as_ref().and_then(|made| write_mesh(&made.surface, unit_of(outcome), &ply::FORMAT)),
-        Asset::Preview => preview(outcome),
+        Asset::Medium => outcome.mesh.as_ref().and_then(|made| copy(made.medium.as_ref(), outcome)),
+        Asset::Preview => outcome.mesh.as_ref().and_then(|made| copy(made.preview.as_ref(), outcome)),
         Asset::Report => Some(report_json(outcome.report.to_json(), &run())?),
         Asset::UploadedMesh(_) | Asset::UploadedCloud(_) | Asset::Annotated(_) => None,
     })
 }
 
-/// `preview.glb`: a small copy of the surface.
-fn preview(outcome: &RegisteredModel) -> Option<Vec<u8>> {
-    write_mesh(outcome.mesh.as_ref()?.preview.as_ref()?, unit_of(outcome), &gltf::GLB)
+/// A coarse copy of the surface, if there is one.
+fn copy(surface: Option<&SurfaceMesh>, outcome: &RegisteredModel) -> Option<Vec<u8>> {
+    write_mesh(surface?, unit_of(outcome), &gltf::GLB)
 }
 
 /// The unit of a model's coordinates.

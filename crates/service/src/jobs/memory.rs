@@ -4,8 +4,8 @@
 use visage_domain::Room;
 
 /// The most bytes that a registration takes at its peak for each point of its scans. Measured: 120 to 140 with plain
-/// points, 200 with normals and colours, 225 to 271 with a mesh (`docs/PERFORMANCE.md`); the rest is room for what a set may
-/// have beyond those.
+/// points, 200 with normals and colours, 225 to 271 with a mesh (`docs/PERFORMANCE.md`). The grid of a surface keeps itself to
+/// 240 of them, but for 128 MiB that it may take however few points there are.
 pub const BYTES_PER_POINT: u64 = 320;
 
 /// The memory that all running jobs together may take; `None` if it is not limited.

@@ -53,10 +53,11 @@ impl Resurfacing {
             model => model?,
         };
         let assets = self.stored(|| self.database.assets(self.model))?;
-        let points = self.points(&model, &assets)?;
+        let Points { surface, views: of_points } = self.points(&model, &assets)?;
         self.progress.report(Stage::Preparing, 0.0);
         let extent = if self.job.options.deface { self.face()? } else { None };
-        let made = orient(&points.surface, points.views.as_deref(), &self.progress)?;
+        let made = orient(&surface, of_points.as_deref(), &self.progress)?;
+        drop(surface);
         let found = make_surface(
             &made.cloud,
             made.views.as_deref(),
@@ -69,7 +70,7 @@ impl Resurfacing {
             failed("no_surface", "the points of the model make no surface", None, hint)
         })?;
         let mut cloud = made.cloud;
-        let mut views = points.views.filter(|views| views.len() == cloud.len());
+        let mut views = made.views;
         if let Some(extent) = &extent {
             cut(extent, &mut cloud, views.as_mut(), Some(&mut found));
         }
@@ -97,8 +98,9 @@ impl Resurfacing {
         }
         write(Asset::Cloud, Some(ply::write_cloud(&cloud, views.as_deref())))?;
         write(Asset::Mesh, artifacts::write_mesh(&found.surface, model.unit, &ply::FORMAT))?;
-        let preview = found.preview.as_ref().and_then(|preview| artifacts::write_mesh(preview, model.unit, &gltf::GLB));
-        write(Asset::Preview, preview)?;
+        for (asset, copy) in [(Asset::Medium, &found.medium), (Asset::Preview, &found.preview)] {
+            write(asset, copy.as_ref().and_then(|copy| artifacts::write_mesh(copy, model.unit, &gltf::GLB)))?;
+        }
         let run = RunFacts::here(Some(self.job.id.to_string()), self.threads, self.tracker.snapshot());
         write(Asset::Report, Some(artifacts::report_json(report.to_json(), &run)?))?;
         let id = ModelId::new();

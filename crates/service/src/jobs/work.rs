@@ -179,7 +179,7 @@ impl Work {
         }
         let given = Some(self.set.unit).filter(|unit| *unit != Unit::Unknown);
         let units: Vec<_> = plan.names.iter().map(String::as_str).zip(declared).collect();
-        let settled = units::settle(given, &units, &plan.start.hints.units)?;
+        let mut settled = units::settle(given, &units, &plan.start.hints.units)?;
         settled.apply(&mut scans, &mut plan.start);
         let mut outcome = self.engine.register(scans, &plan.start, settled.unit, &self.job.options, &self.progress)?;
         settled.undo(&plan.names, &mut outcome);

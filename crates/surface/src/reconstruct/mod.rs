@@ -18,6 +18,7 @@ pub mod cubes;
 pub mod extract;
 pub mod field;
 pub mod grid;
+pub mod layers;
 pub mod levels;
 pub mod mask;
 pub mod noise;

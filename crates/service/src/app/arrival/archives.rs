@@ -2,7 +2,9 @@
 //! archive.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
+use super::textures::{self, Beside};
 use super::{ArrivalError, Coming, Content, Desk, ReceivedFile, depth};
 use crate::storage::{ObjectError, StagedFile};
 use visage_domain::PassedOver;
@@ -10,13 +12,18 @@ use visage_formats::archive::{self, ArchiveLimits, Entry};
 use visage_formats::{FormatError, check_name, extension, is_common, scan_files, surface_endings};
 
 /// Endings of files that are no scans, no poses and no depth images: they are not even staged.
-const NOTHING: &[&str] = &["avi", "doc", "docx", "html", "jpeg", "jpg", "mov", "mp4", "pdf", "tif", "tiff", "zip"];
+const NOTHING: &[&str] = &["avi", "doc", "docx", "html", "mov", "mp4", "pdf", "tif", "tiff", "zip"];
+/// Endings of files that belong to others, if they are of any use.
+const PICTURES: &[&str] = &["jpeg", "jpg", "png"];
+const NOT_READ: &str = "has a format that is not read";
 
 /// An archive that was unpacked.
 pub(super) struct Unpacked {
     name: String,
     /// Its files by their paths from the folder that holds all of them.
     files: BTreeMap<String, StagedFile>,
+    /// What its OBJ files may need.
+    beside: Arc<Beside>,
     passed_over: Vec<PassedOver>,
 }
 
@@ -45,7 +52,8 @@ impl Unpacked {
         let bytes = desk.objects.read_staged(&file.staged)?;
         let limits = ArchiveLimits::of(&desk.limits.read_limits());
         let limits = ArchiveLimits { max_total_bytes: most, ..limits };
-        let mut unpacked = Unpacked { name: file.name.clone(), files: BTreeMap::new(), passed_over: Vec::new() };
+        let (name, files) = (file.name.clone(), BTreeMap::new());
+        let mut unpacked = Unpacked { name, files, beside: Arc::default(), passed_over: Vec::new() };
         let left_out = archive::each(&file.name, &bytes, &limits, |Entry { path, bytes }| {
             match why_not(&path, bytes.len(), desk.limits.pose_file_bytes) {
                 Some(why) => unpacked.pass_over(&path, why),
@@ -108,13 +116,19 @@ impl Unpacked {
             let error = FormatError::Malformed { place: "the archive".into(), problem, remedy };
             return Err(ArrivalError::Unreadable { file: self.name.clone(), archive: None, error });
         }
-        let archive = self.name.clone();
-        let files = &mut self.files;
-        let take = |name: String| Some((files.remove(&name)?, name));
-        let taken = chosen.into_iter().filter_map(take);
-        Ok(taken
-            .map(|(file, name)| Coming { name, archive: Some(archive.clone()), content: Content::File(file) })
-            .collect())
+        if chosen.iter().any(|name| textures::may_be_textured(name)) {
+            self.beside = Arc::new(Beside::take_from(&mut self.files));
+        }
+        let (archive, files) = (&self.name, &mut self.files);
+        let take = |name: String| {
+            let file = files.remove(&name)?;
+            let content = match textures::may_be_textured(&name) {
+                true => Content::Textured(file, self.beside.clone()),
+                false => Content::File(file),
+            };
+            Some(Coming { name, archive: Some(archive.clone()), content })
+        };
+        Ok(chosen.into_iter().filter_map(take).collect())
     }
 
     /// What is neither a scan nor belongs to one.
@@ -135,8 +149,9 @@ impl Unpacked {
 
     /// What is not kept, with why.
     pub fn passed_over(mut self) -> Vec<PassedOver> {
-        for name in std::mem::take(&mut self.files).into_keys() {
-            self.pass_over(&name, "is no scan, and no file of poses that is used");
+        for name in std::mem::take(&mut self.files).into_keys().chain(self.beside.unused()) {
+            let is_picture = PICTURES.contains(&extension(&name).as_str());
+            self.pass_over(&name, if is_picture { NOT_READ } else { "is no scan, and no file of poses that is used" });
         }
         self.passed_over.sort_by(|a, b| natord::compare(&a.file, &b.file));
         self.passed_over
@@ -146,14 +161,14 @@ impl Unpacked {
 /// Why a file can't be of any use, by its name and size.
 fn why_not(path: &str, bytes: usize, most_poses: usize) -> Option<&'static str> {
     let ending = extension(path);
-    if check_name(path).is_ok() || ending == "png" {
+    if check_name(path).is_ok() || PICTURES.contains(&&*ending) {
         return None;
     }
     if archive::is_archive(path) {
         return Some("is an archive in the archive: send it by itself");
     }
     if NOTHING.contains(&ending.as_str()) {
-        return Some("has a format that is not read");
+        return Some(NOT_READ);
     }
     (bytes > most_poses).then_some("is no scan, and larger than a pose file may be")
 }

@@ -8,6 +8,7 @@ mod archives;
 mod depth;
 mod poses;
 mod several;
+mod textures;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -16,6 +17,7 @@ use tokio::sync::Semaphore;
 
 use self::archives::Unpacked;
 use self::depth::DepthScan;
+use self::textures::Beside;
 use super::context::ServiceContext;
 use crate::config::Limits;
 use crate::storage::{ObjectError, ObjectStore, StagedFile};
@@ -142,6 +144,8 @@ struct Coming {
 enum Content {
     File(StagedFile),
     Depth(DepthScan),
+    /// An OBJ file, and what stands beside it.
+    Textured(StagedFile, Arc<Beside>),
 }
 
 /// Takes files in. With poses of their own (`is_posed`) those that come along are not looked for. At most as many files as

@@ -53,7 +53,6 @@ fn holds_some(name: &str, content: &[u8], scans: &[&str]) -> bool {
 
 /// Poses that files of scans tell, as a pose file.
 pub(super) fn of_files(told: &[(String, Motion)]) -> Option<PoseFile> {
-    let posed: Vec<(String, Option<Motion>)> = told.iter().map(|(name, pose)| (name.clone(), Some(*pose))).collect();
-    let content = poses::write_json(&posed).into_bytes();
-    (!posed.is_empty()).then(|| PoseFile { name: Asset::Poses.name().into(), content })
+    let content = poses::write_of_scan_files(told).into_bytes();
+    (!told.is_empty()).then(|| PoseFile { name: Asset::Poses.name().into(), content })
 }

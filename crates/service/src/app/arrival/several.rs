@@ -41,6 +41,15 @@ pub(super) async fn read(desk: &Desk, coming: Coming) -> Result<ReadFile, Arriva
                 })?;
                 vec![written(desk, reading.into(), &unreadable)?]
             }
+            Content::Textured(staged, beside) => {
+                let bytes = desk.objects.read_staged(&staged)?;
+                let read = beside.read(desk, &name, &bytes)?.map_err(unreadable)?;
+                let staged = match read.colored {
+                    Some(colored) => stage(desk, &colored, &unreadable)?,
+                    None => staged,
+                };
+                vec![whole(staged, read.reading.into())]
+            }
             Content::File(staged) => {
                 let bytes = desk.objects.read_staged(&staged)?;
                 let mut scans = read_scans(&name, &bytes, &desk.limits.read_limits()).map_err(unreadable)?;
@@ -88,14 +97,22 @@ fn written(
         grid: surface.grid.as_ref(),
         world_from_scan: own.as_ref(),
     }]);
-    let limit = desk.limits.file_bytes;
-    if bytes.len() as u64 > limit {
-        let found = bytes.len() as u64;
-        return Err(unreadable(FormatError::TooManyBytes { what: "as a file of its own, a scan has", found, limit }));
-    }
-    let staged = desk.stage(&bytes)?;
+    let staged = stage(desk, &bytes, unreadable)?;
     let (points, dropped) = (surface.cloud.len() as u64, reading.dropped);
     Ok(ReadScan { name, staged, points, dropped, world_from_scan })
+}
+
+/// Stages what was made of a scan.
+fn stage(
+    desk: &Desk,
+    bytes: &[u8],
+    unreadable: &impl Fn(FormatError) -> ArrivalError,
+) -> Result<StagedFile, ArrivalError> {
+    let (found, limit) = (bytes.len() as u64, desk.limits.file_bytes);
+    if found > limit {
+        return Err(unreadable(FormatError::TooManyBytes { what: "as a file of its own, a scan has", found, limit }));
+    }
+    Ok(desk.stage(bytes)?)
 }
 
 /// Names the scans, as `visage register` does, but that those written as files of their own end like these; gives the
