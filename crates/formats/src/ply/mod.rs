@@ -12,7 +12,7 @@ mod views;
 mod writer;
 
 pub use reader::read;
-pub use views::views;
+pub use views::{support, views};
 use writer::write_content;
 pub use writer::{VertexAttributes, write_cloud, write_mesh, write_surface};
 
