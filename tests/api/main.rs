@@ -15,6 +15,7 @@ mod jobs;
 mod long;
 mod models;
 mod page;
+mod pictures;
 mod pressure;
 mod queries;
 mod recovery;

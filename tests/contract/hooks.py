@@ -136,6 +136,11 @@ IDS = {
     "getModelScans": lambda: {"id": world().registered},
     "measureDeviation": lambda: {"id": world().positive[0]},
     "paintDeviation": lambda: {"id": world().positive[0]},
+    "getModelPicture": lambda: {"id": world().registered, "kind": "thumbnail"},
+    "getModelPlot": lambda: {"id": world().registered, "kind": "overlap"},
+    "getModelReportPage": lambda: {"id": world().registered},
+    "getSetPicture": lambda: {"id": world().scan_set},
+    "getScanPicture": lambda: {"id": world().scan_set, "name": "north.obj"},
     "getStandard": lambda: {"name": world().standard},
     "deleteStandard": lambda: {"name": new_standard()},
     "markExamples": lambda: {"name": world().standard},
@@ -253,6 +258,12 @@ def reference(query):
     query["reference"] = world().positive[1]
 
 
+def other_model(query):
+    """The model that is compared with is there."""
+    if "other" in query:
+        query["other"] = world().positive[1]
+
+
 RULES = {
     "createJob": job_of_something,
     "uploadJob": options_of_form,
@@ -267,6 +278,7 @@ QUERY_RULES = {
     "plotEvaluation": labelled,
     "measureDeviation": reference,
     "paintDeviation": reference,
+    "getModelPicture": other_model,
     "listJobs": known_page,
     "listModels": known_page,
     "listScanSets": known_page,

@@ -16,7 +16,7 @@ use super::problem::Problem;
 use super::scan_set_views::{NewScanSetBody, ScanSetForm, ScanSetList, ScanSetView};
 use super::state::{AppState, deleted, uninterrupted};
 use super::upload::{self, Form, FormRules};
-use super::{cursor, names, poses, reading_view, responses, scans};
+use super::{cursor, names, pictures, poses, reading_view, responses, scans};
 use visage_domain::{FileId, NewScanSet, PoseFile, ScanRecord, ScanSetId, sort_naturally};
 use visage_service::app::arrival::{self, CheckedScan};
 use visage_service::app::scan_sets::{self, ReceivedScans};
@@ -35,6 +35,8 @@ pub fn router() -> OpenApiRouter<AppState> {
         .routes(routes!(scans::put_scan, scans::delete_scan))
         .routes(routes!(poses::put_poses))
         .routes(routes!(poses::put_pose_file))
+        .routes(routes!(pictures::get_of_set))
+        .routes(routes!(pictures::get_of_scan))
 }
 
 pub(super) fn parse_id(text: &str) -> Result<ScanSetId, Problem> {
