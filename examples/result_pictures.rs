@@ -19,6 +19,8 @@ use visage::synthetic::truth::disturb;
 
 /// Side of a picture that stands beside others, pixels.
 const SIDE: u32 = 400;
+/// The same where each pixel differs from the next, so that files stay small.
+const SMALL: u32 = 290;
 /// Exposures of the views of the coloured head.
 const EXPOSURES: [f64; 8] = [1.0, 1.2, 0.8, 1.1, 0.85, 1.15, 0.9, 1.2];
 
@@ -54,7 +56,6 @@ fn shaded(of: &Material, side: Side) -> anyhow::Result<Image> {
 
 /// Scans in colours, a section, landmarks.
 fn model() -> anyhow::Result<Vec<Image>> {
-    const SMALL: u32 = 280;
     let model = registered(&scanned().1, &Options::default())?;
     let (whole, points) = (of_mesh(&model, None)?, of_cloud(&model)?);
     let section = Wish { size: Size::clamped(420, SMALL), ..Wish::of(Kind::Section) };
@@ -84,7 +85,9 @@ fn defaced() -> anyhow::Result<Vec<Image>> {
 /// Scans of other brightness each, and the mesh that came of them.
 fn exposures() -> anyhow::Result<Vec<Image>> {
     let coloured = registered(&painted(&scanned().1), &Options::default())?;
-    Ok(vec![shaded(&of_cloud(&coloured)?, Side::Left)?, shaded(&of_mesh(&coloured, None)?, Side::Left)?])
+    let small = Wish { size: square(SMALL), side: Side::Left, plane: None };
+    let of = [of_cloud(&coloured)?, of_mesh(&coloured, None)?];
+    of.iter().map(|of| picture(Kind::Thumbnail, of, small)).collect()
 }
 
 /// Things with thin walls.
