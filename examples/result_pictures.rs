@@ -20,7 +20,7 @@ use visage::synthetic::truth::disturb;
 /// Side of a picture that stands beside others, pixels.
 const SIDE: u32 = 400;
 /// The same where each pixel differs from the next, so that files stay small.
-const SMALL: u32 = 290;
+const SMALL: u32 = 280;
 /// Exposures of the views of the coloured head.
 const EXPOSURES: [f64; 8] = [1.0, 1.2, 0.8, 1.1, 0.85, 1.15, 0.9, 1.2];
 
