@@ -12,6 +12,7 @@
 //! - [`faces`]: facial triangles, standards, signatures
 //! - [`standards`]: standards made by users, for anything with caps and pits
 //! - [`retrieval`]: the in-memory gallery index and its queries
+//! - [`rendering`]: geometry to pixels; [`presentation`]: pictures of models, and the page of a report
 //! - [`synthetic`]: objects and scans made by code, for the demo and the tests
 //! - [`pipeline`]: scans to model to signature, stage by stage
 //! - [`progress`]: the progress sink and the cancel flag
@@ -36,8 +37,10 @@ pub use visage_gallery as retrieval;
 pub use visage_geometry as geometry;
 pub use visage_geometry::progress;
 pub use visage_http as http;
+pub use visage_picture as rendering;
 pub use visage_pipeline as pipeline;
 pub use visage_registration as registration;
+pub use visage_report as presentation;
 pub use visage_service::{app, config, jobs, machine, storage};
 pub use visage_shape::{descriptor, faces, saliency, standards};
 pub use visage_surface as reconstruction;

@@ -11,6 +11,7 @@ mod doctor;
 mod healthcheck;
 mod key;
 mod openapi;
+pub mod picture;
 pub mod register;
 pub mod serve;
 mod settings;
@@ -57,6 +58,8 @@ enum Command {
     Query(client::query::QueryArgs),
     /// Tell how good a model of a running service is, and why.
     Report(client::report::ReportArgs),
+    /// Draw a picture of a scan or a model, or of what is known of one.
+    Picture(picture::PictureArgs),
     /// Show everything on code-made scans: server, uploads, jobs, queries.
     Demo(demo::DemoArgs),
     /// Look whether a data folder is sound, and say what to do where it isn't.
@@ -116,6 +119,7 @@ fn run() -> anyhow::Result<()> {
         Command::Models(args) => client::models::run(args),
         Command::Query(args) => client::query::run(args),
         Command::Report(args) => client::report::run(args),
+        Command::Picture(args) => picture::run(args),
         Command::Demo(args) => demo::run(args),
         Command::Doctor(args) => doctor::run(args),
         Command::Backup(args) => backup::back_up(args),

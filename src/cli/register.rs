@@ -5,6 +5,7 @@ mod folder;
 pub(super) mod options;
 mod others;
 mod out_folder;
+mod pictures;
 mod pose_files;
 mod textures;
 mod unfolded;
@@ -20,6 +21,7 @@ use self::depth_folder::DepthFolder;
 use self::folder::Folder;
 use self::options::Given;
 use self::others::Others;
+use self::pictures::Gallery;
 use self::unpacked::Unpacked;
 use super::surfaces;
 use super::workplace::Workplace;
@@ -64,13 +66,17 @@ pub struct RegisterArgs {
     /// units
     #[arg(long, value_name = "FILE")]
     hints: Option<PathBuf>,
+    /// Draw all pictures that there are of the model, into the folder pictures below --out
+    #[arg(long)]
+    pictures: bool,
     #[arg(long, help = format!("The folder to write {} to; made if it isn't there", results()))]
     out: PathBuf,
 }
 
 /// The files that are written, for the help.
 fn results() -> String {
-    Asset::RESULTS.iter().map(|asset| asset.name()).collect::<Vec<_>>().join(", ")
+    let assets = Asset::RESULTS.iter().map(|asset| asset.name());
+    assets.chain([pictures::PAGE.into()]).collect::<Vec<_>>().join(", ")
 }
 
 /// Registers and writes the results.
@@ -162,7 +168,23 @@ pub fn run(args: RegisterArgs) -> anyhow::Result<()> {
         progress.report(Stage::Storing, 1.0);
         RunFacts::here(None, *threads, tracker.snapshot())
     };
-    write_assets(&outcome, facts, |asset, content| write(&args.out.join(&*asset.name()), content))?;
+    let mut report = Vec::new();
+    write_assets(&outcome, facts, |asset, content| {
+        if asset == Asset::Report {
+            report = content.to_vec();
+        }
+        write(&args.out.join(&*asset.name()), content)
+    })?;
+    let gallery = Gallery::new(&mut outcome, &report, settled.unit)?;
+    let name = args.path.canonicalize().unwrap_or_else(|_| args.path.clone());
+    let name = name.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    pool.install(|| gallery.write_page(name, options, &args.out, progress))?;
+    if args.pictures {
+        let without = pool.install(|| gallery.write_pictures(&args.out, progress))?;
+        if !without.is_empty() {
+            eprintln!("note: there is no picture of {}: the model lacks what it would show", without.join(", "));
+        }
+    }
     place.done();
     more.iter().for_each(|note| eprintln!("note: {note}"));
     summarise(&outcome, &args.out)

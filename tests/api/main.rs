@@ -19,6 +19,7 @@ mod long;
 mod metrics;
 mod models;
 mod page;
+mod pictures;
 mod pressure;
 mod queries;
 mod recovery;

@@ -145,6 +145,11 @@ IDS = {
     "measureDeviation": lambda: {"id": world().positive[0]},
     "paintDeviation": lambda: {"id": world().positive[0]},
     "revokeKey": lambda: {"id": new_key()["id"]},
+    "getModelPicture": lambda: {"id": world().registered, "kind": "thumbnail"},
+    "getModelPlot": lambda: {"id": world().registered, "kind": "overlap"},
+    "getModelReportPage": lambda: {"id": world().registered},
+    "getSetPicture": lambda: {"id": world().scan_set},
+    "getScanPicture": lambda: {"id": world().scan_set, "name": "north.obj"},
     "getStandard": lambda: {"name": world().standard},
     "deleteStandard": lambda: {"name": new_standard()},
     "markExamples": lambda: {"name": world().standard},
@@ -270,6 +275,12 @@ def time_to_come(body):
         body["expires_at"] = "2100-01-01T00:00:00Z"
 
 
+def other_model(query):
+    """The model that is compared with is there."""
+    if "other" in query:
+        query["other"] = world().positive[1]
+
+
 RULES = {
     "createKey": time_to_come,
     "putExpiry": time_to_come,
@@ -286,6 +297,7 @@ QUERY_RULES = {
     "plotEvaluation": labelled,
     "measureDeviation": reference,
     "paintDeviation": reference,
+    "getModelPicture": other_model,
     "listJobs": known_page,
     "listModels": known_page,
     "listKeys": known_page,

@@ -59,8 +59,13 @@ pub async fn turn(state: &AppState, file: &UploadedFile) -> Result<Turn, Problem
 
 /// Waits until it is the turn of a surface of so many bytes.
 pub async fn turn_of(state: &AppState, bytes: u64) -> Result<Turn, Problem> {
+    turn_in(state, &state.describing, bytes).await
+}
+
+/// The same, at other places.
+pub async fn turn_in(state: &AppState, turns: &Turns, bytes: u64) -> Result<Turn, Problem> {
     tokio::select! {
-        turn = state.describing.take(bytes) => turn,
+        turn = turns.take(bytes) => turn,
         () = state.stop.cancelled() => Err(Problem::shutting_down()),
     }
 }

@@ -54,6 +54,7 @@ mod names;
 mod negotiation;
 mod option_views;
 mod page;
+mod pictures;
 mod poses;
 pub mod problem;
 mod queries;

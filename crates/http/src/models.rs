@@ -17,7 +17,7 @@ use super::scan_sets::parse_id as parse_scan_set_id;
 use super::state::{AppState, deleted, uninterrupted};
 use super::upload::{self, Form, FormRules};
 use super::verdicts::{self, VerdictView};
-use super::{assets, cursor, describe, deviation, names, reading_view, renditions, responses};
+use super::{assets, cursor, describe, deviation, names, pictures, reading_view, renditions, responses};
 use visage_domain::asset::Asset;
 use visage_domain::{AssetRecord, ModelFilter, ModelId, ModelRecord, NewModel};
 use visage_formats::Reading;
@@ -50,6 +50,9 @@ pub fn router() -> OpenApiRouter<AppState> {
         .routes(routes!(renditions::get_scans))
         .routes(routes!(deviation::figures))
         .routes(routes!(deviation::map))
+        .routes(routes!(pictures::get_picture))
+        .routes(routes!(pictures::get_plot))
+        .routes(routes!(pictures::get_page))
 }
 
 pub(super) fn parse_id(text: &str) -> Result<ModelId, Problem> {

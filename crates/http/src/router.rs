@@ -17,7 +17,10 @@ use utoipa::OpenApi;
 use utoipa_axum::router::OpenApiRouter;
 
 use super::problem::{Code, Problem, ProblemBody};
-use super::schemas::{CloudFormat, MeshFormat, PosesFormat, ScansFormat, SurfaceFile};
+use super::schemas::{
+    CloudFormat, MeshFormat, PictureKind, PicturePlane, PictureSide, PictureSize, PlotKind, PosesFormat, ScansFormat,
+    SurfaceFile,
+};
 use super::state::AppState;
 use super::{
     access, access_log, audit, body, evaluation, headers, hosts, jobs, keys, meta, metrics, models, page, queries,
@@ -37,7 +40,10 @@ const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
             `Idempotency-Key`: the same key with the same body gives the same answer for a day, with another body a 422.",
         license(name = "MIT OR Apache-2.0", identifier = "MIT OR Apache-2.0"),
     ),
-    components(schemas(ProblemBody, SurfaceFile, CloudFormat, MeshFormat, PosesFormat, ScansFormat)),
+    components(schemas(
+        ProblemBody, SurfaceFile, CloudFormat, MeshFormat, PosesFormat, ScansFormat, PictureKind, PlotKind, PictureSize,
+        PictureSide, PicturePlane,
+    )),
     tags(
         (name = "scan sets", description = "The ordered scans of one object, with their initial poses."),
         (name = "jobs", description = "Asynchronous registration: queued, running, succeeded, failed, canceled."),

@@ -16,7 +16,7 @@ use super::problem::Problem;
 use super::scan_set_views::{NewScanSetBody, ScanSetForm, ScanSetList, ScanSetView};
 use super::state::{AppState, deleted, uninterrupted};
 use super::upload::{self, Form, FormRules};
-use super::{cursor, expiry, names, poses, reading_view, responses, scans};
+use super::{cursor, expiry, names, pictures, poses, reading_view, responses, scans};
 use visage_domain::{FileId, NewScanSet, PoseFile, ScanRecord, ScanSetId, sort_naturally};
 use visage_service::app::arrival::{self, CheckedScan};
 use visage_service::app::scan_sets::{self, ReceivedScans};
@@ -36,6 +36,8 @@ pub fn router() -> OpenApiRouter<AppState> {
         .routes(routes!(poses::put_poses))
         .routes(routes!(expiry::get_expiry, expiry::put_expiry))
         .routes(routes!(poses::put_pose_file))
+        .routes(routes!(pictures::get_of_set))
+        .routes(routes!(pictures::get_of_scan))
 }
 
 pub(super) fn parse_id(text: &str) -> Result<ScanSetId, Problem> {

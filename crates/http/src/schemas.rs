@@ -11,6 +11,11 @@ use super::renditions;
 use visage_domain::asset::Asset;
 use visage_formats::written::Written;
 use visage_formats::{surface_endings, surface_names};
+use visage_picture::camera::Side;
+use visage_report::Kind;
+
+/// A side of a picture, 16 to 4096, as a regular expression.
+const SIDE: &str = "(1[6-9]|[2-9][0-9]|[1-9][0-9]{2}|[1-3][0-9]{3}|40[0-8][0-9]|409[0-6])";
 
 macro_rules! schemas {
     ($($(#[doc = $doc:literal])* $name:ident = $schema:expr;)*) => {
@@ -47,6 +52,16 @@ schemas! {
     PosesFormat = text().enum_values(Some(renditions::names_of_poses()));
     /// What placed scans are written as, by its ending.
     ScansFormat = text().enum_values(Some(renditions::names_of_scans()));
+    /// A kind of picture of a model.
+    PictureKind = text().enum_values(Some(Kind::ALL.iter().map(|kind| kind.name())));
+    /// A kind of picture that is a plot.
+    PlotKind = text().enum_values(Some(Kind::ALL.iter().filter(|kind| kind.is_plot()).map(|kind| kind.name())));
+    /// Width x height in pixels, each from 16 to 4096.
+    PictureSize = text().pattern(Some(format!("^{SIDE}x{SIDE}$"))).examples(["800x600"]);
+    /// From which side a model is seen.
+    PictureSide = text().enum_values(Some(Side::ALL.map(Side::name)));
+    /// An axis, and where on it.
+    PicturePlane = text().pattern(Some(r"^[xyz](:-?[0-9]{1,9}(\.[0-9]{1,9})?)?$")).examples(["z:12.5"]);
     /// x, y and z.
     Point = list(number(), 3);
     /// A place in two scans: first in the one, then in the other.
@@ -198,6 +213,18 @@ mod tests {
         }
         assert!(names::scan_name(&format!("{}.ply", "x".repeat(251))).is_ok());
         assert!(names::scan_name(&format!("{}.ply", "x".repeat(252))).is_err());
+    }
+
+    #[test]
+    fn sizes_and_planes_are_told_as_they_are_checked() {
+        let size = regex::Regex::new(&format!("^{SIDE}x{SIDE}$")).expect("a regular expression");
+        for side in
+            [0, 1, 15, 16, 19, 20, 99, 100, 999, 1000, 3999, 4000, 4089, 4090, 4096, 4097, 4100, 5000, 9999, 16000]
+        {
+            let text = format!("{side}x800");
+            assert_eq!(size.is_match(&text), text.parse::<visage_picture::size::Size>().is_ok(), "{text}");
+        }
+        assert_eq!(Side::ALL.len(), 7);
     }
 
     #[test]

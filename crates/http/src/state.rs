@@ -13,6 +13,7 @@ use super::connections::Connections;
 use super::describe::Turns;
 use super::hosts::Hosts;
 use super::metrics::Requests;
+use super::pictures::Drawn;
 use super::problem::{Code, Problem};
 use visage_domain::ReplayKey;
 use visage_service::app::context::ServiceContext;
@@ -29,6 +30,10 @@ pub struct AppState {
     pub conversions: Arc<Semaphore>,
     /// Bounds how many models are described for requests at a time.
     pub describing: Turns,
+    /// Bounds how many pictures are drawn at a time: they don't wait for what takes longer.
+    pub drawing: Turns,
+    /// The last pictures.
+    pub drawn: Arc<Drawn>,
     /// What of requests may be in memory while they arrive.
     pub buffers: Arc<Semaphore>,
     /// By which names the service may be called.
@@ -62,6 +67,8 @@ impl AppState {
             checks: Arc::new(Semaphore::new(limits.concurrent_checks.max(1))),
             conversions: Arc::new(Semaphore::new(limits.concurrent_conversions.max(1))),
             describing: Turns::new(limits.concurrent_describing),
+            drawing: Turns::new(limits.concurrent_describing),
+            drawn: Arc::default(),
             buffers: Room::budget(limits.buffered_bytes),
             anonymous: Anonymous::new(context.config.open, context.config.is_exposed()),
             requests: Arc::default(),

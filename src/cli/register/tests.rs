@@ -34,6 +34,17 @@ fn register(name: &str, bytes: &[u8], more: &[&str]) -> (Vec<String>, String) {
     };
     assert!(!std::fs::read_dir(&out).expect("a folder").any(is_hidden), "what was unpacked is gone");
     let report = String::from_utf8(read(Asset::Report)).expect("UTF-8");
+    let page = std::fs::read_to_string(out.join(pictures::PAGE)).expect("a page beside the report");
+    assert!(page.contains("<h2>Scans</h2>") && page.trim_end().ends_with("</html>"), "{page}");
+    let drawn = std::fs::read_dir(out.join(pictures::FOLDER)).map_or(Vec::new(), |folder| {
+        let mut names: Vec<_> = folder.map(|entry| entry.expect("listed").file_name()).collect();
+        names.sort();
+        names
+    });
+    // without cloud there is neither surface nor mesh
+    let expected: &[&str] =
+        if more.contains(&"--pictures") { &["convergence.png", "graph.png", "overlap.png"] } else { &[] };
+    assert_eq!(drawn, expected);
     (placed.into_iter().map(|(name, _)| name).collect(), report)
 }
 
@@ -63,7 +74,7 @@ fn a_zip_of_scans_is_registered_from_the_poses_in_it() {
         ("set/readme.md", b"three scans"),
         ("__MACOSX/set/scans/._s0.ply", b"no scan"),
     ]);
-    let (placed, report) = register("set.zip", &bytes, QUICK);
+    let (placed, report) = register("set.zip", &bytes, &[QUICK, &["--pictures"]].concat());
     assert_eq!(placed, ["scans/s0.ply", "scans/s1.ply", "scans/s2.ply"]);
     assert!(report.contains("\"given\"") && !report.contains("\"found\""), "{report}");
 }

@@ -12,7 +12,7 @@ mod views;
 mod writer;
 
 pub use reader::read;
-pub use views::views;
+pub use views::{support, views};
 pub use writer::{VertexAttributes, write_cloud, write_cloud_text, write_mesh, write_surface};
 use writer::{write_content, write_content_text};
 

@@ -2,7 +2,7 @@
 //!
 //! - [`arrival`]: what a client sends becomes scans
 //! - [`scan_sets`], [`models`], [`standards`]: they come with their files, change, and go
-//! - [`renditions`]: what is stored in other formats
+//! - [`renditions`]: what is stored in other formats; [`pictures`]: models and scans as people see them
 //! - [`orders`]: jobs are ordered, stopped, tried again
 //! - [`access`]: who asks: keys and sessions
 //! - [`retention`]: what is old is deleted
@@ -27,6 +27,7 @@ pub mod live_gallery;
 pub mod models;
 pub mod monitor;
 pub mod orders;
+pub mod pictures;
 pub mod queries;
 pub mod renditions;
 pub mod retention;

@@ -113,6 +113,21 @@ pub fn describe(surface: &Surface, unit: Unit, progress: &Progress) -> Result<Si
     Ok(signature.with_shape(shape).with_views(views).with_left_out(left_out))
 }
 
+/// How salient a surface is, 0 to 1: places on it, in the file's frame, and a figure for each. Runs inside the caller's rayon pool.
+///
+/// # Errors
+/// As [`describe`].
+pub fn salient_points(
+    surface: &Surface,
+    progress: &Progress,
+) -> Result<(Vec<visage_geometry::Point3>, Vec<f64>), DescribeError> {
+    let (surface, motion_file_own) = in_own_frame(&cleaned(surface, progress)?);
+    let bounds = checked_bounds(&surface)?;
+    let curved = Prepared::new(&surface, bounds.diagonal(), progress)?.curved(progress)?;
+    let map = saliency::saliency(&curved, curved.xi(), progress)?;
+    Ok((curved.points.iter().map(|point| motion_file_own * point).collect(), map))
+}
+
 /// The surface without what is none of it; see [`mod@cleaned`].
 pub(crate) fn cleaned(surface: &Surface, progress: &Progress) -> Result<Surface, DescribeError> {
     checked_size(surface)?;
