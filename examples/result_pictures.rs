@@ -24,12 +24,15 @@ const SMALL: u32 = 280;
 /// Exposures of the views of the coloured head.
 const EXPOSURES: [f64; 8] = [1.0, 1.2, 0.8, 1.1, 0.85, 1.15, 0.9, 1.2];
 
+/// Makes the pictures of one kind.
+type Maker = fn() -> anyhow::Result<Vec<Image>>;
+
 fn main() -> anyhow::Result<()> {
     let mut arguments = std::env::args().skip(1);
     let Some(folder) = arguments.next().map(PathBuf::from) else { anyhow::bail!("result_pictures FOLDER [NAME]") };
     std::fs::create_dir_all(&folder)?;
     let only = arguments.next();
-    let makers: [(&str, fn() -> anyhow::Result<Vec<Image>>); 5] =
+    let makers: [(&str, Maker); 5] =
         [("model", model), ("deviation", deviation), ("defaced", defaced), ("exposures", exposures), ("thin", thin)];
     for (name, make) in makers {
         if only.as_deref().is_none_or(|only| only == name) {

@@ -133,7 +133,8 @@ fn places_on_a_nut_are_its_symmetries_and_picked_points_or_initial_poses_choose_
     let chosen = set.run(&(&start).into()).expect("registers");
     for (name, pose) in chosen.poses.iter().filter(|(name, _)| start.contains_key(name)) {
         let (found, sent) = (pose.unwrap_or_else(|| panic!("{name} is placed")), start[name]);
-        assert!(sent.rotation.angle_to(&found.rotation) < 0.02, "{name} stays where it was put");
+        // its places are 60 degrees apart; within one, little holds a view that shows one side
+        assert!(sent.rotation.angle_to(&found.rotation) < 0.05, "{name} stays where it was put");
     }
 
     // and so are picked points

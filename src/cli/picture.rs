@@ -144,10 +144,10 @@ mod tests {
         std::fs::write(at("blob.ply"), ply::write_mesh(&objects::blob(1, 5_000).mesh)).expect("written");
         let draw = |arguments: &[&str]| {
             let file = at("blob.ply");
-            let line: Vec<&str> = ["visage", &file, "--size", "80x60"].iter().chain(arguments).copied().collect();
+            let line: Vec<&str> = ["visage", &file].iter().chain(arguments).copied().collect();
             run(Line::try_parse_from(line).map_err(anyhow::Error::from)?.args)
         };
-        draw(&["--out", &at("a.png"), "--view", "top"]).expect("drawn");
+        draw(&["--out", &at("a.png"), "--view", "top", "--size", "80x60"]).expect("drawn");
         assert_eq!(&std::fs::read(at("a.png")).expect("there")[1..4], b"PNG");
         let said = |arguments: &[&str]| format!("{:#}", draw(arguments).expect_err("refused"));
         assert!(said(&["--out", &at("a.svg")]).contains("ends in .png"));

@@ -145,7 +145,9 @@ fn register_writes_the_files_that_the_service_keeps() {
     let said = String::from_utf8_lossy(&done.stdout).into_owned();
     assert!(said.lines().any(|line| line.starts_with("surface: ") && line.contains(" 0 closed")), "{said}");
     for asset in Asset::RESULTS {
-        assert!(out.join(&*asset.name()).is_file(), "{asset:?} is missing");
+        // a copy of 100 000 triangles is made of larger meshes only
+        let is_made = *asset != Asset::Medium;
+        assert_eq!(out.join(&*asset.name()).is_file(), is_made, "{asset:?}");
     }
     let conf = std::fs::read(out.join(&*Asset::PosesConf.name())).expect("written");
     assert_eq!(visage::formats::poses::read("it", &conf).expect("sound").poses.len(), 3);

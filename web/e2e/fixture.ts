@@ -27,7 +27,7 @@ export const test = base.extend<{ watch: Watch }, { server: Server }>({
             const faults: string[] = [];
             const wanted: RegExp[] = [];
             page.on("console", (message) => {
-                // a server that is older than its pictures has none: the page shows a sign instead
+                // a model may be deleted while its thumbnail is asked for: the page shows a sign instead
                 if (message.location().url.includes("/pictures/thumbnail")) return;
                 if (message.type() === "error" && !wanted.some((text) => text.test(message.text())))
                     faults.push(message.text());

@@ -37,7 +37,8 @@ impl Pending {
         Some(Pending { state: state.clone(), entry: Some(entry) })
     }
 
-    /// Writes the entry. An answer is not held back when that fails: what it tells has been done.
+    /// Writes the entry. An answer is not held back when that fails: what it tells has been done. Nor is one that tells of a
+    /// failure of the service, such as a locked database, in which this would wait once more.
     pub async fn answered(mut self, status: StatusCode, location: Option<HeaderValue>) {
         let Some(mut entry) = self.entry.take() else { return };
         entry.status = status.as_u16();
@@ -45,6 +46,10 @@ impl Pending {
             // what was made
             let location = location.as_ref().and_then(|value| value.to_str().ok());
             entry.target = location.and_then(|path| path.rsplit('/').next()).map(str::to_owned);
+        }
+        if status.is_server_error() {
+            self.entry = Some(entry);
+            return;
         }
         write(&self.state, &entry).await;
     }

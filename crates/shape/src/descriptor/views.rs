@@ -109,8 +109,9 @@ mod tests {
         let samples = AreaSamples::of_mesh(&sphere(3.0, 4), 20_000).expect("it has an area");
         let seen = seen_from(&samples, &Vector3::z()).expect("it is large");
         let share = seen.points.len() as f64 / 20_000.0;
-        // all but the rim
-        assert!((share - 0.5 * (1.0 - TUNING.grazing)).abs() < 0.01, "{share}");
+        // all but the rim, of which a little more is hidden by what is before it in its cell
+        let seen = 0.5 * (1.0 - TUNING.grazing);
+        assert!((seen - 0.05..=seen).contains(&share), "{share}");
     }
 
     #[test]
