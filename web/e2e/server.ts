@@ -29,6 +29,22 @@ export class Server {
         throw new Error(`${program} ended before it listened`);
     }
 
+    /** Makes a key: from then on nobody is let in without one. */
+    key(scope: "read" | "write"): string {
+        const made = spawnSync(program, [
+            "key",
+            "create",
+            "--name",
+            "a reader",
+            "--scope",
+            scope,
+            "--data",
+            this.folder,
+        ]);
+        if (made.status !== 0) throw new Error(String(made.stderr));
+        return String(made.stdout).trim();
+    }
+
     /** Stops it, in order or as a crash would. */
     async stop(signal: "SIGTERM" | "SIGKILL" = "SIGTERM"): Promise<void> {
         const ended = new Promise((resolve) => this.process?.once("exit", resolve));

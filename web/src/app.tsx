@@ -10,6 +10,7 @@ import { JobList } from "./jobs/list";
 import { announce, announcement } from "./lib/announce";
 import { connection } from "./lib/connection";
 import { href, place, type Place } from "./lib/router";
+import { look, session, signOut } from "./lib/session";
 import { useStore } from "./lib/store";
 import { ModelPage } from "./model/page";
 import { ScanSetList } from "./scan-sets/list";
@@ -17,12 +18,20 @@ import { ScanSetPage } from "./scan-sets/scan-set";
 import { t } from "./texts";
 import { PageTitle } from "./ui/pieces";
 import { Settings } from "./ui/settings";
+import { SignIn } from "./ui/sign-in";
 
 export function App() {
     const where = useStore(place);
+    const who = useStore(session);
+    const { epoch } = useStore(connection);
+    useEffect(() => {
+        // without an answer there is a banner, and the server is asked again when it is back
+        look().catch(() => undefined);
+    }, [epoch]);
+    const content = who?.scope ? page(where) : who ? <SignIn /> : <p>{t.loading}</p>;
     return (
         <Frame current={where.parts[0] ?? "scan-sets"}>
-            <div key={where.parts.join("/")}>{page(where)}</div>
+            <div key={who?.scope ? where.parts.join("/") : "sign-in"}>{content}</div>
         </Frame>
     );
 }
@@ -44,6 +53,7 @@ function page({ parts, query }: Place): ComponentChildren {
 function Frame({ current, children }: { current: string; children: ComponentChildren }) {
     const spoken = useStore(announcement);
     const { isLost, epoch } = useStore(connection);
+    const who = useStore(session);
     const content = useRef<HTMLElement>(null);
     useEffect(() => {
         if (epoch > 0) announce(t.back);
@@ -80,6 +90,11 @@ function Frame({ current, children }: { current: string; children: ComponentChil
                         <a href="/docs">{t.nav.docs}</a>
                     </nav>
                     <Settings />
+                    {who?.key && (
+                        <button type="button" title={who.key} onClick={() => void signOut()}>
+                            {t.signIn.out}
+                        </button>
+                    )}
                 </div>
             </header>
             {isLost && (
