@@ -25,7 +25,7 @@ pub struct ServeArgs {
     /// names and the address it listens on are known without
     #[arg(long = "host", env = "VISAGE_HOST", value_name = "NAME", value_delimiter = ',')]
     hosts: Vec<HostName>,
-    /// An origin such as https://app.example whose pages may ask too, with a key; can be repeated
+    /// An origin (scheme and host, such as `https://app.example`) whose pages may ask too, with a key; can be repeated
     #[arg(long = "cors-origin", env = "VISAGE_CORS_ORIGIN", value_name = "ORIGIN", value_delimiter = ',')]
     cors_origins: Vec<Origin>,
     /// The certificate by which connections are taken by TLS, with those that lead to its authority (PEM); read at

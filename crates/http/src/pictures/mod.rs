@@ -181,7 +181,8 @@ pub async fn get_of_scan(
     conditions: Conditions,
 ) -> Result<Response, Problem> {
     let set = parse_set_id(&id)?;
-    let name = names::scan_name(&name)?;
+    // of a name that no scan can have there is none
+    let name = names::scan_name(&name).unwrap_or(name);
     let (size, side) = query.wish()?;
     let source = ScanPicture::find(&state.context, set, &name).await?;
     let what = format!("{}-{size}-{side}-scan-{name}", source.tag());
