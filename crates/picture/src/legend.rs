@@ -90,8 +90,9 @@ pub struct Mark {
     pub is_hidden: bool,
 }
 
-/// Marks with their words beside them, where they don't lie on each other.
+/// Marks with their words beside them, within the picture, where they don't lie on each other.
 pub fn marks(drawing: &mut Drawing, marks: &[Mark]) {
+    let (width, height) = (drawing.size.width(), drawing.size.height());
     let radius = (f64::from(drawing.size.height()) * 0.009).clamp(3.0, 12.0);
     let pale = |color: Rgb| color.map(|value| 128 + value / 2);
     let font = font(drawing);
@@ -106,8 +107,12 @@ pub fn marks(drawing: &mut Drawing, marks: &[Mark]) {
         let [x, y] = [radius + 5.0 + size[0] / 2.0, radius + 3.0 + size[1] / 2.0];
         let places = [[x, 0.0], [-x, 0.0], [0.0, -y], [0.0, y], [x, -y], [-x, y], [x, y], [-x, -y]];
         let place = |[dx, dy]: [f64; 2]| [mark.at[0] + dx, mark.at[1] + dy];
+        let is_within = |[left, top, right, bottom]: [f64; 4]| {
+            left >= 0.0 && top >= 0.0 && right <= f64::from(width) && bottom <= f64::from(height)
+        };
         let is_free = |at: &[f64; 2]| taken.iter().all(|other| !overlap(&around(*at, size), other));
-        let at = places.map(place).into_iter().find(is_free).unwrap_or(place(places[0]));
+        let seen: Vec<[f64; 2]> = places.map(place).into_iter().filter(|at| is_within(around(*at, size))).collect();
+        let at = seen.iter().copied().find(is_free).or(seen.first().copied()).unwrap_or(place(places[0]));
         taken.push(around(at, size));
         // letters stand on a bright rim: surfaces are of any colour
         for [x, y] in [[-1.0, 0.0], [1.0, 0.0], [0.0, -1.0], [0.0, 1.0]] {
@@ -222,6 +227,16 @@ mod tests {
                 "{places:?}"
             );
         }
+    }
+
+    #[test]
+    fn words_at_a_rim_stay_in_the_picture() {
+        let mut drawing = Drawing::new(Size::clamped(400, 300));
+        let mark = Mark { at: [395.0, 298.0], label: "a place".to_owned(), color: INK, is_hidden: false };
+        marks(&mut drawing, &[mark]);
+        let Some(crate::drawing::Item::Text { at, .. }) = drawing.items.last() else { panic!("no word") };
+        let [_, _, right, bottom] = around(*at, [Font::SMALL.width("a place"), 0.8 * Font::SMALL.height()]);
+        assert!(right <= 400.0 && bottom <= 300.0, "{at:?}");
     }
 
     #[test]
