@@ -10,17 +10,17 @@ interface Watch {
     allow(text: RegExp): void;
 }
 
+/** A server for those who ask for one, as long as they need it. */
+async function serve({}, use: (server: Server) => Promise<void>): Promise<void> {
+    const server = new Server();
+    await server.start();
+    await use(server);
+    await server.remove();
+}
+
 /** Tests with a server for each file, and a page that is watched. */
 export const test = base.extend<{ watch: Watch }, { server: Server }>({
-    server: [
-        async ({}, use) => {
-            const server = new Server();
-            await server.start();
-            await use(server);
-            await server.remove();
-        },
-        { scope: "worker" },
-    ],
+    server: [serve, { scope: "worker" }],
     baseURL: async ({ server }, use) => use(server.url),
     watch: [
         async ({ page, server }, use) => {
@@ -43,6 +43,9 @@ export const test = base.extend<{ watch: Watch }, { server: Server }>({
         { auto: true },
     ],
 });
+
+/** Tests with a server that no other file has: what is done to it stays. */
+export const alone = test.extend<object, { server: Server }>({ server: [serve, { scope: "worker" }] });
 
 export { expect };
 

@@ -1,19 +1,6 @@
-import { expect, expectAccessible, test as base } from "./fixture";
-import { Server } from "./server";
+import { expect, expectAccessible, alone as test } from "./fixture";
 
-/** With a server of its own, since a key closes it for good. */
-const test = base.extend<object, { server: Server }>({
-    server: [
-        async ({}, use) => {
-            const server = new Server();
-            await server.start();
-            await use(server);
-            await server.remove();
-        },
-        { scope: "worker" },
-    ],
-});
-
+// a key closes the server for good
 test("a server with keys is shown to those who have one", async ({ page, server, watch }) => {
     const key = server.key("write");
     watch.allow(/401/);

@@ -4,7 +4,7 @@ import type { Schema } from "../api/client";
 import { send } from "../api/upload";
 import { announce } from "../lib/announce";
 import { t } from "../texts";
-import { Field, TextField, Trouble, UnitChoice, type Unit } from "../ui/pieces";
+import { FileField, TextField, Trouble, UnitChoice, type Unit } from "../ui/pieces";
 
 /** Puts a finished mesh or cloud into the gallery. */
 export function AddModel({ onAdded }: { onAdded: () => void }) {
@@ -48,17 +48,7 @@ export function AddModel({ onAdded }: { onAdded: () => void }) {
             <summary>{t.gallery.add}</summary>
             <form class="stack" onSubmit={add}>
                 <div class="form-grid">
-                    <Field label={t.gallery.addFile} help={t.gallery.addHelp}>
-                        {(id, help) => (
-                            <input
-                                id={id}
-                                aria-describedby={help}
-                                type="file"
-                                required
-                                onChange={(event) => setFile(event.currentTarget.files?.[0])}
-                            />
-                        )}
-                    </Field>
+                    <FileField label={t.gallery.addFile} help={t.gallery.addHelp} onChoose={setFile} />
                     <TextField label={`${t.name} (${t.optional})`} value={name} onInput={setName} />
                     <TextField
                         label={`${t.label} (${t.optional})`}

@@ -3,7 +3,7 @@ import { useState } from "preact/hooks";
 import type { Schema } from "../api/client";
 import { send } from "../api/upload";
 import { t } from "../texts";
-import { Choice, Field, Trouble, UnitChoice, type Unit } from "../ui/pieces";
+import { Choice, FileField, Trouble, UnitChoice, type Unit } from "../ui/pieces";
 
 /** Asks about a file that is not stored: which models are like it, or whether it is of a class. */
 export function Probe({
@@ -44,17 +44,7 @@ export function Probe({
     return (
         <form class="panel stack" onSubmit={ask}>
             <div class="form-grid">
-                <Field label={t.gallery.probe} help={t.gallery.probeHelp}>
-                    {(id, help) => (
-                        <input
-                            id={id}
-                            aria-describedby={help}
-                            type="file"
-                            required
-                            onChange={(event) => setFile(event.currentTarget.files?.[0])}
-                        />
-                    )}
-                </Field>
+                <FileField label={t.gallery.probe} help={t.gallery.probeHelp} onChoose={setFile} />
                 <UnitChoice value={unit} onChange={setUnit} />
                 <Choice label={t.gallery.question} value={standard} choices={choices} onChange={setStandard} />
             </div>

@@ -82,6 +82,23 @@ export function Field(props: {
     );
 }
 
+/** One file that has to be chosen. */
+export function FileField(props: { label: string; help: string; onChoose: (file: File | undefined) => void }) {
+    return (
+        <Field label={props.label} help={props.help}>
+            {(id, help) => (
+                <input
+                    id={id}
+                    aria-describedby={help}
+                    type="file"
+                    required
+                    onChange={(event) => props.onChoose(event.currentTarget.files?.[0])}
+                />
+            )}
+        </Field>
+    );
+}
+
 export function TextField(props: {
     label: string;
     value: string;
