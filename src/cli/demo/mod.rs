@@ -53,8 +53,9 @@ async fn show(args: &DemoArgs) -> anyhow::Result<()> {
         println!("  {}", exhibit.introduction());
     }
     let folder = tempfile::tempdir().context("making a temporary folder")?;
+    let config = ServerConfig::new(args.addr, folder.path());
     // what it holds is made by code: whoever reaches it may look
-    let server = Server::start(ServerConfig { open: true, ..ServerConfig::new(args.addr, folder.path()) }).await?;
+    let server = Server::start(ServerConfig { open: config.is_exposed(), ..config }).await?;
     println!("\nThe service listens on {} and keeps its data in {}.", server.url(), folder.path().display());
     let client = Client::new(&server.url(), None)?;
     let result = tell(&client, &exhibits, args).await;
