@@ -288,13 +288,12 @@ async fn killed_in_a_surface_job_it_loses_nothing_and_makes_the_same_bytes() {
         text(&expect_json(sent, StatusCode::ACCEPTED).await, "/id")
     };
     let job = post(&process).await;
-    let begin = Instant::now();
     loop {
         let view = process.get(&format!("/v1/jobs/{job}")).await;
         if view["stage"] == "surfacing" {
             break;
         }
-        assert!(view["status"] != "succeeded" && begin.elapsed() < Duration::from_secs(60), "never surfacing: {view}");
+        assert!(["queued", "running"].map(Value::from).contains(&view["status"]), "never surfacing: {view}");
     }
     process.signal("-KILL");
     let restarted = Process::start(folder.path());
