@@ -1,7 +1,7 @@
 //! `visage-bench who`: does what is left of a scanned head tell whose it is, among many?
 //!
 //! The people are code-made heads: eight measures and a relief of each one's own. A probe is one of them with a third of its triangles, noise of 0.3 mm on the
-//! standard and turned at random. How hard that is hangs on how near the nearest pairs are, so that is measured too, for
+//! standard and turned at random. How hard that is depends on how near the nearest pairs are, so that is measured too, for
 //! the same number of comparisons on the real heads of a labelled set if one is given.
 
 use std::f64::consts::TAU;

@@ -49,7 +49,7 @@ pub(super) struct Probe {
 /// A stored model: part and place.
 pub(super) type Address = (usize, u32);
 
-/// A model whose score hangs on its shape, and the most it can be.
+/// A model whose score depends on its shape, and the highest that it can be.
 pub(super) struct Unsure {
     pub most: f64,
     pub id: ModelId,

@@ -1,4 +1,4 @@
-//! A surface's own frame: what is done there hangs on no turn of the file.
+//! A surface's own frame: what is done there does not depend on how the file is turned.
 
 use nalgebra::Matrix3;
 

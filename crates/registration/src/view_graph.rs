@@ -24,7 +24,7 @@ pub const LEAST_OVERLAP: f64 = 0.1;
 
 impl ViewGraph {
     /// All pairs whose mutual overlap exceeds `min_overlap`, and for each view at least its best `min_degree` pairs: a
-    /// view that hangs on one pair goes wherever that pair goes. If they leave the views in pieces, the best pairs
+    /// view that one pair alone holds goes wherever that pair goes. If they leave the views in pieces, the best pairs
     /// between pieces are added, as many as join them. No pair below [`LEAST_OVERLAP`] is taken.
     pub fn choose(overlaps: &OverlapMatrix, min_overlap: f64, min_degree: usize) -> Self {
         let n = overlaps.rows().len();

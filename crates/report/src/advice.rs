@@ -132,8 +132,8 @@ fn weak_links(found: &Found) -> Vec<Advice> {
         }
         let alone = [(link.i, link.j), (link.j, link.i)].into_iter().find(|(one, _)| neighbours(*one) == 1);
         let what = match alone {
-            Some((one, other)) => format!("{} hangs on one neighbour alone, {}", name(one), name(other)),
-            None => format!("the scans on both sides of {a} and {b} hang together by these two alone"),
+            Some((one, other)) => format!("{} is held by one neighbour alone, {}", name(one), name(other)),
+            None => format!("only {a} and {b} join the scans on either side of them"),
         };
         Some(Advice { what, todo: "Add a scan between the two: then an error of one link would be seen." })
     };
@@ -214,7 +214,7 @@ mod tests {
     #[test]
     fn a_scan_that_hangs_on_one_neighbour_is_named_with_it() {
         let found = found(["a", "b", "c", "d"].map(view).to_vec(), &[(0, 1), (1, 2), (2, 0), (2, 3)]);
-        assert_eq!(whats(&found), ["d hangs on one neighbour alone, c"]);
+        assert_eq!(whats(&found), ["d is held by one neighbour alone, c"]);
         assert!(advice(&found)[0].todo.starts_with("Add a scan between"));
     }
 

@@ -67,10 +67,10 @@ mod tests {
     fn the_verdict_comes_first_then_a_line_a_view() {
         let view =
             json!({"name": "a.ply", "pose": "found", "confidence": 0.97, "residual_spacings": 0.25, "unplaced": null});
-        let verdict = json!({"quality": "doubtful", "reasons": ["view 2 hangs on one neighbour"]});
+        let verdict = json!({"quality": "doubtful", "reasons": ["only one neighbour holds view 2"]});
         let report = json!({"result": {"verdict": verdict, "views": [view]}});
         let text = told(&json!({"name": "head", "points": 12, "report": report}));
-        assert!(text.starts_with("head: 12 points\nquality: doubtful\n- view 2 hangs on one neighbour\n"), "{text}");
+        assert!(text.starts_with("head: 12 points\nquality: doubtful\n- only one neighbour holds view 2\n"), "{text}");
         assert!(text.contains("a.ply  found  97 %  0.25 spacings  -"), "{text}");
         let uploaded = told(&json!({"name": "cup", "points": 1, "report": null}));
         assert!(uploaded.contains("it was uploaded as it is"), "{uploaded}");

@@ -10,7 +10,7 @@ use crate::view::largest_radius;
 use visage_geometry::{Motion, UnionFind, Vector3};
 
 /// Makes the pairs' motions agree and moves the poses there; pairs without correspondences don't take part, and views
-/// that hang on none of the others keep their pose and are not placed. Returns the solves that it took, 0 if it failed:
+/// that are joined to none of the others keep their pose and are not placed. Returns the solves that it took, 0 if it failed:
 /// then all poses stay.
 pub(super) fn agree(agreement: Agreement, views: &[View], spacing: f64, state: &mut Outcome) -> usize {
     let usable: Vec<usize> =

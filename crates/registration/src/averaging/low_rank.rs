@@ -30,7 +30,7 @@ pub struct LowRank {
 /// Why there are no poses.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum LowRankError {
-    /// A view hangs on no anchor.
+    /// A view is joined to no anchor.
     #[error("the relative motions do not determine every pose")]
     Undetermined,
     /// Neither start led to rigid motions that fit the relative motions as well as the poses given.

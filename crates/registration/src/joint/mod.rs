@@ -5,7 +5,7 @@
 //! both normals (symmetric point-to-plane; Rusinkiewicz, "A symmetric objective function for ICP", SIGGRAPH 2019),
 //! exact for surfaces of second order. Sparse Gauss-Newton over 6(N-1) unknowns with robust weights; correspondences
 //! are renewed in every step, pairs are chosen anew before each pass. No averaging error is left. A coarse level of
-//! pairwise ICP and averaging before it was tried and left out: a view that first hangs on one pair goes wherever that
+//! pairwise ICP and averaging before it was tried and left out: a view that one pair alone holds at first goes wherever that
 //! pair goes (one start of 45 was lost so), while here all its neighbours hold it at once.
 
 mod coarse_scale;
@@ -54,7 +54,7 @@ pub struct Pass {
 /// The passes, coarse to fine. The first reaches as far as rough poses are wrong, some 0.4 of an object's radius; the
 /// second settles what it left. A surfel is a mean, and the mean of a bent patch lies below the surface by a share of
 /// its edge's square, not alike in views from different sides: so the last makes the edges small, and takes few steps.
-/// What flat or thin faces leave loose often hangs on small overlaps: the last takes more of them, since near the truth
+/// What flat or thin faces leave loose is often held by small overlaps alone: the last takes more of them, since near the truth
 /// they can be believed.
 pub const PASSES: [Pass; 2] = [
     Pass {
@@ -142,7 +142,7 @@ pub fn joint(
 }
 
 /// Registers `views` from `initial` poses (local frame to world) onto those that are `fixed`: they keep their poses as
-/// one rigid body, and pairs among them take no part. Views that hang on none of them are unplaced.
+/// one rigid body, and pairs among them take no part. Views that overlap none of them are unplaced.
 pub fn joint_onto(
     views: &[View],
     initial: &[Motion],

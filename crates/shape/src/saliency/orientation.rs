@@ -59,7 +59,7 @@ visage_geometry::tuning! {
 
 /// The outer side of a mesh by the sign of its volume, if its faces agree and its openings leave no doubt of the sign.
 ///
-/// Closing all the openings of a piece by one cone, to some place, gives a volume that hangs on the place linearly, by a
+/// Closing all the openings of a piece by one cone, to some place, gives a volume that depends on the place linearly, by a
 /// third of the sum of the faces' area vectors, which is nothing for a closed piece. The side is known if no places in the
 /// pieces' bounding boxes change the sign of all together. Several openings that face each other are judged as one.
 pub fn side_of_mesh(mesh: &Mesh) -> Side {

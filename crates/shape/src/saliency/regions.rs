@@ -11,7 +11,7 @@ pub struct RegionOptions {
     ///
     /// 0.3: on the faces of the public set it leaves 1.4 to 4.8 % of the surface (median 3.5 %) in 21 to 134 separate
     /// places (median 37), enough for N = 10. Lower values join nose, lips and eyes along their creases. The literal
-    /// method's AUC does not hang on it: 0.70 to 0.78 for 0.15 to 0.35.
+    /// method's AUC does not depend on it: 0.70 to 0.78 for 0.15 to 0.35.
     pub saliency_threshold: f64,
     /// `th_dist` in xi: salient points nearer to each other than this belong to one region.
     ///
