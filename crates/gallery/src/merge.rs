@@ -114,6 +114,11 @@ fn within_full(mut segments: Vec<LiveSegment>) -> Vec<LiveSegment> {
 }
 
 impl Merge {
+    /// The names of the files that it reads from.
+    pub fn files(&self) -> impl Iterator<Item = u128> + '_ {
+        self.sources.iter().filter_map(|source| SegmentHandle::of(source).file())
+    }
+
     /// Builds the segment. Takes seconds for full ones; runs inside the caller's rayon pool.
     pub fn run(self) -> Merged {
         let kept: Vec<Kept> = self.sources.iter().map(LiveSegment::kept).collect();

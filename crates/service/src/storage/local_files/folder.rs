@@ -62,7 +62,15 @@ impl LocalFiles {
         // it may have been somebody else's until now
         refuse_foreign(root)?;
         let files = LocalFiles::at(root, lock);
-        for folder in [files.staging_folder(), files.scan_sets(), files.models(), files.standards(), files.trash()] {
+        let folders = [
+            files.staging_folder(),
+            files.scan_sets(),
+            files.models(),
+            files.standards(),
+            files.trash(),
+            files.segment_folder(),
+        ];
+        for folder in folders {
             private::create_folder(&folder).map_err(doing("creating the data folder"))?;
             private::restrict(&folder).map_err(doing("restricting the data folder"))?;
         }
