@@ -127,4 +127,6 @@ impl Gallery {
 }
 
 #[cfg(test)]
+mod fuzz;
+#[cfg(test)]
 mod tests;

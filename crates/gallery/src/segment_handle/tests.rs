@@ -16,13 +16,13 @@ fn entry(k: u128) -> IndexedModel {
 }
 
 /// Enough models for every kind of column.
-fn gallery(models: u128) -> Gallery {
+pub(super) fn gallery(models: u128) -> Gallery {
     let mut gallery = Gallery::default();
     gallery.append(&(0..models).map(entry).collect::<Vec<_>>());
     gallery
 }
 
-fn encoded(gallery: &Gallery) -> Vec<u8> {
+pub(super) fn encoded(gallery: &Gallery) -> Vec<u8> {
     SegmentHandle::of(&gallery.segments[0]).encode().to_bytes()
 }
 
@@ -33,7 +33,7 @@ fn decode(file: u128, bytes: &Bytes) -> SegmentHandle {
 }
 
 /// Everything that can be asked, as text: equal only if the bytes of all answers are.
-fn answers(gallery: &Gallery) -> String {
+pub(super) fn answers(gallery: &Gallery) -> String {
     let mut answers = Vec::new();
     for seed in [0.3, 1.1, 5.2] {
         let probe = example(seed, 6);
