@@ -64,6 +64,17 @@ impl Place {
         (listed, self.storage.objects.segment_listing().expect("listed").len())
     }
 
+    /// Flips a bit in the middle of a file, where nothing points to anything.
+    fn flipped(&self) -> visage_domain::SegmentId {
+        let objects = &self.storage.objects;
+        let id = objects.segment_listing().expect("listed")[0];
+        let mut content = objects.map_segment(id).expect("read").expect("there").to_vec();
+        let middle = content.len() / 2;
+        content[middle] ^= 0x40;
+        objects.keep_segment(id, &mut |to| to.write_all(&content)).expect("written");
+        id
+    }
+
     async fn unfiled(&self) -> usize {
         self.storage.database.unfiled_after(None, 100_000).await.expect("read").len()
     }
@@ -255,19 +266,13 @@ async fn a_byte_that_flipped_in_a_column_is_found_after_the_start_and_what_it_sp
     let place = Place::new().await;
     place.store(&models(0..300)).await;
     drop(place.process().await);
-    let objects = &place.storage.objects;
-    let id = objects.segment_listing().expect("listed")[0];
-    let mut content = objects.map_segment(id).expect("read").expect("there").to_vec();
-    // a number of a descriptor: nothing points to anything there
-    let middle = content.len() / 2;
-    content[middle] ^= 0x40;
-    objects.keep_segment(id, &mut |to| to.write_all(&content)).expect("written");
+    let id = place.flipped();
     let live = place.process().await;
     // as the server's chores do
     let (examiner, storage) = (live.clone(), place.storage.clone());
     tokio::spawn(async move { examiner.examine(&storage).await }).await.expect("no panic").expect("made anew");
     place.is_exact(&live).await;
-    assert!(!objects.segment_listing().expect("listed").contains(&id));
+    assert!(!place.storage.objects.segment_listing().expect("listed").contains(&id));
     place.is_exact(&place.process().await).await;
 }
 
@@ -330,19 +335,14 @@ async fn damage_is_not_merged_into_a_sound_file() {
     let stored = models(0..300);
     place.store(&stored).await;
     drop(place.process().await);
-    let objects = &place.storage.objects;
-    let id = objects.segment_listing().expect("listed")[0];
-    let mut content = objects.map_segment(id).expect("read").expect("there").to_vec();
-    let middle = content.len() / 2;
-    content[middle] ^= 0x40;
-    objects.keep_segment(id, &mut |to| to.write_all(&content)).expect("written");
+    let id = place.flipped();
     let live = place.process().await;
     for model in &stored[..150] {
         place.delete(&live, model.id).await;
     }
     merge(&live).await;
     place.is_exact(&live).await;
-    assert!(!objects.segment_listing().expect("listed").contains(&id));
+    assert!(!place.storage.objects.segment_listing().expect("listed").contains(&id));
     place.is_exact(&place.process().await).await;
 }
 
