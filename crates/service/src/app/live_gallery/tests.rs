@@ -1,3 +1,5 @@
+//! The gallery over what is stored, before and after all that may happen to it. A module of `#[cfg(test)]`.
+
 use std::collections::BTreeMap;
 use std::sync::atomic::Ordering::SeqCst;
 
