@@ -7,7 +7,10 @@ use std::time::Duration;
 use anyhow::{Context, bail};
 use clap::Args;
 
-use crate::config::{EdgeLimits, HostName, Limits, Origin, Quotas, Retention, ServerConfig, TlsPem, available_threads};
+use crate::config::{
+    EdgeLimits, HostName, Limits, Network, Origin, Quotas, Retention, ServerConfig, TlsPem, WebhookSettings,
+    available_threads,
+};
 use crate::http::Server;
 use crate::telemetry::{self, LogFormat};
 
@@ -87,6 +90,10 @@ pub struct ServeArgs {
     #[arg(long, env = "VISAGE_KEEP_AUDIT", value_name = "DAYS", default_value_t = 365,
           value_parser = clap::value_parser!(u32).range(1..))]
     keep_audit: u32,
+    /// A network that messages to webhooks may reach though it is not public, also without TLS, such as 10.0.0.0/8; can be
+    /// repeated
+    #[arg(long = "webhook-network", env = "VISAGE_WEBHOOK_NETWORK", value_name = "NETWORK", value_delimiter = ',')]
+    webhook_networks: Vec<Network>,
     /// Connections at the same time; others wait
     #[arg(long, env = "VISAGE_MAX_CONNECTIONS", default_value_t = EdgeLimits::default().connections,
           value_parser = at_least_one)]
@@ -159,6 +166,7 @@ impl ServeArgs {
                 scan_sets: self.keep_scan_sets,
                 audit: Some(self.keep_audit),
             },
+            webhooks: WebhookSettings { networks: self.webhook_networks.clone(), ..WebhookSettings::default() },
             edge: EdgeLimits {
                 connections: self.max_connections,
                 head_time: Duration::from_secs(self.head_seconds),

@@ -29,3 +29,4 @@ mod slow;
 mod standards;
 mod storage;
 mod surfaces;
+mod webhooks;

@@ -24,7 +24,8 @@ pub struct AuditEntry {
 impl AuditEntry {
     /// The id of what the request has made, if it has made something that is kept.
     pub fn made(&self) -> Option<&str> {
-        let is_kept = self.method == "POST" && matches!(self.status, 201 | 202) && self.route != "/v1/keys";
+        let has_no_files = ["/v1/keys", "/v1/webhooks"].contains(&self.route.as_str());
+        let is_kept = self.method == "POST" && matches!(self.status, 201 | 202) && !has_no_files;
         // a job that is stopped or tried again was made before
         self.target.as_deref().filter(|_| is_kept && !self.route.contains('{'))
     }

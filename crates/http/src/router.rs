@@ -24,7 +24,7 @@ use super::schemas::{
 use super::state::AppState;
 use super::{
     access, access_log, audit, body, evaluation, headers, hosts, jobs, keys, meta, metrics, models, page, queries,
-    scan_sets, session, standards,
+    scan_sets, session, standards, webhooks,
 };
 use visage_service::panics::panic_message;
 
@@ -51,6 +51,7 @@ const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
         (name = "queries", description = "Which models are faces, and which are like a given one."),
         (name = "standards", description = "The classes that can be asked for: the built-in face, and those of users."),
         (name = "access", description = "Keys, and signing in by a browser."),
+        (name = "webhooks", description = "Whom the service tells by itself."),
         (name = "service", description = "Health, limits, versions."),
     )
 )]
@@ -67,6 +68,7 @@ fn resources() -> OpenApiRouter<AppState> {
         .merge(keys::router())
         .merge(session::router())
         .merge(audit::router())
+        .merge(webhooks::router())
         .merge(meta::router())
         .merge(metrics::router())
 }

@@ -1,6 +1,7 @@
 //! What the operator may set: where the service listens, where it keeps things, and how much it takes on.
 
 mod host_name;
+mod network;
 mod origin;
 
 use std::net::SocketAddr;
@@ -10,6 +11,7 @@ use std::time::Duration;
 use visage_formats::ReadLimits;
 
 pub use self::host_name::{Host, HostName, NoHostName};
+pub use self::network::{Network, NoNetwork, is_public};
 pub use self::origin::{NoOrigin, Origin};
 
 /// Everything a server needs to know before it starts.
@@ -39,6 +41,8 @@ pub struct ServerConfig {
     pub quotas: Quotas,
     /// What is deleted when it is old.
     pub retention: Retention,
+    /// Where messages to webhooks may go, and when they are sent again.
+    pub webhooks: WebhookSettings,
     /// Bounds on connections.
     pub edge: EdgeLimits,
     /// Clocks of the job queue.
@@ -65,6 +69,7 @@ impl ServerConfig {
             open: false,
             quotas: Quotas::default(),
             retention: Retention::default(),
+            webhooks: WebhookSettings::default(),
             edge: EdgeLimits::default(),
             queue: QueueTiming::default(),
             lock_patience: Duration::from_secs(5),
@@ -186,6 +191,30 @@ pub struct Retention {
 impl Default for Retention {
     fn default() -> Self {
         Retention { models: None, scan_sets: None, audit: Some(365) }
+    }
+}
+
+/// Where messages to webhooks may go, and when they are sent again.
+#[derive(Debug, Clone)]
+pub struct WebhookSettings {
+    /// Networks that are reached though they are not public, and without TLS.
+    pub networks: Vec<Network>,
+    /// How long an attempt may take in all.
+    pub patience: Duration,
+    /// How long after each failed attempt the next one follows, and up to a fifth more; after the last one the message
+    /// is dead.
+    pub pauses: Vec<Duration>,
+}
+
+impl Default for WebhookSettings {
+    fn default() -> Self {
+        // some 28 hours: a receiver that is down for a day loses nothing
+        let pauses = [5, 30, 2 * 60, 10 * 60, 3600, 3 * 3600, 8 * 3600, 16 * 3600];
+        WebhookSettings {
+            networks: Vec::new(),
+            patience: Duration::from_secs(15),
+            pauses: pauses.map(Duration::from_secs).to_vec(),
+        }
     }
 }
 
