@@ -8,7 +8,7 @@ use anyhow::{Context, bail};
 use clap::Args;
 
 use crate::config::{
-    EdgeLimits, HostName, Limits, Network, Origin, Quotas, Retention, ServerConfig, TlsPem, WebhookSettings,
+    BasePath, EdgeLimits, HostName, Limits, Network, Origin, Quotas, Retention, ServerConfig, TlsPem, WebhookSettings,
     available_threads,
 };
 use crate::http::Server;
@@ -28,6 +28,13 @@ pub struct ServeArgs {
     /// names and the address it listens on are known without
     #[arg(long = "host", env = "VISAGE_HOST", value_name = "NAME", value_delimiter = ',')]
     hosts: Vec<HostName>,
+    /// The path below which a proxy serves it, such as /visage
+    #[arg(long, env = "VISAGE_BASE_PATH", value_name = "PATH", default_value_t)]
+    base_path: BasePath,
+    /// A proxy (an address, or a network such as 10.0.0.0/8) whose `Forwarded` or `X-Forwarded-*` tell who has sent a
+    /// request, and by which scheme and name; can be repeated
+    #[arg(long = "trusted-proxy", env = "VISAGE_TRUSTED_PROXY", value_name = "NETWORK", value_delimiter = ',')]
+    trusted_proxies: Vec<Network>,
     /// An origin (scheme and host, such as `https://app.example`) whose pages may ask too, with a key; can be repeated
     #[arg(long = "cors-origin", env = "VISAGE_CORS_ORIGIN", value_name = "ORIGIN", value_delimiter = ',')]
     cors_origins: Vec<Origin>,
@@ -68,7 +75,7 @@ pub struct ServeArgs {
     /// Points in one scan or model
     #[arg(long, env = "VISAGE_MAX_POINTS", default_value_t = Limits::default().points_per_scan)]
     max_points: u64,
-    /// Requests that a key may send in a minute; those who need none count as one [default: any number]
+    /// Requests that a key may send in a minute; of those who need none, each address [default: any number]
     #[arg(long, env = "VISAGE_KEY_REQUESTS_PER_MINUTE", value_parser = clap::value_parser!(u32).range(1..))]
     key_requests_per_minute: Option<u32>,
     /// Uploads of a key at the same time [default: any number]
@@ -152,6 +159,8 @@ impl ServeArgs {
                 ..Limits::default()
             },
             hosts: self.hosts.clone(),
+            base_path: self.base_path.clone(),
+            trusted_proxies: self.trusted_proxies.clone(),
             cors_origins: self.cors_origins.clone(),
             tls: self.tls()?,
             open: self.open,

@@ -21,6 +21,7 @@ mod models;
 mod page;
 mod pictures;
 mod pressure;
+mod proxies;
 mod queries;
 mod recovery;
 mod renditions;

@@ -9,6 +9,8 @@ pub struct AuditEntry {
     pub id: AuditId,
     /// The key that was shown; `None` for who needed none or had none.
     pub key: Option<KeyId>,
+    /// From where it came, as far as that is known.
+    pub client: Option<String>,
     /// The id of the request, as in the log.
     pub request: String,
     /// The method.
@@ -49,6 +51,7 @@ mod tests {
         let entry = |method: &str, route: &str, status| AuditEntry {
             id: AuditId::new(),
             key: None,
+            client: None,
             request: String::new(),
             method: method.to_owned(),
             route: route.to_owned(),

@@ -4,48 +4,60 @@ use jiff::Timestamp;
 
 use super::{DeliveryId, JobId, JobKind, JobStatus, KeyId, ModelId, WebhookId};
 
-macro_rules! event_kinds {
-    ($($(#[$doc:meta])* $variant:ident = $name:literal;)*) => {
-        /// A kind of event.
-        #[derive(
-            Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize, utoipa::ToSchema,
-        )]
-        pub enum EventKind {
-            $($(#[$doc])* #[serde(rename = $name)] $variant,)*
-        }
-
-        impl EventKind {
-            /// All of them.
-            pub const ALL: &[EventKind] = &[$(EventKind::$variant,)*];
-
-            /// As it is written in bodies, tables and the API.
-            pub fn name(self) -> &'static str {
-                match self { $(EventKind::$variant => $name,)* }
-            }
-        }
-    };
+/// A kind of event.
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize, utoipa::ToSchema,
+)]
+pub enum EventKind {
+    /// A job has ended well.
+    #[serde(rename = "job.succeeded")]
+    JobSucceeded,
+    /// A job has ended with an error.
+    #[serde(rename = "job.failed")]
+    JobFailed,
+    /// A job was stopped on request.
+    #[serde(rename = "job.canceled")]
+    JobCanceled,
+    /// A model is in the gallery: uploaded, or made by a job.
+    #[serde(rename = "model.added")]
+    ModelAdded,
+    /// A model is not in the gallery any more.
+    #[serde(rename = "model.deleted")]
+    ModelDeleted,
+    /// Somebody tries whether a webhook works.
+    #[serde(rename = "webhook.ping")]
+    Ping,
 }
 
-event_kinds! {
-    /// A job has ended well.
-    JobSucceeded = "job.succeeded";
-    /// A job has ended with an error.
-    JobFailed = "job.failed";
-    /// A job was stopped on request.
-    JobCanceled = "job.canceled";
-    /// A model is in the gallery: uploaded, or made by a job.
-    ModelAdded = "model.added";
-    /// A model is not in the gallery any more.
-    ModelDeleted = "model.deleted";
-    /// Somebody tries whether a webhook works.
-    Ping = "webhook.ping";
+impl EventKind {
+    /// All of them.
+    pub const ALL: [EventKind; 6] = [
+        EventKind::JobSucceeded,
+        EventKind::JobFailed,
+        EventKind::JobCanceled,
+        EventKind::ModelAdded,
+        EventKind::ModelDeleted,
+        EventKind::Ping,
+    ];
+
+    /// As it is written in bodies, tables and the API.
+    pub fn name(self) -> &'static str {
+        match self {
+            EventKind::JobSucceeded => "job.succeeded",
+            EventKind::JobFailed => "job.failed",
+            EventKind::JobCanceled => "job.canceled",
+            EventKind::ModelAdded => "model.added",
+            EventKind::ModelDeleted => "model.deleted",
+            EventKind::Ping => "webhook.ping",
+        }
+    }
 }
 
 impl std::str::FromStr for EventKind {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
-        let named = EventKind::ALL.iter().copied().find(|kind| kind.name() == text);
+        let named = EventKind::ALL.into_iter().find(|kind| kind.name() == text);
         named.ok_or_else(|| format!("{text:?} is no kind of event"))
     }
 }
@@ -260,9 +272,11 @@ mod tests {
 
     #[test]
     fn kinds_are_read_as_they_are_written_in_tables_and_in_json() {
+        let schema = serde_json::to_value(<EventKind as utoipa::PartialSchema>::schema()).expect("plain data");
+        assert_eq!(schema["enum"], serde_json::json!(EventKind::ALL.map(EventKind::name)));
         for kind in EventKind::ALL {
-            assert_eq!(kind.name().parse(), Ok(*kind));
-            assert_eq!(serde_json::to_string(kind).expect("plain data"), format!("{:?}", kind.name()));
+            assert_eq!(kind.name().parse(), Ok(kind));
+            assert_eq!(serde_json::to_string(&kind).expect("plain data"), format!("{:?}", kind.name()));
         }
         for status in DeliveryStatus::ALL {
             assert_eq!(status.name().parse(), Ok(status));

@@ -6,6 +6,7 @@
 //! - `problem`, `storage_problem`, `responses`: every error that leaves the service, and how the contract names them
 //! - `connections`: how many, and how long without being used (`tls`, or `no_tls` in a build without); `hosts`: who is meant, and from where a page asks;
 //!   `headers`: what browsers are told
+//! - `base`: served below a path; `forwarded`: who has sent a request, when proxies stand between
 //! - `access`: who may; `keys`, `session`, `audit`: keys, signing in, what was done
 //! - `webhooks`: who is told by the service itself; `outgoing`: the one place from which it asks somebody
 //! - `schemas`: bounds of values that the contract tells and Rust types don't
@@ -25,6 +26,7 @@ mod access;
 mod access_log;
 mod assets;
 mod audit;
+mod base;
 mod body;
 mod conditions;
 mod connections;
@@ -39,6 +41,7 @@ mod evaluation;
 mod events;
 mod expiry;
 mod extract;
+mod forwarded;
 mod headers;
 mod hint_views;
 mod hosts;

@@ -111,7 +111,9 @@ async fn check_exposure(config: &ServerConfig, database: &dyn Database) -> Resul
         return Ok(());
     }
     database.close().await;
-    let names = config.hosts.iter().map(|name| format!(", or {name}")).collect();
+    let names = config.hosts.iter().map(|name| format!(", or {name}"));
+    let proxies = config.trusted_proxies.iter().map(|network| format!(", or its proxy {network}"));
+    let names = names.chain(proxies).collect();
     Err(StartError::Exposed { addr: config.addr, names, data: config.data_dir.display().to_string() })
 }
 

@@ -53,7 +53,8 @@ impl Receiver {
         let listener = TcpListener::bind(addr).await.expect("a port");
         let addr = listener.local_addr().expect("an address");
         let (tell, messages) = mpsc::unbounded_channel();
-        let mut statuses = statuses.to_vec().into_iter();
+        let statuses = statuses.to_vec();
+        let mut statuses = statuses.into_iter();
         let serving = tokio::spawn(async move {
             // who gets no answer waits for it as long as it likes
             let mut hanging = Vec::new();

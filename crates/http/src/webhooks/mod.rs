@@ -52,7 +52,6 @@ async fn create(
     let address: Address = body.url.parse().map_err(|error: NoAddress| {
         Problem::new(Code::InvalidField, format!("url: {error}"), "send one such as https://app.example/hooks")
     })?;
-    outgoing::check(&address, &state.context.config.webhooks)?;
     let mut events = body.events;
     events.sort();
     events.dedup();
@@ -60,6 +59,7 @@ async fn create(
         let detail = "events is empty";
         return Err(Problem::new(Code::InvalidField, detail, "name at least one kind, such as job.succeeded"));
     }
+    outgoing::check(&address, &state.context.config.webhooks)?;
     let key = caller.key.map(|key| key.id);
     let (webhook, secret) = uninterrupted(async move {
         let database = state.context.database.as_ref();

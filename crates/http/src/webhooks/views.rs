@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
+use crate::base::link;
 use crate::schemas::ShortText;
 use visage_domain::{DeliveryRecord, DeliveryStatus, EventKind, WebhookRecord};
 
@@ -62,7 +63,7 @@ impl WebhookView {
             pending: webhook.pending,
             dead: webhook.dead,
             missed: webhook.missed,
-            href: format!("/v1/webhooks/{}", webhook.id),
+            href: link(&format!("/v1/webhooks/{}", webhook.id)),
         }
     }
 }

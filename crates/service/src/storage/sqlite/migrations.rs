@@ -13,7 +13,7 @@ macro_rules! files {
     };
 }
 
-const FILES: [(&str, &str); 12] = files![
+const FILES: [(&str, &str); 13] = files![
     "0001_first",
     "0002_base_model",
     "0003_standards",
@@ -26,6 +26,7 @@ const FILES: [(&str, &str); 12] = files![
     "0010_keys",
     "0011_expiry",
     "0012_webhooks",
+    "0013_clients",
 ];
 
 /// All of them.
