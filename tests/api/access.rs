@@ -59,7 +59,7 @@ fn operations() -> Vec<(Method, String, Option<String>)> {
 
 fn sample(path: &str) -> String {
     let id = "01890000-0000-7000-8000-000000000000";
-    path.replace("{id}", id).replace("{name}", "a.ply").replace("{file}", "cloud.ply")
+    path.replace("{id}", id).replace("{delivery_id}", id).replace("{name}", "a.ply").replace("{file}", "cloud.ply")
 }
 
 #[tokio::test]

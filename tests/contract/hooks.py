@@ -10,7 +10,10 @@ import copy
 import hashlib
 import json
 import os
+import threading
+import time
 import uuid
+from http.server import BaseHTTPRequestHandler, HTTPServer
 
 import requests
 import schemathesis
@@ -93,6 +96,45 @@ def new_key():
     return call("POST", "/v1/keys", 201, json={"name": "schemathesis", "scope": "admin"})
 
 
+class Gone(BaseHTTPRequestHandler):
+    """A receiver that wants no message any more."""
+
+    def do_POST(self):
+        self.send_response(410)
+        self.end_headers()
+
+    def log_message(self, *_):
+        pass
+
+
+_receiver = HTTPServer(("127.0.0.1", 0), Gone)
+threading.Thread(target=_receiver.serve_forever, daemon=True).start()
+GONE = f"http://127.0.0.1:{_receiver.server_port}/"
+ENDED = []
+
+
+def new_webhook():
+    # nobody listens there: messages wait, or are dead
+    body = {"name": "schemathesis", "url": "http://127.0.0.1:9/", "events": ["webhook.ping"]}
+    return call("POST", "/v1/webhooks", 201, json=body)["id"]
+
+
+def ended_delivery():
+    """A message that a receiver has refused for good, so that it can be sent once more."""
+    webhook = call("POST", "/v1/webhooks", 201, json={"name": "gone", "url": GONE, "events": ["webhook.ping"]})["id"]
+    call("POST", f"/v1/webhooks/{webhook}/ping", 202)
+    for _ in range(600):
+        dead = call("GET", f"/v1/webhooks/{webhook}/deliveries?status=dead", 200)["items"]
+        if dead:
+            # there is room for some of them only, and a message goes with its webhook
+            ENDED.append(webhook)
+            if len(ENDED) > 8:
+                call("DELETE", f"/v1/webhooks/{ENDED.pop(0)}", 204)
+            return {"id": webhook, "delivery_id": dead[0]["id"]}
+        time.sleep(0.1)
+    raise AssertionError("no message was refused")
+
+
 class World:
     """What is there while schemathesis asks."""
 
@@ -105,6 +147,7 @@ class World:
         self.standard = new_standard()
         # the server is open to everybody: the first key would close it otherwise
         self.key = new_key()
+        self.webhook = new_webhook()
 
 
 _world = None
@@ -144,6 +187,12 @@ IDS = {
     "getModelScans": lambda: {"id": world().registered},
     "measureDeviation": lambda: {"id": world().positive[0]},
     "paintDeviation": lambda: {"id": world().positive[0]},
+    "getWebhook": lambda: {"id": world().webhook},
+    "deleteWebhook": lambda: {"id": new_webhook()},
+    "pingWebhook": lambda: {"id": world().webhook},
+    "listDeliveries": lambda: {"id": world().webhook},
+    "replayDeadDeliveries": lambda: {"id": world().webhook},
+    "replayDelivery": ended_delivery,
     "revokeKey": lambda: {"id": new_key()["id"]},
     "getModelPicture": lambda: {"id": world().registered, "kind": "thumbnail"},
     "getModelPlot": lambda: {"id": world().registered, "kind": "overlap"},
@@ -284,7 +333,13 @@ def other_model(query):
         query["other"] = world().positive[1]
 
 
+def webhook_here(body):
+    """Messages may be sent to this machine."""
+    body["url"] = "http://127.0.0.1:9/"
+
+
 RULES = {
+    "createWebhook": webhook_here,
     "createKey": time_to_come,
     "putExpiry": time_to_come,
     "createJob": job_of_something,
@@ -304,6 +359,8 @@ QUERY_RULES = {
     "listJobs": known_page,
     "listModels": known_page,
     "listKeys": known_page,
+    "listWebhooks": known_page,
+    "listDeliveries": known_page,
     "listAudit": known_page,
     "listScanSets": known_page,
 }
@@ -322,7 +379,7 @@ FILE_PARTS = {"scans", "poses", "model", "probe"}
 
 
 # addresses of what was made and not used
-LEFT_OVER = {"createStandard": [], "createModel": []}
+LEFT_OVER = {"createStandard": [], "createModel": [], "createWebhook": []}
 
 
 def operation_id(case):

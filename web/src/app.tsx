@@ -7,6 +7,7 @@ import { StandardsPage } from "./gallery/standards";
 import { HintsPage } from "./hints/page";
 import { JobPage } from "./jobs/job";
 import { JobList } from "./jobs/list";
+import { at } from "./lib/address";
 import { announce, announcement } from "./lib/announce";
 import { connection } from "./lib/connection";
 import { href, place, type Place } from "./lib/router";
@@ -78,7 +79,7 @@ function Frame({ current, children }: { current: string; children: ComponentChil
             <header class="top">
                 <div class="top-inner">
                     <a class="brand" href={href("scan-sets")}>
-                        <img src="/favicon.svg" alt="" />
+                        <img src={at("/favicon.svg")} alt="" />
                         visage
                     </a>
                     <nav aria-label={t.nav.label}>
@@ -87,7 +88,7 @@ function Frame({ current, children }: { current: string; children: ComponentChil
                                 {text}
                             </a>
                         ))}
-                        <a href="/docs">{t.nav.docs}</a>
+                        <a href={at("/docs")}>{t.nav.docs}</a>
                     </nav>
                     <Settings />
                     {who?.key && (
@@ -106,7 +107,7 @@ function Frame({ current, children }: { current: string; children: ComponentChil
                 {children}
             </main>
             <footer>
-                <a href="/licenses.txt">{t.licences}</a>
+                <a href={at("/licenses.txt")}>{t.licences}</a>
             </footer>
             <div class="unseen" role="status" aria-live="polite">
                 {spoken}

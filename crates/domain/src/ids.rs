@@ -108,6 +108,14 @@ id_type!(
     /// Names an entry of the audit log.
     AuditId
 );
+id_type!(
+    /// Names a webhook.
+    WebhookId
+);
+id_type!(
+    /// Names a message to a webhook.
+    DeliveryId
+);
 
 impl From<FolderId> for SeatId {
     /// The lock of a data folder is a seat.

@@ -5,7 +5,7 @@
 //! - `ids`: what everything is called by; `owner`: who holds leases and files in the making
 //! - `scan_set`, `job`, `model`, `signature`, `standard`, `evaluation`, `replay`: records, as they are stored and given back
 //! - `job_kind`, `job_status`, `queue`: what jobs are for, where they stand, and how workers take and end them
-//! - `key`, `audit`: who may ask, and for what; who did what
+//! - `key`, `audit`: who may ask, and for what; who did what; `webhook`: whom the service tells by itself, and of what
 //! - `stored_file`: what is kept as files; `census`: how much; `page`: lists, page by page
 
 #![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used))]
@@ -29,11 +29,15 @@ mod scan_set;
 mod signature;
 mod standard;
 mod stored_file;
+mod webhook;
 
 pub use audit::{AuditEntry, AuditFilter};
 pub use census::Census;
 pub use evaluation::{Backlog, Outdated, StoredVerdict};
-pub use ids::{AuditId, FileId, FolderId, JobId, KeyId, ModelId, ProcessId, ScanSetId, SeatId, SessionId, StandardId};
+pub use ids::{
+    AuditId, DeliveryId, FileId, FolderId, JobId, KeyId, ModelId, ProcessId, ScanSetId, SeatId, SessionId, StandardId,
+    WebhookId,
+};
 pub use job::{CancelAnswer, JobBase, JobError, JobFilter, JobRecord, NewJob, NewSurfaceJob};
 pub use job_kind::JobKind;
 pub use job_status::JobStatus;
@@ -49,3 +53,6 @@ pub use standard::{Examples, NewStandard, StandardRecord};
 pub use stored_file::{KnownFiles, LooseFile, StoredFile};
 /// What a person said of the scans of a job.
 pub use visage_registration::hints::Hints;
+pub use webhook::{
+    Attempt, DeliveryClaim, DeliveryRecord, DeliveryStatus, Event, EventKind, NewWebhook, WebhookRecord, WebhookSecret,
+};

@@ -97,6 +97,8 @@ codes! {
     TooManyLabels = "too_many_labels", UNPROCESSABLE_ENTITY, "too many models have labels";
     Undescribable = "undescribable_model", UNPROCESSABLE_ENTITY, "the model can't be described";
     TooLittleMemory = "too_little_memory", UNPROCESSABLE_ENTITY, "the job needs more memory than there is";
+    TooManyWebhooks = "too_many_webhooks", UNPROCESSABLE_ENTITY, "there are as many webhooks as are allowed";
+    ForbiddenAddress = "forbidden_address", UNPROCESSABLE_ENTITY, "nothing may be sent to this address";
     TooManyKeys = "too_many_keys", UNPROCESSABLE_ENTITY, "there are as many keys as are allowed";
     QueueFull = "queue_full", TOO_MANY_REQUESTS, "too many jobs are waiting";
     RateLimited = "rate_limited", TOO_MANY_REQUESTS, "the key has asked for too much in too short a time";

@@ -8,6 +8,7 @@ use tokio::sync::{RwLock, Semaphore, watch};
 use tokio_util::sync::CancellationToken;
 
 use super::access::{Anonymous, Usage};
+use super::base;
 use super::body::Room;
 use super::connections::Connections;
 use super::describe::Turns;
@@ -128,7 +129,7 @@ pub async fn uninterrupted<T: Send + 'static>(
     work: impl Future<Output = Result<T, Problem>> + Send + 'static,
 ) -> Result<T, Problem> {
     use tracing::Instrument;
-    tokio::spawn(work.in_current_span()).await.map_err(Problem::internal)?
+    tokio::spawn(base::carried(work).in_current_span()).await.map_err(Problem::internal)?
 }
 
 /// Runs a deletion to its end even when the client goes away, and answers that it is done.

@@ -32,6 +32,14 @@ impl From<DatabaseError> for Problem {
             DatabaseError::TooManyKeys { .. } => {
                 Problem::new(Code::TooManyKeys, detail, "revoke one that is not needed any more")
             }
+            DatabaseError::TooManyWebhooks { .. } => {
+                Problem::new(Code::TooManyWebhooks, detail, "delete one that is not needed any more")
+            }
+            DatabaseError::StillPending { .. } => Problem::new(
+                Code::WrongStatus,
+                detail,
+                "only messages that were delivered or are dead are sent once more",
+            ),
             DatabaseError::TooManyScans { .. } => {
                 Problem::new(Code::TooManyScans, detail, "send fewer scans, or ask the operator to raise the limit")
             }

@@ -1,4 +1,5 @@
 import type { Schema } from "../api/client";
+import { at } from "../lib/address";
 
 export type Kind = "mesh" | "cloud";
 
@@ -54,7 +55,7 @@ export function has(model: Schema["Model"], kind: string): boolean {
 /** Where the surface of a model comes from as PLY: of an upload in another format it is made when it is asked for. */
 export function surfaceUrl(model: Schema["Model"], kind: Kind): string {
     const own = model.assets.find((asset) => asset.name === `${kind}.ply`);
-    return own?.href ?? `/v1/models/${encodeURIComponent(model.id)}/${kind}?format=ply`;
+    return own?.href ?? at(`/v1/models/${encodeURIComponent(model.id)}/${kind}?format=ply`);
 }
 
 export type Matrix = number[][];

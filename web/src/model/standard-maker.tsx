@@ -2,6 +2,7 @@ import { useState } from "preact/hooks";
 
 import { api, ok, type Schema } from "../api/client";
 import { send } from "../api/upload";
+import { at } from "../lib/address";
 import { announce } from "../lib/announce";
 import { href } from "../lib/router";
 import { t } from "../texts";
@@ -40,7 +41,7 @@ export function StandardMaker({ model, isMarking, marks, onMarking, onMarks }: P
             form.append("landmarks", JSON.stringify(Object.fromEntries(marks.map(([mark, at]) => [mark.trim(), at]))));
             // the model itself is one
             form.append("positive", JSON.stringify([model.id]));
-            const standard = await send<Schema["Standard"]>({ method: "POST", url: "/v1/standards", body: form });
+            const standard = await send<Schema["Standard"]>({ method: "POST", url: at("/v1/standards"), body: form });
             setSaved(standard.name);
             announce(t.marks.saved(standard.name));
             onMarks([]);

@@ -1,6 +1,7 @@
 import { api, ok, type Schema } from "../api/client";
 import { send } from "../api/upload";
 import type { Chosen, Role } from "./files";
+import { at } from "../lib/address";
 
 export type State = "waiting" | "sending" | "again" | "done" | "failed";
 
@@ -35,7 +36,7 @@ export async function sendOneByOne(
     const id =
         target.id ??
         (await ok(api.POST("/v1/scan-sets", { body: { name: target.name || null, unit: target.unit }, signal }))).id;
-    const base = `/v1/scan-sets/${encodeURIComponent(id)}`;
+    const base = at(`/v1/scan-sets/${encodeURIComponent(id)}`);
     const put = async (index: number, url: string) => {
         const item = items[index];
         if (!item) return;
@@ -94,7 +95,7 @@ export async function sendForm(
     try {
         const set = await send<Schema["ScanSet"]>({
             method: "POST",
-            url: "/v1/scan-sets/upload",
+            url: at("/v1/scan-sets/upload"),
             body: form,
             signal,
             // the same form sent again after a lost connection makes no second set

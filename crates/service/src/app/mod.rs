@@ -6,6 +6,7 @@
 //! - [`orders`]: jobs are ordered, stopped, tried again
 //! - [`access`]: who asks: keys and sessions
 //! - [`retention`]: what is old is deleted
+//! - [`webhooks`]: who wants to know is told
 //! - [`queries`]: the gallery is asked
 //! - [`evaluations`]: how well the gallery's answers agree with its labels
 //! - [`live_gallery`]: the stored signatures, searchable in memory
@@ -34,3 +35,4 @@ pub mod retention;
 pub mod scan_sets;
 pub mod standards;
 pub mod tracker;
+pub mod webhooks;

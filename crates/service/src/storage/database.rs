@@ -5,6 +5,8 @@
 //! it the table of routes would be generic. So calls return boxed futures, which `async-trait` writes; beside a
 //! transaction that is nothing.
 
+mod webhooks;
+
 use std::collections::BTreeMap;
 use std::fmt::Debug;
 use std::time::Duration;
@@ -21,6 +23,8 @@ use visage_domain::{
 };
 use visage_shape::standards::Standard;
 
+pub use webhooks::Webhooks;
+
 /// A database: everything that the service keeps besides files.
 pub trait Database:
     ScanSets
@@ -35,6 +39,7 @@ pub trait Database:
     + Files
     + Keys
     + Audit
+    + Webhooks
     + Upkeep
     + Debug
     + Send

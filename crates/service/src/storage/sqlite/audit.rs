@@ -13,6 +13,7 @@ row! {
     struct Row {
         id: String,
         key_id: Option<String>,
+        client: Option<String>,
         request: String,
         method: String,
         route: String,
@@ -26,6 +27,7 @@ impl Row {
         Ok(AuditEntry {
             id: stored_id!(AuditId, &self.id)?,
             key: self.key_id.map(|text| stored_id!(KeyId, &text)).transpose()?,
+            client: self.client,
             request: self.request,
             method: self.method,
             route: self.route,
@@ -41,10 +43,12 @@ impl Audit for SqliteDatabase {
         let insert = || async {
             let mut tx = self.begin_any().await?;
             sqlx::query(
-                "INSERT INTO audit (id, key_id, request, method, route, target, status) VALUES (?, ?, ?, ?, ?, ?, ?)",
+                "INSERT INTO audit (id, key_id, client, request, method, route, target, status)
+                 VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
             )
             .bind(entry.id.to_string())
             .bind(entry.key.map(|key| key.to_string()))
+            .bind(&entry.client)
             .bind(&entry.request)
             .bind(&entry.method)
             .bind(&entry.route)

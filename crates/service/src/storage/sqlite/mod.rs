@@ -18,6 +18,7 @@ mod keys;
 mod matches;
 mod migrations;
 mod models;
+mod outbox;
 mod queue;
 mod replays;
 mod rows;
@@ -25,6 +26,7 @@ mod scan_sets;
 mod signatures;
 mod standards;
 mod upkeep;
+mod webhooks;
 mod writing;
 
 use std::path::Path;
