@@ -108,6 +108,10 @@ id_type!(
     /// Names an entry of the audit log.
     AuditId
 );
+id_type!(
+    /// Names a file that comes piece by piece.
+    UploadId
+);
 
 impl From<FolderId> for SeatId {
     /// The lock of a data folder is a seat.

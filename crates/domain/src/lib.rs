@@ -6,6 +6,7 @@
 //! - `scan_set`, `job`, `model`, `signature`, `standard`, `evaluation`, `replay`: records, as they are stored and given back
 //! - `job_kind`, `job_status`, `queue`: what jobs are for, where they stand, and how workers take and end them
 //! - `key`, `audit`: who may ask, and for what; who did what
+//! - `upload`: files that come piece by piece
 //! - `stored_file`: what is kept as files; `census`: how much; `page`: lists, page by page
 
 #![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used))]
@@ -29,11 +30,14 @@ mod scan_set;
 mod signature;
 mod standard;
 mod stored_file;
+mod upload;
 
 pub use audit::{AuditEntry, AuditFilter};
 pub use census::Census;
 pub use evaluation::{Backlog, Outdated, StoredVerdict};
-pub use ids::{AuditId, FileId, FolderId, JobId, KeyId, ModelId, ProcessId, ScanSetId, SeatId, SessionId, StandardId};
+pub use ids::{
+    AuditId, FileId, FolderId, JobId, KeyId, ModelId, ProcessId, ScanSetId, SeatId, SessionId, StandardId, UploadId,
+};
 pub use job::{CancelAnswer, JobBase, JobError, JobFilter, JobRecord, NewJob, NewSurfaceJob};
 pub use job_kind::JobKind;
 pub use job_status::JobStatus;
@@ -47,5 +51,6 @@ pub use scan_set::{NewScanSet, PassedOver, PoseFile, PutScan, ScanRecord, ScanSe
 pub use signature::{StoredContent, StoredSignature};
 pub use standard::{Examples, NewStandard, StandardRecord};
 pub use stored_file::{KnownFiles, LooseFile, StoredFile};
+pub use upload::UploadRecord;
 /// What a person said of the scans of a job.
 pub use visage_registration::hints::Hints;

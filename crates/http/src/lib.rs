@@ -34,6 +34,7 @@ mod describe;
 mod deviation;
 mod digest;
 mod disposition;
+mod encoding;
 mod evaluation;
 mod events;
 mod expiry;
@@ -75,6 +76,7 @@ mod storage_problem;
 #[cfg_attr(not(feature = "tls"), path = "no_tls.rs")]
 mod tls;
 mod upload;
+mod uploads;
 mod verdicts;
 
 pub use connections::Connections;

@@ -23,8 +23,8 @@ use super::schemas::{
 };
 use super::state::AppState;
 use super::{
-    access, access_log, audit, body, evaluation, headers, hosts, jobs, keys, meta, metrics, models, page, queries,
-    scan_sets, session, standards,
+    access, access_log, audit, body, encoding, evaluation, headers, hosts, jobs, keys, meta, metrics, models, page,
+    queries, scan_sets, session, standards, uploads,
 };
 use visage_service::panics::panic_message;
 
@@ -59,6 +59,7 @@ struct Contract;
 fn resources() -> OpenApiRouter<AppState> {
     OpenApiRouter::with_openapi(Contract::openapi())
         .merge(scan_sets::router())
+        .merge(uploads::router())
         .merge(jobs::router())
         .merge(models::router())
         .merge(queries::router())
@@ -145,6 +146,7 @@ pub fn router(state: AppState) -> Result<Router, RouterError> {
         .with_state(state)
         // how much of a body is read is for each call to say
         .layer(DefaultBodyLimit::disable())
+        .layer(from_fn(encoding::unpacked))
         .layer(admitted)
         .layer(outside))
 }

@@ -13,7 +13,7 @@ macro_rules! files {
     };
 }
 
-const FILES: [(&str, &str); 11] = files![
+const FILES: [(&str, &str); 12] = files![
     "0001_first",
     "0002_base_model",
     "0003_standards",
@@ -25,6 +25,7 @@ const FILES: [(&str, &str); 11] = files![
     "0009_surfaces",
     "0010_keys",
     "0011_expiry",
+    "0012_uploads",
 ];
 
 /// All of them.
