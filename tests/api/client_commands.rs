@@ -113,3 +113,50 @@ fn a_service_that_is_not_there_or_refuses_is_told_with_the_remedy() {
     let text = complaint(&refused);
     assert!(!refused.status.success() && text.contains("sending empty.ply") && text.contains("422"), "{text}");
 }
+
+/// A scan of more than the 4 MiB from which scans are sent piece by piece.
+fn large_scan() -> Vec<u8> {
+    let count: u16 = 60_000;
+    let properties: String = (0..20).map(|index| format!("property float p{index}\n")).collect();
+    let head = format!(
+        "ply\nformat binary_little_endian 1.0\nelement vertex {count}\nproperty float x\nproperty float y\n\
+         property float z\n{properties}end_header\n"
+    );
+    let point =
+        |index: u16| (0..23_u16).flat_map(move |column| f32::from(index.wrapping_mul(column + 1)).to_le_bytes());
+    head.into_bytes().into_iter().chain((0..count).flat_map(point)).collect()
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_large_scan_that_was_broken_off_is_gone_on_with_by_the_next_run() {
+    use base64::Engine as _;
+    use base64::engine::general_purpose::STANDARD;
+    use sha2::Digest;
+    let (data, scans) = (tempfile::tempdir().expect("a folder"), tempfile::tempdir().expect("a folder"));
+    let service = Process::start(data.path());
+    let (content, client) = (large_scan(), crate::binary::client());
+    assert!(content.len() > 5_000_000);
+    std::fs::write(scans.path().join("large.ply"), &content).expect("written");
+    let set = client.post(format!("{}/v1/scan-sets", service.url)).json(&serde_json::json!({"name": "a"})).send().await;
+    let set: Value = set.expect("an answer").json().await.expect("JSON");
+    let set = set["id"].as_str().expect("an id").to_owned();
+    let digest = format!("sha-256=:{}:", STANDARD.encode(sha2::Sha256::digest(&content)));
+    let metadata = format!("filename {},digest {}", STANDARD.encode("large.ply"), STANDARD.encode(digest));
+    let begun = client.post(format!("{}/v1/scan-sets/{set}/uploads", service.url));
+    let begun = begun.header("upload-length", content.len()).header("upload-metadata", metadata).send().await;
+    let begun: Value = begun.expect("an answer").json().await.expect("JSON");
+    let upload = format!("{}{}", service.url, begun["href"].as_str().expect("an address"));
+    let sent =
+        client.patch(&upload).header("upload-offset", 0).header("content-type", "application/offset+octet-stream");
+    assert_eq!(sent.body(content[..3_000_000].to_vec()).send().await.expect("an answer").status(), 204);
+
+    let arguments = ["upload", path(scans.path()), "--into", &set, "--no-register"];
+    let url = service.url.clone();
+    let stored = tokio::task::block_in_place(|| json(&url, &arguments));
+    assert_eq!(stored["scans"][0]["checksum"], blake3::hash(&content).to_hex().to_string());
+    let offset = client.head(&upload).send().await.expect("an answer").headers()["upload-offset"].clone();
+    assert_eq!(offset, content.len().to_string(), "it is this upload that was gone on with");
+    // and it is not sent once more
+    let again = tokio::task::block_in_place(|| ask(&url, &arguments));
+    assert!(again.status.success(), "{}", complaint(&again));
+}

@@ -58,6 +58,15 @@ def new_scan_set():
     return call("POST", "/v1/scan-sets/upload", 201, files=[*scan_parts(), pose_part()], data={"unit": "mm"})["id"]
 
 
+def new_upload():
+    headers = {"Upload-Length": str(len(BALL)), "Upload-Metadata": upload_metadata("new.obj")}
+    return call("POST", f"/v1/scan-sets/{world().scan_set}/uploads", 201, headers=headers)["id"]
+
+
+def upload_metadata(name):
+    return f"filename {base64.b64encode(name.encode()).decode()}"
+
+
 def new_job(scan_set=None):
     body = {"scan_set_id": scan_set or new_scan_set()}
     return call("POST", "/v1/jobs", 202, json=body)["id"]
@@ -165,6 +174,12 @@ IDS = {
     "getScanSet": lambda: {"id": world().scan_set},
     "deleteScanSet": lambda: {"id": new_scan_set()},
     "putScan": lambda: {"id": new_scan_set()},
+    "createUpload": lambda: {"id": new_scan_set()},
+    "listUploads": lambda: {"id": world().scan_set},
+    "describeUploads": lambda: {"id": world().scan_set},
+    "getUpload": lambda: {"id": new_upload()},
+    "sendPiece": lambda: {"id": new_upload()},
+    "deleteUpload": lambda: {"id": new_upload()},
     "deleteScan": lambda: {"id": new_scan_set(), "name": "north.obj"},
     "putPoses": lambda: {"id": new_scan_set()},
     "putPoseFile": lambda: {"id": new_scan_set()},
@@ -427,6 +442,18 @@ def before_call(context, case, kwargs):
         case.headers.pop("If-Match", None)
         if "If-None-Match" in case.headers:
             case.headers["If-None-Match"] = '"unknown"'
+    if operation == "createUpload" and is_valid(ParameterLocation.HEADER):
+        # a size that is allowed, and a name that is there and tells a format
+        case.headers["Upload-Length"] = str(len(BALL))
+        case.headers["Upload-Metadata"] = upload_metadata("new.obj")
+    if operation == "sendPiece":
+        if is_valid(ParameterLocation.HEADER):
+            # pieces begin where the last one has ended, and have their own checksum
+            case.headers["Upload-Offset"] = "0"
+            case.headers.pop("Upload-Checksum", None)
+        # the piece itself is of no media type that is known there
+        kwargs["data"] = BALL[:100]
+        return
     if not is_valid(ParameterLocation.BODY) or isinstance(case.body, NotSet):
         return
     if operation in FILES and isinstance(case.body, dict):

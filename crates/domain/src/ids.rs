@@ -116,6 +116,10 @@ id_type!(
     /// Names a message to a webhook.
     DeliveryId
 );
+id_type!(
+    /// Names a file that comes piece by piece.
+    UploadId
+);
 
 impl From<FolderId> for SeatId {
     /// The lock of a data folder is a seat.

@@ -6,6 +6,7 @@
 //! - `scan_set`, `job`, `model`, `signature`, `standard`, `evaluation`, `replay`: records, as they are stored and given back
 //! - `job_kind`, `job_status`, `queue`: what jobs are for, where they stand, and how workers take and end them
 //! - `key`, `audit`: who may ask, and for what; who did what; `webhook`: whom the service tells by itself, and of what
+//! - `upload`: files that come piece by piece
 //! - `stored_file`: what is kept as files; `census`: how much; `page`: lists, page by page
 
 #![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used))]
@@ -29,6 +30,7 @@ mod scan_set;
 mod signature;
 mod standard;
 mod stored_file;
+mod upload;
 mod webhook;
 
 pub use audit::{AuditEntry, AuditFilter};
@@ -36,7 +38,7 @@ pub use census::Census;
 pub use evaluation::{Backlog, Outdated, StoredVerdict};
 pub use ids::{
     AuditId, DeliveryId, FileId, FolderId, JobId, KeyId, ModelId, ProcessId, ScanSetId, SeatId, SessionId, StandardId,
-    WebhookId,
+    UploadId, WebhookId,
 };
 pub use job::{CancelAnswer, JobBase, JobError, JobFilter, JobRecord, NewJob, NewSurfaceJob};
 pub use job_kind::JobKind;
@@ -51,6 +53,7 @@ pub use scan_set::{NewScanSet, PassedOver, PoseFile, PutScan, ScanRecord, ScanSe
 pub use signature::{StoredContent, StoredSignature};
 pub use standard::{Examples, NewStandard, StandardRecord};
 pub use stored_file::{KnownFiles, LooseFile, StoredFile};
+pub use upload::UploadRecord;
 /// What a person said of the scans of a job.
 pub use visage_registration::hints::Hints;
 pub use webhook::{

@@ -37,6 +37,7 @@ mod describe;
 mod deviation;
 mod digest;
 mod disposition;
+mod encoding;
 mod evaluation;
 mod events;
 mod expiry;
@@ -80,6 +81,7 @@ mod storage_problem;
 #[cfg_attr(not(feature = "tls"), path = "no_tls.rs")]
 mod tls;
 mod upload;
+mod uploads;
 mod verdicts;
 mod webhooks;
 

@@ -25,8 +25,8 @@ use super::schemas::{
 };
 use super::state::AppState;
 use super::{
-    access, access_log, audit, base, body, evaluation, headers, hosts, jobs, keys, meta, metrics, models, page,
-    queries, scan_sets, session, standards, webhooks,
+    access, access_log, audit, base, body, encoding, evaluation, headers, hosts, jobs, keys, meta, metrics, models,
+    page, queries, scan_sets, session, standards, uploads, webhooks,
 };
 use visage_service::config::{BasePath, Network};
 use visage_service::panics::panic_message;
@@ -63,6 +63,7 @@ struct Contract;
 fn resources() -> OpenApiRouter<AppState> {
     OpenApiRouter::with_openapi(Contract::openapi())
         .merge(scan_sets::router())
+        .merge(uploads::router())
         .merge(jobs::router())
         .merge(models::router())
         .merge(queries::router())
@@ -158,6 +159,7 @@ pub fn router(state: AppState) -> Result<Router, RouterError> {
         .with_state(state)
         // how much of a body is read is for each call to say
         .layer(DefaultBodyLimit::disable())
+        .layer(from_fn(encoding::unpacked))
         .layer(admitted)
         .layer(outside);
     Ok(base::below(base, router))

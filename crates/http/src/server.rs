@@ -18,6 +18,7 @@ use super::tls::{Tls, TlsError};
 use visage_service::app::context::ServiceContext;
 use visage_service::app::engine::{Engine, PipelineEngine};
 use visage_service::app::retention::{self, Dropped};
+use visage_service::app::uploads;
 use visage_service::app::webhooks;
 use visage_service::config::ServerConfig;
 use visage_service::jobs::runner::Runner;
@@ -152,6 +153,11 @@ async fn chores(context: ServiceContext, stop: CancellationToken) {
                     tracing::info!(scan_sets, models, audit, "deleted what was old")
                 }
                 Err(error) => tracing::warn!("deleting what is old: {error}"),
+            }
+            match uploads::sweep(&context, jiff::Timestamp::now()).await {
+                Ok(0) => {}
+                Ok(files) => tracing::info!(files, "gave up uploads that nobody went on with"),
+                Err(error) => tracing::warn!("giving up uploads: {error}"),
             }
             tokio::time::sleep(CLEAN_UP).await;
         }

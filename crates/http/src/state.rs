@@ -16,6 +16,7 @@ use super::hosts::Hosts;
 use super::metrics::Requests;
 use super::pictures::Drawn;
 use super::problem::{Code, Problem};
+use super::uploads::Receivers;
 use visage_domain::ReplayKey;
 use visage_service::app::context::ServiceContext;
 use visage_service::config::Limits;
@@ -49,6 +50,8 @@ pub struct AppState {
     pub usage: Arc<Usage>,
     /// Held for a change; alone for one that depends on the state of what it changes.
     pub changes: Arc<RwLock<()>>,
+    /// Who receives the pieces of which file.
+    pub receivers: Arc<Receivers>,
     /// Set when the server goes down.
     pub stop: CancellationToken,
     /// Requests with an idempotency key that are being worked on.
@@ -77,6 +80,7 @@ impl AppState {
             usage: Arc::default(),
             hosts,
             changes: Arc::default(),
+            receivers: Arc::default(),
             stop,
             in_progress: Arc::default(),
             context,

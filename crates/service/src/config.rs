@@ -126,6 +126,8 @@ pub struct Limits {
     pub concurrent_describing: usize,
     /// Bytes of JSON bodies, pose files and text fields that are in memory while they arrive, over all requests.
     pub buffered_bytes: usize,
+    /// How long a file that comes piece by piece is waited for after its last piece.
+    pub upload_life: Duration,
 }
 
 impl Default for Limits {
@@ -142,6 +144,7 @@ impl Default for Limits {
             concurrent_conversions: 1,
             concurrent_describing: 2,
             buffered_bytes: 64 << 20,
+            upload_life: Duration::from_secs(24 * 3600),
         }
     }
 }

@@ -1,4 +1,5 @@
 import { api, ok, type Schema } from "../api/client";
+import { large, sendInPieces } from "../api/pieces";
 import { send } from "../api/upload";
 import type { Chosen, Role } from "./files";
 import { at } from "../lib/address";
@@ -42,15 +43,15 @@ export async function sendOneByOne(
         if (!item) return;
         changed(index, { state: "sending", sent: 0, error: undefined });
         try {
-            await send({
-                method: "PUT",
-                url,
-                body: item.file,
-                signal,
-                headers: { "content-type": "application/octet-stream" },
-                onProgress: (sent) => changed(index, { state: "sending", sent }),
-                onRetry: () => changed(index, { state: "again", sent: 0 }),
-            });
+            const onProgress = (sent: number) => changed(index, { state: "sending", sent });
+            if (item.role === "scan" && item.file.size > large) {
+                const onRetry = () => changed(index, { state: "again" });
+                await sendInPieces({ set: id, name: item.name, file: item.file, signal, onProgress, onRetry });
+            } else {
+                const onRetry = () => changed(index, { state: "again", sent: 0 });
+                const headers = { "content-type": "application/octet-stream" };
+                await send({ method: "PUT", url, body: item.file, signal, headers, onProgress, onRetry });
+            }
             changed(index, { state: "done", sent: item.file.size });
         } catch (error) {
             if (signal.aborted) throw error;

@@ -7,12 +7,13 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use axum::extract::Request;
-use axum::http::{HeaderMap, header};
+use axum::http::{HeaderMap, HeaderName, header};
 
 use super::Caller;
 use crate::extract::{is_json, media_type};
 use crate::forwarded::Client;
 use crate::problem::{Code, Problem};
+use crate::uploads;
 use visage_domain::KeyId;
 use visage_service::config::Quotas;
 use visage_service::storage::Database;
@@ -140,11 +141,15 @@ impl Size {
     /// By its place and its headers; nothing of the body is read.
     pub fn of(request: &Request, place: &str) -> Size {
         let headers: &HeaderMap = request.headers();
-        let length = headers.get(header::CONTENT_LENGTH).and_then(|value| value.to_str().ok()?.parse().ok());
+        let number = |name| headers.get(name).and_then(|value| value.to_str().ok()?.parse().ok());
+        let length = number(header::CONTENT_LENGTH);
+        let is_begun = request.method() == "POST" && place == uploads::OF_SET;
+        let announced = number(HeaderName::from_static("upload-length")).filter(|_| is_begun);
         let has_body = length.is_some_and(|length: u64| length > 0) || headers.contains_key(header::TRANSFER_ENCODING);
         Size {
-            is_upload: has_body && !is_json(&media_type(headers)),
-            bytes: length.unwrap_or(0),
+            is_upload: announced.is_some() || (has_body && !is_json(&media_type(headers))),
+            // what comes piece by piece counts as a whole from its beginning
+            bytes: announced.or(length.filter(|_| place != uploads::ONE)).unwrap_or(0),
             is_job: request.method() == "POST"
                 && matches!(place, "/v1/jobs" | "/v1/jobs/upload" | "/v1/jobs/{id}/retry"),
         }

@@ -2,6 +2,7 @@
 //!
 //! - [`arrival`]: what a client sends becomes scans
 //! - [`scan_sets`], [`models`], [`standards`]: they come with their files, change, and go
+//! - [`uploads`]: files that come piece by piece
 //! - [`renditions`]: what is stored in other formats; [`pictures`]: models and scans as people see them
 //! - [`orders`]: jobs are ordered, stopped, tried again
 //! - [`access`]: who asks: keys and sessions
@@ -35,4 +36,5 @@ pub mod retention;
 pub mod scan_sets;
 pub mod standards;
 pub mod tracker;
+pub mod uploads;
 pub mod webhooks;

@@ -13,7 +13,7 @@ macro_rules! files {
     };
 }
 
-const FILES: [(&str, &str); 13] = files![
+const FILES: [(&str, &str); 14] = files![
     "0001_first",
     "0002_base_model",
     "0003_standards",
@@ -27,6 +27,7 @@ const FILES: [(&str, &str); 13] = files![
     "0011_expiry",
     "0012_webhooks",
     "0013_clients",
+    "0014_uploads",
 ];
 
 /// All of them.

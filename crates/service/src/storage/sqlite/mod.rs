@@ -26,6 +26,7 @@ mod scan_sets;
 mod signatures;
 mod standards;
 mod upkeep;
+mod uploads;
 mod webhooks;
 mod writing;
 
