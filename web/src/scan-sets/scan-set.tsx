@@ -8,6 +8,7 @@ import { useLoad } from "../lib/use-load";
 import { t } from "../texts";
 import { DeleteButton } from "../ui/confirm";
 import { Loading, PageTitle, Trouble } from "../ui/pieces";
+import { Table, type Column } from "../ui/table";
 import { keepFile } from "./kept-files";
 import { Upload } from "./upload";
 
@@ -88,60 +89,35 @@ export function ScanSetPage({ id }: { id: string }) {
 }
 
 function ScanTable({ set, onChange }: { set: Schema["ScanSet"]; onChange: () => void }) {
+    const columns: Column<Schema["ScanView"]>[] = [
+        { title: t.set.scan, kind: "name", cell: (scan) => scan.name },
+        { title: t.points, kind: "number", cell: (scan) => number(scan.points) },
+        { title: t.size, kind: "number", cell: (scan) => bytes(scan.bytes) },
+        { title: t.set.notes, kind: "small", cell: (scan) => readingNotes(scan.reading).join(" · ") },
+        {
+            title: t.remove,
+            kind: "act",
+            cell: (scan) => (
+                <DeleteButton
+                    name={scan.name}
+                    consequence={t.confirm.scan}
+                    label={`${t.remove}: ${scan.name}`}
+                    className="bare"
+                    onConfirm={() =>
+                        ok(
+                            api.DELETE("/v1/scan-sets/{id}/scans/{name}", {
+                                params: { path: { id: set.id, name: scan.name } },
+                            }),
+                        )
+                    }
+                    onDone={onChange}
+                />
+            ),
+        },
+    ];
     return (
         <>
-            <div class="table-wrap">
-                <table class="folds">
-                    <caption class="unseen">{t.set.scans}</caption>
-                    <thead>
-                        <tr>
-                            <th scope="col">{t.set.scan}</th>
-                            <th scope="col" class="number">
-                                {t.points}
-                            </th>
-                            <th scope="col" class="number">
-                                {t.size}
-                            </th>
-                            <th scope="col">{t.set.notes}</th>
-                            <th>
-                                <span class="unseen">{t.remove}</span>
-                            </th>
-                        </tr>
-                    </thead>
-                    <tbody>
-                        {set.scans.map((scan) => (
-                            <tr key={scan.name}>
-                                <td class="name">{scan.name}</td>
-                                <td class="number" data-title={t.points}>
-                                    {number(scan.points)}
-                                </td>
-                                <td class="number" data-title={t.size}>
-                                    {bytes(scan.bytes)}
-                                </td>
-                                <td class="small" data-title={t.set.notes}>
-                                    {readingNotes(scan.reading).join(" · ")}
-                                </td>
-                                <td class="act">
-                                    <DeleteButton
-                                        name={scan.name}
-                                        consequence={t.confirm.scan}
-                                        label={`${t.remove}: ${scan.name}`}
-                                        className="bare"
-                                        onConfirm={() =>
-                                            ok(
-                                                api.DELETE("/v1/scan-sets/{id}/scans/{name}", {
-                                                    params: { path: { id: set.id, name: scan.name } },
-                                                }),
-                                            )
-                                        }
-                                        onDone={onChange}
-                                    />
-                                </td>
-                            </tr>
-                        ))}
-                    </tbody>
-                </table>
-            </div>
+            <Table caption={t.set.scans} columns={columns} rows={set.scans} keyOf={(scan) => scan.name} />
             {set.passed_over.length > 0 && (
                 <details>
                     <summary>{t.set.passedOver}</summary>
