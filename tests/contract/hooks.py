@@ -144,6 +144,7 @@ IDS = {
     "getModelScans": lambda: {"id": world().registered},
     "measureDeviation": lambda: {"id": world().positive[0]},
     "paintDeviation": lambda: {"id": world().positive[0]},
+    "paintSaliency": lambda: {"id": world().positive[0]},
     "revokeKey": lambda: {"id": new_key()["id"]},
     "getModelPicture": lambda: {"id": world().registered, "kind": "thumbnail"},
     "getModelPlot": lambda: {"id": world().registered, "kind": "overlap"},

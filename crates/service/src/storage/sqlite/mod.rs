@@ -25,6 +25,7 @@ mod scan_sets;
 mod signatures;
 mod standards;
 mod upkeep;
+mod words;
 mod writing;
 
 use std::path::Path;
