@@ -5,6 +5,7 @@ import { date, bytes, number } from "../lib/format";
 import { go, href } from "../lib/router";
 import { useInfo } from "../lib/use-info";
 import { useLoad } from "../lib/use-load";
+import { compareAddress } from "../model/deviation";
 import { t } from "../texts";
 import { DeleteButton } from "../ui/confirm";
 import { Loading, PageTitle, Trouble } from "../ui/pieces";
@@ -61,6 +62,7 @@ export function ScanSetPage({ id }: { id: string }) {
                 <section class="panel">
                     <h2>{t.set.jobs}</h2>
                     <JobTable jobs={jobs.data.items} onChange={jobs.reload} />
+                    <CompareRuns jobs={jobs.data.items} />
                 </section>
             )}
             <section class="panel">
@@ -158,4 +160,10 @@ function Poses({ set }: { set: Schema["ScanSet"] }) {
             ))}
         </>
     );
+}
+
+/** What the newest job made beside what the one before it made. */
+function CompareRuns({ jobs }: { jobs: readonly Schema["Job"][] }) {
+    const [newest, before] = jobs.flatMap((job) => job.model_id ?? []);
+    return newest && before ? <a href={compareAddress(before, newest)}>{t.compare.runs}</a> : null;
 }
