@@ -114,10 +114,8 @@ async fn what_stands_out_comes_as_a_surface_with_a_figure_a_vertex() {
     let model = upload(&server, files::bumpy_sphere(0.3), "mm").await;
     let path = format!("/v1/models/{model}/saliency.ply");
     let first = server.get(&path).await;
-    assert_eq!(
-        (first.status(), &first.headers()["content-type"]),
-        (StatusCode::OK, &"application/octet-stream".into())
-    );
+    assert_eq!(first.status(), StatusCode::OK);
+    assert_eq!(first.headers()["content-type"], "application/octet-stream");
     let etag = first.headers()["etag"].clone();
     let bytes = first.bytes().await.expect("a body");
     assert!(bytes.windows(24).any(|line| line == b"property float saliency\n"));

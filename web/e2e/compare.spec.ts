@@ -82,7 +82,7 @@ test("two runs are seen from the same side, and measured against each other", as
         const jug = await addedModel(server, "jug", "thing");
         await page.goto(`/#/compare?a=${model}`);
         await expect(page.getByText("Choose two models.")).toBeVisible();
-        await page.getByLabel("Second model").selectOption(jug);
+        await page.getByLabel("Second model", { exact: true }).selectOption(jug);
         const [first, second] = await expectBoth(page);
         await expect(page.getByLabel("In one frame")).not.toBeChecked();
         const before = await eye(second);
@@ -95,7 +95,7 @@ test("two runs are seen from the same side, and measured against each other", as
         await expectAccessible(page);
         await page.getByLabel("Language").selectOption("de");
         await expect(page.getByRole("heading", { name: de.compare.title })).toBeVisible();
-        await expect(page.getByLabel(de.compare.second)).toHaveValue(jug);
+        await expect(page.getByLabel(de.compare.second, { exact: true })).toHaveValue(jug);
         await expectFits(page);
         await page.getByLabel("Sprache").selectOption("en");
         await fetch(`${server.url}/v1/models/${jug}`, { method: "DELETE" });
