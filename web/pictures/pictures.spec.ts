@@ -75,7 +75,7 @@ test("pictures of the page", async ({ page, server, watch }) => {
         {
             name: "compare",
             place: `compare?a=${other}&b=${model}`,
-            document: ["light", "page_compare"],
+
             prepare: async (page) => {
                 await surface(page);
                 await page.getByLabel("Colour by").selectOption("deviation");
