@@ -49,6 +49,10 @@ fn a_folder_goes_to_the_service_and_comes_back_as_a_model() {
     assert!(listed.contains(id) && listed.contains("succeeded"), "{listed}");
     let models = told(&ask(url, &["models", "list"]));
     assert!(models.contains(model) && models.contains("ball"), "{models}");
+    let found = |arguments: &[&str]| json(url, &[&["models"], arguments].concat())["items"].as_array().map(Vec::len);
+    assert_eq!(found(&["--text", "BALL"]), Some(1));
+    assert_eq!(found(&["list", "--text", "ball", "--label", "ball"]), Some(1));
+    assert_eq!(found(&["--text", "jug"]), Some(0));
     let report = told(&ask(url, &["report", model]));
     assert!(report.contains("quality: ") && report.contains(&names[2]), "{report}");
     let answer = json(url, &["query", "--standard", "face"]);
@@ -159,4 +163,51 @@ async fn a_large_scan_that_was_broken_off_is_gone_on_with_by_the_next_run() {
     // and it is not sent once more
     let again = tokio::task::block_in_place(|| ask(&url, &arguments));
     assert!(again.status.success(), "{}", complaint(&again));
+}
+
+#[test]
+fn a_result_and_a_file_are_opened_in_the_page_until_they_are_done_with() {
+    use std::io::{BufRead, BufReader};
+    let result = tempfile::tempdir().expect("a folder");
+    let ball = crate::common::files::bumpy_sphere(0.3);
+    for name in ["mesh.obj", "cloud.obj"] {
+        std::fs::write(result.path().join(name), &ball).expect("written");
+    }
+    std::fs::write(result.path().join("report.json"), "{\"result\": {\"unit\": \"cm\"}}").expect("written");
+    let temporary = tempfile::tempdir().expect("a folder");
+    let mut child = Command::new(env!("CARGO_BIN_EXE_visage"))
+        .args(["open", path(result.path())])
+        .env("TMPDIR", temporary.path())
+        .stdout(std::process::Stdio::piped())
+        .stderr(std::process::Stdio::null())
+        .spawn()
+        .expect("it runs");
+    let mut line = String::new();
+    BufReader::new(child.stdout.take().expect("piped")).read_line(&mut line).expect("a line");
+    let (url, place) = line.trim().split_once("/#/").expect("an address of the page");
+    assert!(url.starts_with("http://127.0.0.1:") && place.starts_with("compare?a="), "{line}");
+    let models = json(url, &["models"]);
+    let shown: Vec<(&str, &str)> = models["items"]
+        .as_array()
+        .expect("items")
+        .iter()
+        .map(|model| (model["name"].as_str().expect("a name"), model["unit"].as_str().expect("a unit")))
+        .collect();
+    assert!(shown.iter().all(|(_, unit)| *unit == "cm") && shown[0].0.ends_with(" (cloud)"), "{shown:?}");
+    assert!(std::fs::read_dir(temporary.path()).expect("a folder").next().is_some());
+    let stopped = Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("kill runs");
+    assert!(stopped.success() && child.wait().expect("it ends").success());
+    assert_eq!(std::fs::read_dir(temporary.path()).expect("a folder").count(), 0, "nothing stays");
+
+    for (given, said) in
+        [("nowhere.ply", "there is no nowhere.ply"), (path(temporary.path()), "neither meshes nor clouds")]
+    {
+        let refused = Command::new(env!("CARGO_BIN_EXE_visage")).args(["open", given]).output().expect("it runs");
+        assert!(!refused.status.success() && complaint(&refused).contains(said), "{}", complaint(&refused));
+    }
+    let broken = result.path().join("broken.ply");
+    std::fs::write(&broken, "ply\n").expect("written");
+    let refused = Command::new(env!("CARGO_BIN_EXE_visage")).args(["open", path(&broken)]).output().expect("it runs");
+    let text = complaint(&refused);
+    assert!(!refused.status.success() && text.contains("opening") && text.contains("422"), "{text}");
 }

@@ -208,6 +208,7 @@ IDS = {
     "listDeliveries": lambda: {"id": world().webhook},
     "replayDeadDeliveries": lambda: {"id": world().webhook},
     "replayDelivery": ended_delivery,
+    "paintSaliency": lambda: {"id": world().positive[0]},
     "revokeKey": lambda: {"id": new_key()["id"]},
     "getModelPicture": lambda: {"id": world().registered, "kind": "thumbnail"},
     "getModelPlot": lambda: {"id": world().registered, "kind": "overlap"},

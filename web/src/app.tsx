@@ -1,6 +1,7 @@
 import type { ComponentChildren } from "preact";
 import { useEffect, useRef } from "preact/hooks";
 
+import { ComparePage } from "./compare/page";
 import { Gallery } from "./gallery/gallery";
 import { EvaluationPage } from "./gallery/evaluation";
 import { StandardsPage } from "./gallery/standards";
@@ -44,7 +45,8 @@ function page({ parts, query }: Place): ComponentChildren {
     if (kind === "scan-sets")
         return id === undefined ? <ScanSetList /> : more === "hints" ? <HintsPage id={id} /> : <ScanSetPage id={id} />;
     if (kind === "jobs") return id === undefined ? <JobList /> : <JobPage id={id} />;
-    if (kind === "models" && id !== undefined) return <ModelPage id={id} />;
+    if (kind === "models" && id !== undefined) return <ModelPage id={id} query={query} />;
+    if (kind === "compare") return <ComparePage query={query} />;
     if (kind === "gallery") return <Gallery query={query} />;
     if (kind === "evaluation") return <EvaluationPage />;
     if (kind === "standards") return <StandardsPage />;
@@ -70,7 +72,7 @@ function Frame({ current, children }: { current: string; children: ComponentChil
         ["standards", t.nav.standards, href("standards")],
     ];
     const isIn = (area: string) =>
-        area === current || (area === "gallery" && (current === "models" || current === "evaluation"));
+        area === current || (area === "gallery" && ["models", "compare", "evaluation"].includes(current));
     return (
         <>
             <a class="skip" href="#content" onClick={skip}>

@@ -68,6 +68,7 @@ mod reading_view;
 mod renditions;
 mod responses;
 mod router;
+mod saliency;
 mod scan_set_views;
 mod scan_sets;
 mod scans;

@@ -10,12 +10,15 @@ import { TextField, Trouble } from "../ui/pieces";
 import type { Place } from "../viewer/marker-types";
 import { has, surfaceUrl } from "./sources";
 
+/** A place with a name. */
+export type Mark = [string, Place];
+
 interface Props {
     model: Schema["Model"];
     isMarking: boolean;
-    marks: [string, Place][];
+    marks: Mark[];
     onMarking: (isMarking: boolean) => void;
-    onMarks: (marks: [string, Place][]) => void;
+    onMarks: (marks: Mark[]) => void;
 }
 
 const least = 3;

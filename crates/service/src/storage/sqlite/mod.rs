@@ -28,6 +28,7 @@ mod standards;
 mod upkeep;
 mod uploads;
 mod webhooks;
+mod words;
 mod writing;
 
 use std::path::Path;

@@ -5,6 +5,7 @@ use sqlx::SqliteConnection;
 use super::rows::row;
 use super::{
     SqliteDatabase, damaged, evaluations, files, outbox, replays, signatures, sql_limit, stored_id, to_i64, to_u64,
+    words,
 };
 use crate::storage::database::Models;
 use crate::storage::{DatabaseError, Deleted, Unseen};
@@ -83,11 +84,14 @@ impl Models for SqliteDatabase {
              WHERE (?1 IS NULL OR model.id < ?1)
                AND (?2 IS NULL OR model.label = ?2)
                AND (?3 IS NULL OR model.scan_set_id = ?3)
-             ORDER BY model.id DESC LIMIT ?4",
+               AND NOT EXISTS (SELECT 1 FROM json_each(?4) WHERE NOT (model.name GLOB value
+                                                                     OR ifnull(model.label, '') GLOB value))
+             ORDER BY model.id DESC LIMIT ?5",
         )
         .bind(page.before.as_deref())
         .bind(filter.label.as_deref())
         .bind(filter.scan_set_id.map(|id| id.to_string()))
+        .bind(words::patterns(&filter.words))
         .bind(sql_limit(page))
         .fetch_all(&self.readers)
         .await?;
