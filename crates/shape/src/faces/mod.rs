@@ -48,7 +48,7 @@ pub use sum_of_distances::sum_of_distances;
 pub use triangle::{Shape, Triangle};
 pub use triangle_candidates::{Cost, TriangleCandidate};
 
-use crate::descriptor::{ShapeDescriptor, ViewCode};
+use crate::descriptor::{SampledShape, ShapeDescriptor, ViewCode};
 use crate::saliency::orientation::OrientedCloud;
 use crate::saliency::{self, CurvedSurface, Patches, Region, RegionOptions, Side};
 use visage_geometry::progress::{Canceled, Progress, Stage};
@@ -126,6 +126,20 @@ pub fn salient_points(
     let curved = Prepared::new(&surface, bounds.diagonal(), progress)?.curved(progress)?;
     let map = saliency::saliency(&curved, curved.xi(), progress)?;
     Ok((curved.points.iter().map(|point| motion_file_own * point).collect(), map))
+}
+
+/// A surface as samples in the file's frame, by which it can be laid onto another; `None` if there is no area to sample. Runs
+/// inside the caller's rayon pool.
+///
+/// # Errors
+/// As [`describe`].
+pub fn sampled_shape(surface: &Surface, progress: &Progress) -> Result<Option<SampledShape>, DescribeError> {
+    let surface = cleaned(surface, progress)?;
+    let diagonal = checked_bounds(&surface)?.diagonal();
+    Ok(match Prepared::new(&surface, diagonal, progress)? {
+        Prepared::Mesh { mesh, .. } => SampledShape::of_mesh(&mesh),
+        Prepared::Cloud { cloud, .. } => SampledShape::of_cloud(&cloud),
+    })
 }
 
 /// The surface without what is none of it; see [`mod@cleaned`].
