@@ -12,6 +12,7 @@ pub mod deface;
 pub mod deviation;
 mod hints;
 pub mod orient;
+pub mod placing;
 mod ready;
 pub mod report;
 mod start;

@@ -50,7 +50,7 @@ pub use sum_of_distances::sum_of_distances;
 pub use triangle::{Shape, Triangle};
 pub use triangle_candidates::{Cost, TriangleCandidate};
 
-use crate::descriptor::{ShapeDescriptor, ViewCode};
+use crate::descriptor::{SampledShape, ShapeDescriptor, ViewCode};
 use crate::saliency::orientation::OrientedCloud;
 use crate::saliency::{self, CurvedSurface, Patches, Region, RegionOptions, Side};
 use visage_geometry::progress::{Canceled, Progress, Stage};
@@ -113,6 +113,20 @@ pub fn describe(surface: &Surface, unit: Unit, progress: &Progress) -> Result<Si
     let size = Size { origin: motion_file_own * bounds.center(), diagonal: bounds.diagonal(), radius, unit };
     let signature = Signature::new(&size, &regions, &detection.moved(&motion_file_own));
     Ok(signature.with_shape(shape).with_views(views).with_left_out(left_out))
+}
+
+/// A surface as samples in the file's frame, by which it can be laid onto another; `None` if there is no area to sample. Runs
+/// inside the caller's rayon pool.
+///
+/// # Errors
+/// As [`describe`].
+pub fn sampled_shape(surface: &Surface, progress: &Progress) -> Result<Option<SampledShape>, DescribeError> {
+    let surface = cleaned(surface, progress)?;
+    let diagonal = checked_bounds(&surface)?.diagonal();
+    Ok(match Prepared::new(&surface, diagonal, progress)? {
+        Prepared::Mesh { mesh, .. } => SampledShape::of_mesh(&mesh),
+        Prepared::Cloud { cloud, .. } => SampledShape::of_cloud(&cloud),
+    })
 }
 
 /// The surface without what is none of it; see [`mod@cleaned`].
