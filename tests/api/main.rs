@@ -22,6 +22,7 @@ mod models;
 mod page;
 mod pictures;
 mod pieces;
+mod placing;
 mod pressure;
 mod proxies;
 mod queries;

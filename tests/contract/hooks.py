@@ -267,7 +267,8 @@ def options_of_form(body):
 
 
 def one_question(body):
-    """One of standard, model and triangle; methods are for the built-in face, likeness for models; a cursor is given out by an answer."""
+    """One of standard, model and triangle; methods are for the built-in face, likeness and place for models; a cursor is given out by an
+    answer."""
     asked = [field for field in ("triangle", "model_id", "standard") if body.get(field) is not None]
     for field in asked[1:]:
         del body[field]
@@ -282,14 +283,16 @@ def one_question(body):
         body.pop("method", None)
     if body.get("model_id") is None:
         body.pop("likeness", None)
+        body.pop("place", None)
 
 
 def one_verdict(body):
-    """A method is for a standard, which has to be there, likeness for models; a cursor is given out."""
+    """A method is for a standard, which has to be there, likeness and place for models; a cursor is given out."""
     body.pop("cursor", None)
     if "standard" in body or "method" in body:
         body["standard"] = "face"
         body.pop("likeness", None)
+        body.pop("place", None)
 
 
 def examples(body):
@@ -378,6 +381,7 @@ QUERY_RULES = {
     "listWebhooks": known_page,
     "listDeliveries": known_page,
     "listAudit": known_page,
+    "listDuplicates": known_page,
     "listScanSets": known_page,
 }
 FILES = {

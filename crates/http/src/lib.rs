@@ -37,6 +37,7 @@ mod describe;
 mod deviation;
 mod digest;
 mod disposition;
+mod duplicates;
 mod encoding;
 mod evaluation;
 mod events;

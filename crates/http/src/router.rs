@@ -25,8 +25,8 @@ use super::schemas::{
 };
 use super::state::AppState;
 use super::{
-    access, access_log, audit, base, body, encoding, evaluation, headers, hosts, jobs, keys, meta, metrics, models,
-    page, queries, scan_sets, session, standards, uploads, webhooks,
+    access, access_log, audit, base, body, duplicates, encoding, evaluation, headers, hosts, jobs, keys, meta, metrics,
+    models, page, queries, scan_sets, session, standards, uploads, webhooks,
 };
 use visage_service::config::{BasePath, Network};
 use visage_service::panics::panic_message;
@@ -68,6 +68,7 @@ fn resources() -> OpenApiRouter<AppState> {
         .merge(models::router())
         .merge(queries::router())
         .merge(evaluation::router())
+        .merge(duplicates::router())
         .merge(standards::router())
         .merge(keys::router())
         .merge(session::router())

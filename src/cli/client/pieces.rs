@@ -1,6 +1,7 @@
 //! Large scans, sent piece by piece (tus 1.0): what the service has already is not sent again, neither after a lost connection
 //! nor by the next run of the command.
 
+use std::io::BufRead;
 use std::path::Path;
 use std::time::Duration;
 
@@ -135,8 +136,16 @@ fn offset_in(answer: &reqwest::Response) -> anyhow::Result<u64> {
 /// As `Content-Digest` has it.
 fn digest(path: &Path) -> anyhow::Result<String> {
     let reading = || format!("reading {}", path.display());
-    let mut file = std::fs::File::open(path).with_context(reading)?;
+    let mut file = std::io::BufReader::new(std::fs::File::open(path).with_context(reading)?);
     let mut hasher = sha2::Sha256::new();
-    std::io::copy(&mut file, &mut hasher).with_context(reading)?;
+    loop {
+        let part = file.fill_buf().with_context(reading)?;
+        if part.is_empty() {
+            break;
+        }
+        hasher.update(part);
+        let read = part.len();
+        file.consume(read);
+    }
     Ok(format!("sha-256=:{}:", STANDARD.encode(hasher.finalize())))
 }

@@ -9,6 +9,8 @@
 //! - [`retention`]: what is old is deleted
 //! - [`webhooks`]: who wants to know is told
 //! - [`queries`]: the gallery is asked
+//! - [`placing`]: where a probe lies on what was found; [`deviation`]: how far models of one frame are from each other;
+//!   [`duplicates`]: models that are there twice; [`model_file`]: what is measured on
 //! - [`evaluations`]: how well the gallery's answers agree with its labels
 //! - [`live_gallery`]: the stored signatures, searchable in memory
 //! - [`engine`]: the seam to the algorithms (tests put slow or failing ones in)
@@ -22,14 +24,17 @@ pub mod access;
 pub mod arrival;
 pub mod context;
 pub mod deviation;
+pub mod duplicates;
 pub mod engine;
 pub mod evaluations;
 pub mod figures;
 pub mod live_gallery;
+pub mod model_file;
 pub mod models;
 pub mod monitor;
 pub mod orders;
 pub mod pictures;
+pub mod placing;
 pub mod queries;
 pub mod renditions;
 pub mod retention;
