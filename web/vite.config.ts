@@ -4,6 +4,8 @@ import { defineConfig } from "vitest/config";
 const server = process.env["VISAGE_URL"] ?? "http://127.0.0.1:8080";
 
 export default defineConfig({
+    // the page is served at / or below a path: what it loads stands beside it
+    base: "./",
     oxc: { jsx: { runtime: "automatic", importSource: "preact" } },
     build: {
         target: "es2022",

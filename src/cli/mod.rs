@@ -10,6 +10,7 @@ pub mod deviation;
 mod doctor;
 mod healthcheck;
 mod key;
+pub mod open;
 mod openapi;
 pub mod picture;
 pub mod register;
@@ -58,6 +59,8 @@ enum Command {
     Query(client::query::QueryArgs),
     /// Tell how good a model of a running service is, and why.
     Report(client::report::ReportArgs),
+    /// Show a mesh, a cloud or what `register` left in the page, until Ctrl-C.
+    Open(open::OpenArgs),
     /// Draw a picture of a scan or a model, or of what is known of one.
     Picture(picture::PictureArgs),
     /// Show everything on code-made scans: server, uploads, jobs, queries.
@@ -103,7 +106,7 @@ fn run() -> anyhow::Result<()> {
     }
     let command = Cli::from_arg_matches(&matches)?.command;
     // `visage openapi | head` ends quietly when its reader does; a server must outlive its clients
-    if !matches!(command, Command::Serve(_) | Command::Demo(_)) {
+    if !matches!(command, Command::Serve(_) | Command::Demo(_) | Command::Open(_)) {
         sigpipe::reset();
     }
     match command {
@@ -119,6 +122,7 @@ fn run() -> anyhow::Result<()> {
         Command::Models(args) => client::models::run(args),
         Command::Query(args) => client::query::run(args),
         Command::Report(args) => client::report::run(args),
+        Command::Open(args) => open::run(args),
         Command::Picture(args) => picture::run(args),
         Command::Demo(args) => demo::run(args),
         Command::Doctor(args) => doctor::run(args),

@@ -7,7 +7,10 @@ use std::time::Duration;
 use anyhow::{Context, bail};
 use clap::Args;
 
-use crate::config::{EdgeLimits, HostName, Limits, Origin, Quotas, Retention, ServerConfig, TlsPem, available_threads};
+use crate::config::{
+    BasePath, EdgeLimits, HostName, Limits, Network, Origin, Quotas, Retention, ServerConfig, TlsPem, WebhookSettings,
+    available_threads,
+};
 use crate::http::Server;
 use crate::telemetry::{self, LogFormat};
 
@@ -25,6 +28,13 @@ pub struct ServeArgs {
     /// names and the address it listens on are known without
     #[arg(long = "host", env = "VISAGE_HOST", value_name = "NAME", value_delimiter = ',')]
     hosts: Vec<HostName>,
+    /// The path below which a proxy serves it, such as /visage
+    #[arg(long, env = "VISAGE_BASE_PATH", value_name = "PATH", default_value_t)]
+    base_path: BasePath,
+    /// A proxy (an address, or a network such as 10.0.0.0/8) whose `Forwarded` or `X-Forwarded-*` tell who has sent a
+    /// request, and by which scheme and name; can be repeated
+    #[arg(long = "trusted-proxy", env = "VISAGE_TRUSTED_PROXY", value_name = "NETWORK", value_delimiter = ',')]
+    trusted_proxies: Vec<Network>,
     /// An origin (scheme and host, such as `https://app.example`) whose pages may ask too, with a key; can be repeated
     #[arg(long = "cors-origin", env = "VISAGE_CORS_ORIGIN", value_name = "ORIGIN", value_delimiter = ',')]
     cors_origins: Vec<Origin>,
@@ -65,7 +75,7 @@ pub struct ServeArgs {
     /// Points in one scan or model
     #[arg(long, env = "VISAGE_MAX_POINTS", default_value_t = Limits::default().points_per_scan)]
     max_points: u64,
-    /// Requests that a key may send in a minute; those who need none count as one [default: any number]
+    /// Requests that a key may send in a minute; of those who need none, each address [default: any number]
     #[arg(long, env = "VISAGE_KEY_REQUESTS_PER_MINUTE", value_parser = clap::value_parser!(u32).range(1..))]
     key_requests_per_minute: Option<u32>,
     /// Uploads of a key at the same time [default: any number]
@@ -87,6 +97,10 @@ pub struct ServeArgs {
     #[arg(long, env = "VISAGE_KEEP_AUDIT", value_name = "DAYS", default_value_t = 365,
           value_parser = clap::value_parser!(u32).range(1..))]
     keep_audit: u32,
+    /// A network that messages to webhooks may reach though it is not public, also without TLS, such as 10.0.0.0/8; can be
+    /// repeated
+    #[arg(long = "webhook-network", env = "VISAGE_WEBHOOK_NETWORK", value_name = "NETWORK", value_delimiter = ',')]
+    webhook_networks: Vec<Network>,
     /// Connections at the same time; others wait
     #[arg(long, env = "VISAGE_MAX_CONNECTIONS", default_value_t = EdgeLimits::default().connections,
           value_parser = at_least_one)]
@@ -145,6 +159,8 @@ impl ServeArgs {
                 ..Limits::default()
             },
             hosts: self.hosts.clone(),
+            base_path: self.base_path.clone(),
+            trusted_proxies: self.trusted_proxies.clone(),
             cors_origins: self.cors_origins.clone(),
             tls: self.tls()?,
             open: self.open,
@@ -159,6 +175,7 @@ impl ServeArgs {
                 scan_sets: self.keep_scan_sets,
                 audit: Some(self.keep_audit),
             },
+            webhooks: WebhookSettings { networks: self.webhook_networks.clone(), ..WebhookSettings::default() },
             edge: EdgeLimits {
                 connections: self.max_connections,
                 head_time: Duration::from_secs(self.head_seconds),
@@ -192,8 +209,9 @@ async fn serve(config: ServerConfig) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// Waits for SIGTERM or SIGINT.
 #[cfg(unix)]
-fn stop_signal() -> anyhow::Result<impl Future<Output = ()>> {
+pub(super) fn stop_signal() -> anyhow::Result<impl Future<Output = ()>> {
     use tokio::signal::unix::{SignalKind, signal};
     let mut terminate = signal(SignalKind::terminate()).context("listening for SIGTERM")?;
     let mut interrupt = signal(SignalKind::interrupt()).context("listening for SIGINT")?;
@@ -205,8 +223,9 @@ fn stop_signal() -> anyhow::Result<impl Future<Output = ()>> {
     })
 }
 
+/// Waits for Ctrl-C.
 #[cfg(not(unix))]
-fn stop_signal() -> anyhow::Result<impl Future<Output = ()>> {
+pub(super) fn stop_signal() -> anyhow::Result<impl Future<Output = ()>> {
     Ok(async {
         if tokio::signal::ctrl_c().await.is_err() {
             std::future::pending::<()>().await;

@@ -14,7 +14,7 @@ use crate::jobs::artifacts::{RunFacts, write_mesh};
 use crate::pipeline::Fill;
 use crate::pipeline::orient::{NormalsFrom, orient};
 use crate::pipeline::report::{SimplifiedReport, SurfaceOutcome};
-use crate::pipeline::surface::{SurfaceMesh, SurfaceOrder, Target, make_surface, simplify};
+use crate::pipeline::surface::{Seen, SurfaceMesh, SurfaceOrder, Target, make_surface, simplify};
 use crate::progress::Stage;
 
 /// Which cloud, and what is wanted of its surface.
@@ -114,7 +114,8 @@ fn of_cloud(
     let made = orient(surface, views, &place.progress)?;
     let spacing = args.spacing.unwrap_or(made.spacing);
     let order = SurfaceOrder { fill: args.fill, target: target(args), preview: false };
-    let Some(found) = make_surface(&made.cloud, made.views.as_deref(), spacing, &order, &place.progress)? else {
+    let seen = Seen { views: made.views.as_deref(), free_space: None };
+    let Some(found) = make_surface(&made.cloud, seen, spacing, &order, &place.progress)? else {
         bail!(
             "{} makes no surface: {points} points {} apart{}; are they those of a surface? A thinned cloud needs \
              --spacing, one with wrong normals a file without them",

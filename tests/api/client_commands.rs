@@ -49,6 +49,10 @@ fn a_folder_goes_to_the_service_and_comes_back_as_a_model() {
     assert!(listed.contains(id) && listed.contains("succeeded"), "{listed}");
     let models = told(&ask(url, &["models", "list"]));
     assert!(models.contains(model) && models.contains("ball"), "{models}");
+    let found = |arguments: &[&str]| json(url, &[&["models"], arguments].concat())["items"].as_array().map(Vec::len);
+    assert_eq!(found(&["--text", "BALL"]), Some(1));
+    assert_eq!(found(&["list", "--text", "ball", "--label", "ball"]), Some(1));
+    assert_eq!(found(&["--text", "jug"]), Some(0));
     let report = told(&ask(url, &["report", model]));
     assert!(report.contains("quality: ") && report.contains(&names[2]), "{report}");
     let answer = json(url, &["query", "--standard", "face"]);
@@ -112,4 +116,98 @@ fn a_service_that_is_not_there_or_refuses_is_told_with_the_remedy() {
     let refused = ask(&service.url, &["upload", path(&scan)]);
     let text = complaint(&refused);
     assert!(!refused.status.success() && text.contains("sending empty.ply") && text.contains("422"), "{text}");
+}
+
+/// A scan of more than the 4 MiB from which scans are sent piece by piece.
+fn large_scan() -> Vec<u8> {
+    let count: u16 = 60_000;
+    let properties: String = (0..20).map(|index| format!("property float p{index}\n")).collect();
+    let head = format!(
+        "ply\nformat binary_little_endian 1.0\nelement vertex {count}\nproperty float x\nproperty float y\n\
+         property float z\n{properties}end_header\n"
+    );
+    let point =
+        |index: u16| (0..23_u16).flat_map(move |column| f32::from(index.wrapping_mul(column + 1)).to_le_bytes());
+    head.into_bytes().into_iter().chain((0..count).flat_map(point)).collect()
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_large_scan_that_was_broken_off_is_gone_on_with_by_the_next_run() {
+    use base64::Engine as _;
+    use base64::engine::general_purpose::STANDARD;
+    use sha2::Digest;
+    let (data, scans) = (tempfile::tempdir().expect("a folder"), tempfile::tempdir().expect("a folder"));
+    let service = Process::start(data.path());
+    let (content, client) = (large_scan(), crate::binary::client());
+    assert!(content.len() > 5_000_000);
+    std::fs::write(scans.path().join("large.ply"), &content).expect("written");
+    let set = client.post(format!("{}/v1/scan-sets", service.url)).json(&serde_json::json!({"name": "a"})).send().await;
+    let set: Value = set.expect("an answer").json().await.expect("JSON");
+    let set = set["id"].as_str().expect("an id").to_owned();
+    let digest = format!("sha-256=:{}:", STANDARD.encode(sha2::Sha256::digest(&content)));
+    let metadata = format!("filename {},digest {}", STANDARD.encode("large.ply"), STANDARD.encode(digest));
+    let begun = client.post(format!("{}/v1/scan-sets/{set}/uploads", service.url));
+    let begun = begun.header("upload-length", content.len()).header("upload-metadata", metadata).send().await;
+    let begun: Value = begun.expect("an answer").json().await.expect("JSON");
+    let upload = format!("{}{}", service.url, begun["href"].as_str().expect("an address"));
+    let sent =
+        client.patch(&upload).header("upload-offset", 0).header("content-type", "application/offset+octet-stream");
+    assert_eq!(sent.body(content[..3_000_000].to_vec()).send().await.expect("an answer").status(), 204);
+
+    let arguments = ["upload", path(scans.path()), "--into", &set, "--no-register"];
+    let url = service.url.clone();
+    let stored = tokio::task::block_in_place(|| json(&url, &arguments));
+    assert_eq!(stored["scans"][0]["checksum"], blake3::hash(&content).to_hex().to_string());
+    let offset = client.head(&upload).send().await.expect("an answer").headers()["upload-offset"].clone();
+    assert_eq!(offset, content.len().to_string(), "it is this upload that was gone on with");
+    // and it is not sent once more
+    let again = tokio::task::block_in_place(|| ask(&url, &arguments));
+    assert!(again.status.success(), "{}", complaint(&again));
+}
+
+#[test]
+fn a_result_and_a_file_are_opened_in_the_page_until_they_are_done_with() {
+    use std::io::{BufRead, BufReader};
+    let result = tempfile::tempdir().expect("a folder");
+    let ball = crate::common::files::bumpy_sphere(0.3);
+    for name in ["mesh.obj", "cloud.obj"] {
+        std::fs::write(result.path().join(name), &ball).expect("written");
+    }
+    std::fs::write(result.path().join("report.json"), "{\"result\": {\"unit\": \"cm\"}}").expect("written");
+    let temporary = tempfile::tempdir().expect("a folder");
+    let mut child = Command::new(env!("CARGO_BIN_EXE_visage"))
+        .args(["open", path(result.path())])
+        .env("TMPDIR", temporary.path())
+        .stdout(std::process::Stdio::piped())
+        .stderr(std::process::Stdio::null())
+        .spawn()
+        .expect("it runs");
+    let mut line = String::new();
+    BufReader::new(child.stdout.take().expect("piped")).read_line(&mut line).expect("a line");
+    let (url, place) = line.trim().split_once("/#/").expect("an address of the page");
+    assert!(url.starts_with("http://127.0.0.1:") && place.starts_with("compare?a="), "{line}");
+    let models = json(url, &["models"]);
+    let shown: Vec<(&str, &str)> = models["items"]
+        .as_array()
+        .expect("items")
+        .iter()
+        .map(|model| (model["name"].as_str().expect("a name"), model["unit"].as_str().expect("a unit")))
+        .collect();
+    assert!(shown.iter().all(|(_, unit)| *unit == "cm") && shown[0].0.ends_with(" (cloud)"), "{shown:?}");
+    assert!(std::fs::read_dir(temporary.path()).expect("a folder").next().is_some());
+    let stopped = Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("kill runs");
+    assert!(stopped.success() && child.wait().expect("it ends").success());
+    assert_eq!(std::fs::read_dir(temporary.path()).expect("a folder").count(), 0, "nothing stays");
+
+    for (given, said) in
+        [("nowhere.ply", "there is no nowhere.ply"), (path(temporary.path()), "neither meshes nor clouds")]
+    {
+        let refused = Command::new(env!("CARGO_BIN_EXE_visage")).args(["open", given]).output().expect("it runs");
+        assert!(!refused.status.success() && complaint(&refused).contains(said), "{}", complaint(&refused));
+    }
+    let broken = result.path().join("broken.ply");
+    std::fs::write(&broken, "ply\n").expect("written");
+    let refused = Command::new(env!("CARGO_BIN_EXE_visage")).args(["open", path(&broken)]).output().expect("it runs");
+    let text = complaint(&refused);
+    assert!(!refused.status.success() && text.contains("opening") && text.contains("422"), "{text}");
 }

@@ -38,9 +38,9 @@ fn every_test_that_a_document_names_is_there() {
     }
 }
 
-/// No crate of the service can open a connection to anywhere: the one that can is the command line's.
+/// No crate of the service can open a connection to anywhere, but for one folder that messages to webhooks leave from.
 #[test]
-fn what_the_service_is_made_of_asks_nobody() {
+fn what_the_service_is_made_of_asks_nobody_but_webhooks() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("crates");
     for crate_name in ["http", "service", "pipeline", "formats", "domain", "gallery"] {
         let manifest = std::fs::read_to_string(root.join(crate_name).join("Cargo.toml")).expect("a manifest");
@@ -50,7 +50,14 @@ fn what_the_service_is_made_of_asks_nobody() {
         let mut sources = String::new();
         // tests of the service ask it
         let without_tests = |source: &str| source.split("#[cfg(test)]").next().unwrap_or_default().to_owned();
-        read_sources(&root.join(crate_name).join("src"), &mut |source| sources.push_str(&without_tests(source)));
+        for entry in std::fs::read_dir(root.join(crate_name).join("src")).expect("a folder") {
+            let path = entry.expect("an entry").path();
+            if path.is_dir() && !path.ends_with("http/src/outgoing") {
+                read_sources(&path, &mut |source| sources.push_str(&without_tests(source)));
+            } else if path.is_file() {
+                sources.push_str(&without_tests(&std::fs::read_to_string(&path).expect("UTF-8")));
+            }
+        }
         for opening in ["TcpStream::connect", "UdpSocket", "client::conn", "UnixStream::connect"] {
             assert!(!sources.contains(opening), "{crate_name} names {opening}");
         }

@@ -275,3 +275,36 @@ async fn the_standards_are_listed() {
     let list = expect_json(server.get("/v1/standards").await, StatusCode::OK).await;
     assert!(list["items"].as_array().is_some_and(|items| items.iter().any(|item| item["name"] == "face")), "{list}");
 }
+
+#[tokio::test]
+async fn models_are_listed_by_words_of_their_names_and_labels() {
+    let server = TestServer::start().await;
+    for (name, label) in [("Krug 100%", "Gefäß"), ("Kopf", "face"), ("krug_2", "gefäß")] {
+        let form = model_form(0.3, label).text("name", name);
+        expect_json(server.post_form("/v1/models", form).await, StatusCode::CREATED).await;
+    }
+    let list = async |query: &[(&str, &str)]| {
+        let url = reqwest::Url::parse_with_params(&server.url("/v1/models"), query).expect("an address");
+        let answer = server.client.get(url).send().await.expect("an answer");
+        let list = expect_json(answer, StatusCode::OK).await;
+        let names: Vec<String> =
+            list["items"].as_array().expect("items").iter().map(|item| text(item, "/name")).collect();
+        (names, list["next_cursor"].as_str().map(str::to_owned))
+    };
+    assert_eq!(list(&[("text", "KRUG  gefÄß")]).await.0, ["krug_2", "Krug 100%"]);
+    assert_eq!(list(&[("text", "0%")]).await.0, ["Krug 100%"]);
+    assert_eq!(list(&[("text", "krug"), ("label", "Gefäß")]).await.0, ["Krug 100%"]);
+    assert!(list(&[("text", "' OR 1=1 --")]).await.0.is_empty());
+    let (first, cursor) = list(&[("text", "krug"), ("limit", "1")]).await;
+    let cursor = cursor.expect("there is another");
+    let (second, end) = list(&[("text", "krug"), ("limit", "1"), ("cursor", &cursor)]).await;
+    assert_eq!((first, second, end), (vec!["krug_2".to_owned()], vec!["Krug 100%".to_owned()], None));
+    // a cursor goes on with its own list alone
+    expect_problem(server.get(&format!("/v1/models?text=kopf&cursor={cursor}")).await, 422, "invalid_field").await;
+    for wrong in ["", "%20", "a%00b", &"x".repeat(201)] {
+        expect_problem(server.get(&format!("/v1/models?text={wrong}")).await, 422, "invalid_field").await;
+    }
+    // many words cost no more than a look at each model
+    let many = (0..100).map(|k| char::from(b'a' + k % 26).to_string()).collect::<Vec<_>>().join("+");
+    assert_eq!(server.get(&format!("/v1/models?text={many}")).await.status(), StatusCode::OK);
+}

@@ -107,3 +107,26 @@ async fn the_deviation_of_a_model_is_told_in_figures_and_colours() {
     expect_problem(server.get(&path("nobody", "")).await, 404, "not_found").await;
     expect_problem(server.get(&format!("/v1/models/{model}/deviation")).await, 400, "malformed_request").await;
 }
+
+#[tokio::test]
+async fn what_stands_out_comes_as_a_surface_with_a_figure_a_vertex() {
+    let server = TestServer::start().await;
+    let model = upload(&server, files::bumpy_sphere(0.3), "mm").await;
+    let path = format!("/v1/models/{model}/saliency.ply");
+    let first = server.get(&path).await;
+    assert_eq!(first.status(), StatusCode::OK);
+    assert_eq!(first.headers()["content-type"], "application/octet-stream");
+    let etag = first.headers()["etag"].clone();
+    let bytes = first.bytes().await.expect("a body");
+    assert!(bytes.windows(24).any(|line| line == b"property float saliency\n"));
+    let own = file(&server, &format!("/v1/models/{model}/mesh.obj")).await;
+    let read = read_surface("saliency.ply", &bytes, &ReadLimits::default()).expect("own files are read");
+    assert_eq!((read.cloud.len(), &read.faces), (own.cloud.len(), &own.faces));
+    let colors = read.cloud.colors.expect("coloured");
+    assert!(colors.iter().any(|color| color != &colors[0]), "some places stand out");
+    let known = server.client.get(server.url(&path)).header("if-none-match", &etag).send().await.expect("an answer");
+    assert_eq!(known.status(), StatusCode::NOT_MODIFIED);
+    assert_eq!(server.delete(&format!("/v1/models/{model}")).await, StatusCode::NO_CONTENT);
+    expect_problem(server.get(&path).await, 404, "not_found").await;
+    expect_problem(server.get("/v1/models/x/saliency.ply").await, 404, "not_found").await;
+}

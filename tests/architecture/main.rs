@@ -27,7 +27,10 @@ const LAYERS: &[(&str, &[&str])] = &[
     ("presentation", &["geometry", "rendering", "formats", "reconstruction", "faces"]),
     // what is kept and what may be chosen: methods and hints, which holes are filled, signatures, standards
     ("domain", &["geometry", "registration", "reconstruction", "formats", "faces", "standards"]),
-    ("pipeline", &["geometry", "registration", "reconstruction", "saliency", "formats", "faces", "domain"]),
+    (
+        "pipeline",
+        &["geometry", "registration", "reconstruction", "saliency", "descriptor", "formats", "faces", "domain"],
+    ),
     // around them
     // what the machine has, and files as memory
     ("machine", &[]),

@@ -10,7 +10,10 @@ import copy
 import hashlib
 import json
 import os
+import threading
+import time
 import uuid
+from http.server import BaseHTTPRequestHandler, HTTPServer
 
 import requests
 import schemathesis
@@ -55,6 +58,15 @@ def new_scan_set():
     return call("POST", "/v1/scan-sets/upload", 201, files=[*scan_parts(), pose_part()], data={"unit": "mm"})["id"]
 
 
+def new_upload():
+    headers = {"Upload-Length": str(len(BALL)), "Upload-Metadata": upload_metadata("new.obj")}
+    return call("POST", f"/v1/scan-sets/{world().scan_set}/uploads", 201, headers=headers)["id"]
+
+
+def upload_metadata(name):
+    return f"filename {base64.b64encode(name.encode()).decode()}"
+
+
 def new_job(scan_set=None):
     body = {"scan_set_id": scan_set or new_scan_set()}
     return call("POST", "/v1/jobs", 202, json=body)["id"]
@@ -93,6 +105,45 @@ def new_key():
     return call("POST", "/v1/keys", 201, json={"name": "schemathesis", "scope": "admin"})
 
 
+class Gone(BaseHTTPRequestHandler):
+    """A receiver that wants no message any more."""
+
+    def do_POST(self):
+        self.send_response(410)
+        self.end_headers()
+
+    def log_message(self, *_):
+        pass
+
+
+_receiver = HTTPServer(("127.0.0.1", 0), Gone)
+threading.Thread(target=_receiver.serve_forever, daemon=True).start()
+GONE = f"http://127.0.0.1:{_receiver.server_port}/"
+ENDED = []
+
+
+def new_webhook():
+    # nobody listens there: messages wait, or are dead
+    body = {"name": "schemathesis", "url": "http://127.0.0.1:9/", "events": ["webhook.ping"]}
+    return call("POST", "/v1/webhooks", 201, json=body)["id"]
+
+
+def ended_delivery():
+    """A message that a receiver has refused for good, so that it can be sent once more."""
+    webhook = call("POST", "/v1/webhooks", 201, json={"name": "gone", "url": GONE, "events": ["webhook.ping"]})["id"]
+    call("POST", f"/v1/webhooks/{webhook}/ping", 202)
+    for _ in range(600):
+        dead = call("GET", f"/v1/webhooks/{webhook}/deliveries?status=dead", 200)["items"]
+        if dead:
+            # there is room for some of them only, and a message goes with its webhook
+            ENDED.append(webhook)
+            if len(ENDED) > 8:
+                call("DELETE", f"/v1/webhooks/{ENDED.pop(0)}", 204)
+            return {"id": webhook, "delivery_id": dead[0]["id"]}
+        time.sleep(0.1)
+    raise AssertionError("no message was refused")
+
+
 class World:
     """What is there while schemathesis asks."""
 
@@ -105,6 +156,7 @@ class World:
         self.standard = new_standard()
         # the server is open to everybody: the first key would close it otherwise
         self.key = new_key()
+        self.webhook = new_webhook()
 
 
 _world = None
@@ -122,6 +174,12 @@ IDS = {
     "getScanSet": lambda: {"id": world().scan_set},
     "deleteScanSet": lambda: {"id": new_scan_set()},
     "putScan": lambda: {"id": new_scan_set()},
+    "createUpload": lambda: {"id": new_scan_set()},
+    "listUploads": lambda: {"id": world().scan_set},
+    "describeUploads": lambda: {"id": world().scan_set},
+    "getUpload": lambda: {"id": new_upload()},
+    "sendPiece": lambda: {"id": new_upload()},
+    "deleteUpload": lambda: {"id": new_upload()},
     "deleteScan": lambda: {"id": new_scan_set(), "name": "north.obj"},
     "putPoses": lambda: {"id": new_scan_set()},
     "putPoseFile": lambda: {"id": new_scan_set()},
@@ -144,6 +202,13 @@ IDS = {
     "getModelScans": lambda: {"id": world().registered},
     "measureDeviation": lambda: {"id": world().positive[0]},
     "paintDeviation": lambda: {"id": world().positive[0]},
+    "getWebhook": lambda: {"id": world().webhook},
+    "deleteWebhook": lambda: {"id": new_webhook()},
+    "pingWebhook": lambda: {"id": world().webhook},
+    "listDeliveries": lambda: {"id": world().webhook},
+    "replayDeadDeliveries": lambda: {"id": world().webhook},
+    "replayDelivery": ended_delivery,
+    "paintSaliency": lambda: {"id": world().positive[0]},
     "revokeKey": lambda: {"id": new_key()["id"]},
     "getModelPicture": lambda: {"id": world().registered, "kind": "thumbnail"},
     "getModelPlot": lambda: {"id": world().registered, "kind": "overlap"},
@@ -202,7 +267,8 @@ def options_of_form(body):
 
 
 def one_question(body):
-    """One of standard, model and triangle; methods are for the built-in face, likeness for models; a cursor is given out by an answer."""
+    """One of standard, model and triangle; methods are for the built-in face, likeness and place for models; a cursor is given out by an
+    answer."""
     asked = [field for field in ("triangle", "model_id", "standard") if body.get(field) is not None]
     for field in asked[1:]:
         del body[field]
@@ -217,14 +283,16 @@ def one_question(body):
         body.pop("method", None)
     if body.get("model_id") is None:
         body.pop("likeness", None)
+        body.pop("place", None)
 
 
 def one_verdict(body):
-    """A method is for a standard, which has to be there, likeness for models; a cursor is given out."""
+    """A method is for a standard, which has to be there, likeness and place for models; a cursor is given out."""
     body.pop("cursor", None)
     if "standard" in body or "method" in body:
         body["standard"] = "face"
         body.pop("likeness", None)
+        body.pop("place", None)
 
 
 def examples(body):
@@ -284,7 +352,13 @@ def other_model(query):
         query["other"] = world().positive[1]
 
 
+def webhook_here(body):
+    """Messages may be sent to this machine."""
+    body["url"] = "http://127.0.0.1:9/"
+
+
 RULES = {
+    "createWebhook": webhook_here,
     "createKey": time_to_come,
     "putExpiry": time_to_come,
     "createJob": job_of_something,
@@ -304,7 +378,10 @@ QUERY_RULES = {
     "listJobs": known_page,
     "listModels": known_page,
     "listKeys": known_page,
+    "listWebhooks": known_page,
+    "listDeliveries": known_page,
     "listAudit": known_page,
+    "listDuplicates": known_page,
     "listScanSets": known_page,
 }
 FILES = {
@@ -322,7 +399,7 @@ FILE_PARTS = {"scans", "poses", "model", "probe"}
 
 
 # addresses of what was made and not used
-LEFT_OVER = {"createStandard": [], "createModel": []}
+LEFT_OVER = {"createStandard": [], "createModel": [], "createWebhook": []}
 
 
 def operation_id(case):
@@ -370,6 +447,18 @@ def before_call(context, case, kwargs):
         case.headers.pop("If-Match", None)
         if "If-None-Match" in case.headers:
             case.headers["If-None-Match"] = '"unknown"'
+    if operation == "createUpload" and is_valid(ParameterLocation.HEADER):
+        # a size that is allowed, and a name that is there and tells a format
+        case.headers["Upload-Length"] = str(len(BALL))
+        case.headers["Upload-Metadata"] = upload_metadata("new.obj")
+    if operation == "sendPiece":
+        if is_valid(ParameterLocation.HEADER):
+            # pieces begin where the last one has ended, and have their own checksum
+            case.headers["Upload-Offset"] = "0"
+            case.headers.pop("Upload-Checksum", None)
+        # the piece itself is of no media type that is known there
+        kwargs["data"] = BALL[:100]
+        return
     if not is_valid(ParameterLocation.BODY) or isinstance(case.body, NotSet):
         return
     if operation in FILES and isinstance(case.body, dict):

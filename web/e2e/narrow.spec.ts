@@ -21,6 +21,8 @@ test("every page fits on a phone, in light and dark, and can be touched", async 
         "jobs",
         `jobs/${job}`,
         `models/${model}`,
+        `models/${model}?reference=${jug}`,
+        `compare?a=${model}&b=${jug}`,
         "gallery",
         "gallery?standard=face",
         "evaluation",

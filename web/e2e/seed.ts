@@ -22,13 +22,38 @@ export async function registeredHead(
     form.append("label", "face");
     for (const path of scansOfHead()) form.append("scans", file(path), basename(path));
     form.append("poses", file(join(demo(), "head", "rough.json")), "rough.json");
-    let job = await answered<{ id: string; status: string; model_id: string; scan_set_id: string }>(
-        fetch(`${server.url}/v1/jobs/upload`, { method: "POST", body: form }),
+    const job = await ended(
+        server,
+        await answered<Job>(fetch(`${server.url}/v1/jobs/upload`, { method: "POST", body: form })),
     );
-    while (job.status === "queued" || job.status === "running")
-        job = await answered(fetch(`${server.url}/v1/jobs/${job.id}?wait=60`));
-    if (job.status !== "succeeded") throw new Error(`the job ${job.status}`);
     return { set: job.scan_set_id, job: job.id, model: job.model_id };
+}
+
+/** Registers a set again with other options; answers with the model. */
+export async function registeredAgain(server: Server, set: string, options: object): Promise<string> {
+    const job = await answered<Job>(
+        fetch(`${server.url}/v1/jobs`, {
+            method: "POST",
+            headers: { "content-type": "application/json" },
+            body: JSON.stringify({ scan_set_id: set, options }),
+        }),
+    );
+    return (await ended(server, job)).model_id;
+}
+
+interface Job {
+    id: string;
+    status: string;
+    model_id: string;
+    scan_set_id: string;
+}
+
+async function ended(server: Server, job: Job): Promise<Job> {
+    let now = job;
+    while (now.status === "queued" || now.status === "running")
+        now = await answered(fetch(`${server.url}/v1/jobs/${job.id}?wait=60`));
+    if (now.status !== "succeeded") throw new Error(`the job ${now.status}`);
+    return now;
 }
 
 /** Puts a finished cloud of the demo into the gallery. */

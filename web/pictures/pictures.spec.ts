@@ -4,7 +4,7 @@ import { join } from "node:path";
 import type { Page } from "@playwright/test";
 
 import { expectSurface, test } from "../e2e/fixture";
-import { addedModel, registeredHead } from "../e2e/seed";
+import { addedModel, registeredAgain, registeredHead } from "../e2e/seed";
 import { scansOfHead } from "../e2e/server";
 
 /** `ALL` names a folder for every view in both sizes and colours, to be looked at; the documents get a few. */
@@ -30,6 +30,7 @@ const surface = async (page: Page) => {
 test("pictures of the page", async ({ page, server, watch }) => {
     watch.allow(/status of (404|422)/);
     const { set, job, model } = await registeredHead(server);
+    const other = await registeredAgain(server, set, { method: "ma-icp" });
     await addedModel(server, "decoy", "thing");
     await addedModel(server, "jug", "thing");
     await addedModel(server, "head", "face");
@@ -58,6 +59,45 @@ test("pictures of the page", async ({ page, server, watch }) => {
                 await page.getByLabel("Show", { exact: true }).selectOption("cloud");
                 await page.getByLabel("Colour by").selectOption("view");
                 await page.getByLabel("Cut across").selectOption("0");
+                await surface(page);
+            },
+        },
+        {
+            name: "saliency",
+            place: `models/${model}`,
+            prepare: async (page) => {
+                await surface(page);
+                await page.getByLabel("Colour by").selectOption("saliency");
+                await page.getByTestId("legend").waitFor();
+                await surface(page);
+            },
+        },
+        {
+            name: "compare",
+            place: `compare?a=${other}&b=${model}`,
+
+            prepare: async (page) => {
+                await surface(page);
+                await page.getByLabel("Colour by").selectOption("deviation");
+                await page.getByTestId("legend").nth(1).waitFor();
+                await surface(page);
+            },
+        },
+        {
+            name: "triangle",
+            place: `models/${model}`,
+            prepare: async (page) => {
+                await surface(page);
+                await page.getByRole("button", { name: "Pick three points" }).click();
+                const box = (await page.locator(".viewer canvas").boundingBox())!;
+                for (const [x, y] of [
+                    [-30, -20],
+                    [30, -20],
+                    [0, 30],
+                ] as const)
+                    await page
+                        .locator(".viewer canvas")
+                        .click({ position: { x: box.width / 2 + x, y: box.height / 2 + y } });
                 await surface(page);
             },
         },

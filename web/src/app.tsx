@@ -1,12 +1,14 @@
 import type { ComponentChildren } from "preact";
 import { useEffect, useRef } from "preact/hooks";
 
+import { ComparePage } from "./compare/page";
 import { Gallery } from "./gallery/gallery";
 import { EvaluationPage } from "./gallery/evaluation";
 import { StandardsPage } from "./gallery/standards";
 import { HintsPage } from "./hints/page";
 import { JobPage } from "./jobs/job";
 import { JobList } from "./jobs/list";
+import { at } from "./lib/address";
 import { announce, announcement } from "./lib/announce";
 import { connection } from "./lib/connection";
 import { href, place, type Place } from "./lib/router";
@@ -43,7 +45,8 @@ function page({ parts, query }: Place): ComponentChildren {
     if (kind === "scan-sets")
         return id === undefined ? <ScanSetList /> : more === "hints" ? <HintsPage id={id} /> : <ScanSetPage id={id} />;
     if (kind === "jobs") return id === undefined ? <JobList /> : <JobPage id={id} />;
-    if (kind === "models" && id !== undefined) return <ModelPage id={id} />;
+    if (kind === "models" && id !== undefined) return <ModelPage id={id} query={query} />;
+    if (kind === "compare") return <ComparePage query={query} />;
     if (kind === "gallery") return <Gallery query={query} />;
     if (kind === "evaluation") return <EvaluationPage />;
     if (kind === "standards") return <StandardsPage />;
@@ -69,7 +72,7 @@ function Frame({ current, children }: { current: string; children: ComponentChil
         ["standards", t.nav.standards, href("standards")],
     ];
     const isIn = (area: string) =>
-        area === current || (area === "gallery" && (current === "models" || current === "evaluation"));
+        area === current || (area === "gallery" && ["models", "compare", "evaluation"].includes(current));
     return (
         <>
             <a class="skip" href="#content" onClick={skip}>
@@ -78,7 +81,7 @@ function Frame({ current, children }: { current: string; children: ComponentChil
             <header class="top">
                 <div class="top-inner">
                     <a class="brand" href={href("scan-sets")}>
-                        <img src="/favicon.svg" alt="" />
+                        <img src={at("/favicon.svg")} alt="" />
                         visage
                     </a>
                     <nav aria-label={t.nav.label}>
@@ -87,7 +90,7 @@ function Frame({ current, children }: { current: string; children: ComponentChil
                                 {text}
                             </a>
                         ))}
-                        <a href="/docs">{t.nav.docs}</a>
+                        <a href={at("/docs")}>{t.nav.docs}</a>
                     </nav>
                     <Settings />
                     {who?.key && (
@@ -106,7 +109,7 @@ function Frame({ current, children }: { current: string; children: ComponentChil
                 {children}
             </main>
             <footer>
-                <a href="/licenses.txt">{t.licences}</a>
+                <a href={at("/licenses.txt")}>{t.licences}</a>
             </footer>
             <div class="unseen" role="status" aria-live="polite">
                 {spoken}

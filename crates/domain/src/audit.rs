@@ -9,6 +9,8 @@ pub struct AuditEntry {
     pub id: AuditId,
     /// The key that was shown; `None` for who needed none or had none.
     pub key: Option<KeyId>,
+    /// From where it came, as far as that is known.
+    pub client: Option<String>,
     /// The id of the request, as in the log.
     pub request: String,
     /// The method.
@@ -24,7 +26,8 @@ pub struct AuditEntry {
 impl AuditEntry {
     /// The id of what the request has made, if it has made something that is kept.
     pub fn made(&self) -> Option<&str> {
-        let is_kept = self.method == "POST" && matches!(self.status, 201 | 202) && self.route != "/v1/keys";
+        let has_no_files = ["/v1/keys", "/v1/webhooks"].contains(&self.route.as_str());
+        let is_kept = self.method == "POST" && matches!(self.status, 201 | 202) && !has_no_files;
         // a job that is stopped or tried again was made before
         self.target.as_deref().filter(|_| is_kept && !self.route.contains('{'))
     }
@@ -48,6 +51,7 @@ mod tests {
         let entry = |method: &str, route: &str, status| AuditEntry {
             id: AuditId::new(),
             key: None,
+            client: None,
             request: String::new(),
             method: method.to_owned(),
             route: route.to_owned(),

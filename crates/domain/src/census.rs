@@ -11,6 +11,10 @@ pub struct Census {
     pub models: u64,
     /// Standards made by users.
     pub standards: u64,
+    /// Messages to webhooks that wait.
+    pub messages_pending: u64,
+    /// Messages to webhooks that could not be delivered.
+    pub messages_dead: u64,
     /// Bytes of all files of scans, models and standards.
     pub file_bytes: u64,
     /// Bytes of the database.

@@ -112,6 +112,18 @@ id_type!(
     /// Names an entry of the audit log.
     AuditId
 );
+id_type!(
+    /// Names a webhook.
+    WebhookId
+);
+id_type!(
+    /// Names a message to a webhook.
+    DeliveryId
+);
+id_type!(
+    /// Names a file that comes piece by piece.
+    UploadId
+);
 
 impl From<FolderId> for SeatId {
     /// The lock of a data folder is a seat.

@@ -6,7 +6,8 @@
 //! - `scan_set`, `job`, `model`, `signature`, `standard`, `evaluation`, `replay`: records, as they are stored and given back
 //! - `job_kind`, `job_status`, `queue`: what jobs are for, where they stand, and how workers take and end them
 //! - `segment`: files of the index, and what they don't tell
-//! - `key`, `audit`: who may ask, and for what; who did what
+//! - `key`, `audit`: who may ask, and for what; who did what; `webhook`: whom the service tells by itself, and of what
+//! - `upload`: files that come piece by piece
 //! - `stored_file`: what is kept as files; `census`: how much; `page`: lists, page by page
 
 #![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used))]
@@ -31,12 +32,15 @@ mod segment;
 mod signature;
 mod standard;
 mod stored_file;
+mod upload;
+mod webhook;
 
 pub use audit::{AuditEntry, AuditFilter};
 pub use census::Census;
 pub use evaluation::{Backlog, Outdated, StoredVerdict};
 pub use ids::{
-    AuditId, FileId, FolderId, JobId, KeyId, ModelId, ProcessId, ScanSetId, SeatId, SegmentId, SessionId, StandardId,
+    AuditId, DeliveryId, FileId, FolderId, JobId, KeyId, ModelId, ProcessId, ScanSetId, SeatId, SegmentId, SessionId,
+    StandardId, UploadId, WebhookId,
 };
 pub use job::{CancelAnswer, JobBase, JobError, JobFilter, JobRecord, NewJob, NewSurfaceJob};
 pub use job_kind::JobKind;
@@ -52,5 +56,9 @@ pub use segment::{SegmentRecord, Unfiled};
 pub use signature::{StoredContent, StoredSignature};
 pub use standard::{Examples, NewStandard, StandardRecord};
 pub use stored_file::{KnownFiles, LooseFile, StoredFile};
+pub use upload::UploadRecord;
 /// What a person said of the scans of a job.
 pub use visage_registration::hints::Hints;
+pub use webhook::{
+    Attempt, DeliveryClaim, DeliveryRecord, DeliveryStatus, Event, EventKind, NewWebhook, WebhookRecord, WebhookSecret,
+};

@@ -80,6 +80,8 @@ pub struct ModelFilter {
     pub label: Option<String>,
     /// Only those made from this scan set.
     pub scan_set_id: Option<ScanSetId>,
+    /// Only those that have each of these in their name or label, in large letters or small.
+    pub words: Vec<String>,
 }
 
 /// What filters ask of a model.

@@ -154,11 +154,12 @@ fn read_binary(bytes: &[u8], count: u32, limits: &ReadLimits) -> Result<Reading,
 /// The corners of a facet, behind its normal.
 #[inline]
 fn corners_of(record: &[u8; FACET]) -> [[f64; 3]; 3] {
-    let number = |at: usize| {
-        let bytes = record.get(at..at + 4).and_then(|bytes| bytes.try_into().ok()).unwrap_or_default();
-        f64::from(f32::from_le_bytes(bytes))
-    };
-    [12, 24, 36].map(|corner| [0, 4, 8].map(|axis| number(corner + axis)))
+    let mut corners = [[0.0; 3]; 3];
+    // filled in place: corners that are returned by one closure after the other wait for memory
+    for (x, bytes) in corners.as_flattened_mut().iter_mut().zip(record[12..].as_chunks().0) {
+        *x = f64::from(f32::from_le_bytes(*bytes));
+    }
+    corners
 }
 
 /// Words between blanks and line ends of whatever kind.

@@ -270,7 +270,7 @@ mod tests {
             normals: Some(&normals),
             colors: Some(&colors),
             support: Some(&[0.0, 1.5, 2.0]),
-            deviation: None,
+            ..VertexAttributes::default()
         };
         let bytes = write(&MeshContent { mesh: &mesh, attributes, unit: Unit::Mm });
         let back = read(&format!("a.{}", format.ending()), &bytes, &ReadLimits::default()).expect(format.name);

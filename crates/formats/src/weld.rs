@@ -12,7 +12,7 @@ use super::FormatError;
 use super::budget::Budget;
 use visage_geometry::Point3;
 
-/// Vertices that were met last; a power of two.
+/// Hashes of which the two vertices that were met last are kept; a power of two.
 const RECENT: usize = 1 << 14;
 /// The least slots.
 const LEAST: usize = 16;
@@ -32,8 +32,8 @@ pub(super) struct Weld {
     /// The most vertices.
     limit: usize,
     state: RandomState,
-    /// For some hashes a vertex that has it.
-    recent: Vec<u64>,
+    /// For some hashes the vertices that had them last, the last first.
+    recent: Vec<[u64; 2]>,
     /// All vertices before those of this round, by their hashes. A power of two, at most two thirds full.
     slots: Vec<u64>,
     /// How many vertices and triangles there were before this round, and the hashes of its vertices, of which some may be
@@ -46,13 +46,13 @@ impl Weld {
     /// With room for so many vertices and triangles, for which there must be bytes.
     pub(super) fn new(vertices: usize, faces: usize, limit: u64, budget: &mut Budget) -> Result<Self, FormatError> {
         let count = (vertices + vertices / 2).next_power_of_two().max(LEAST);
-        budget.take_description((count + RECENT) as u64, size_of::<u64>())?;
+        budget.take_description((count + 2 * RECENT) as u64, size_of::<u64>())?;
         Ok(Weld {
             positions: Vec::with_capacity(vertices),
             faces: Vec::with_capacity(faces),
             limit: usize::try_from(limit).unwrap_or(usize::MAX),
             state: RandomState::default(),
-            recent: vec![0; RECENT],
+            recent: vec![[0; 2]; RECENT],
             slots: vec![0; count],
             settled: (0, 0),
             hashes: Vec::new(),
@@ -65,7 +65,8 @@ impl Weld {
     /// [`FormatError::TooLarge`] and [`FormatError::TooManyBytes`] beyond the limits.
     #[inline]
     pub(super) fn push(&mut self, corners: &[[f64; 3]; 3], budget: &mut Budget) -> Result<(), FormatError> {
-        let face = corners.map(|corner| self.vertex(&corner));
+        let [a, b, c] = corners;
+        let face = [self.vertex(a), self.vertex(b), self.vertex(c)];
         self.faces.push(face);
         if self.hashes.len() >= (self.slots.len() / SHARE).max(LEAST_ROUND) || self.positions.len() > self.limit {
             self.settle(budget)?;
@@ -78,12 +79,14 @@ impl Weld {
         let hash = self.hash(place);
         let recent = &mut self.recent[hash as usize % RECENT];
         let next = self.positions.len();
-        if let Some(vertex) = vertex_of(*recent, hash)
-            && self.positions[vertex as usize].coords.as_slice() == place
-        {
-            return vertex;
+        for known in *recent {
+            if let Some(vertex) = vertex_of(known, hash)
+                && self.positions[vertex as usize].coords.as_slice() == place
+            {
+                return vertex;
+            }
         }
-        *recent = entry(hash, next);
+        *recent = [entry(hash, next), recent[0]];
         self.positions.push(Point3::from(*place));
         self.hashes.push(hash);
         next as u32
@@ -196,9 +199,10 @@ impl Weld {
             if self.slots[at] == old {
                 self.slots[at] = new;
             }
-            let recent = &mut self.recent[hash as usize % RECENT];
-            if *recent == old {
-                *recent = new;
+            for recent in &mut self.recent[hash as usize % RECENT] {
+                if *recent == old {
+                    *recent = new;
+                }
             }
         }
         for vertex in self.faces[first_face..].iter_mut().flatten().filter(|vertex| **vertex as usize >= first) {

@@ -21,6 +21,7 @@
 //! - `probe`: the search for the models that look like a probe; `likeness`: what that means, put together of
 //!   `shape_rows` and `dense_rows`; `probe_pass`, `face_order`: what rules out most models before that, by their `pca_code`, their
 //!   `partial_distance` and a `trimmed_lower_bound` of it
+//! - `near_shapes`: what may be the same thing as a stored model
 //! - `region_likeness`, `by_regions`: the paper's likeness, by triangles; `by_view`: that of single scans
 //! - `best`: the best few so far
 //! - [`segment_handle`]: segments to and from bytes; `column`, `columns`: arrays that are owned or lent by a file, and where they lie in it;
@@ -44,6 +45,7 @@ mod live_segment;
 pub mod measures;
 pub mod merge;
 mod merged_ranking;
+mod near_shapes;
 mod outline;
 mod partial_distance;
 mod pca_basis;

@@ -44,6 +44,8 @@ struct EntryView {
     /// The key that was shown; null for who needed none.
     #[schema(format = "uuid")]
     key_id: Option<String>,
+    /// The address that it came from; behind a proxy as that tells, if it is trusted.
+    client: Option<String>,
     /// What the log has it under: `x-request-id` of its answer.
     request: String,
     /// The method.
@@ -61,6 +63,7 @@ impl EntryView {
         EntryView {
             at: entry.id.created_at().to_string(),
             key_id: entry.key.map(|key| key.to_string()),
+            client: entry.client,
             request: entry.request,
             method: entry.method,
             route: entry.route,

@@ -17,7 +17,9 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
 use tokio::task::JoinSet;
 use tokio_io_timeout::TimeoutStream;
 use tokio_util::sync::CancellationToken;
+use tower::ServiceBuilder;
 
+use super::forwarded::Peer;
 use super::tls::Tls;
 use visage_service::config::EdgeLimits;
 
@@ -154,10 +156,12 @@ async fn connection(
     let _place = place;
     // an answer of several pieces must not wait for the acknowledgement of the first
     let _ = stream.set_nodelay(true);
-    let Some(tls) = tls else { return answer(stream, router, limits, stop).await };
+    let address = stream.peer_addr().map(|addr| addr.ip());
+    let peer = address.ok().map(|address| Peer { address, is_secure: tls.is_some() });
+    let Some(tls) = tls else { return answer(stream, peer, router, limits, stop).await };
     // hands are shaken before the head of a request, and may take as long
     match tokio::time::timeout(limits.head_time, tls.accept(stream)).await {
-        Ok(Ok(stream)) => answer(stream, router, limits, stop).await,
+        Ok(Ok(stream)) => answer(stream, peer, router, limits, stop).await,
         Ok(Err(error)) => tracing::debug!("a connection ended before there was TLS: {error}"),
         Err(_) => tracing::debug!("a connection ended since there was no TLS in time"),
     }
@@ -166,10 +170,18 @@ async fn connection(
 /// Answers what comes on a connection until its end.
 async fn answer(
     stream: impl AsyncRead + AsyncWrite + Send + 'static,
+    peer: Option<Peer>,
     router: Router,
     limits: EdgeLimits,
     stop: CancellationToken,
 ) {
+    let from = move |mut request: hyper::Request<hyper::body::Incoming>| {
+        if let Some(peer) = peer {
+            request.extensions_mut().insert(peer);
+        }
+        request
+    };
+    let service = ServiceBuilder::new().map_request(from).service(router);
     let mut stream = TimeoutStream::new(stream);
     stream.set_write_timeout(Some(limits.answer_stall));
     let mut serving = std::pin::pin!(
@@ -178,7 +190,7 @@ async fn answer(
             .header_read_timeout(limits.head_time)
             .max_header_size(HEAD_BYTES)
             .max_buf_size(BUFFER_BYTES)
-            .serve_connection(TokioIo::new(Box::pin(stream)), TowerToHyperService::new(router))
+            .serve_connection(TokioIo::new(Box::pin(stream)), TowerToHyperService::new(service))
     );
     let served = tokio::select! {
         served = serving.as_mut() => served,

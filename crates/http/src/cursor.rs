@@ -44,12 +44,24 @@ pub fn read(cursor: &str, question: &Fingerprint) -> Result<Rank, Problem> {
 
 /// The cursor of the page of a list after the one that ends with the item of this id.
 pub fn after_item(list: &Fingerprint, last: u128) -> String {
-    URL_SAFE_NO_PAD.encode([list.as_slice(), &last.to_be_bytes()].concat())
+    after_items(list, [last])
+}
+
+/// The same where two items tell the place.
+pub fn after_items<const N: usize>(list: &Fingerprint, last: [u128; N]) -> String {
+    URL_SAFE_NO_PAD.encode([list.as_slice(), last.map(u128::to_be_bytes).as_flattened()].concat())
 }
 
 /// Reads a cursor of a list; one of another list, or of other filters, is refused.
 pub fn read_item(cursor: &str, list: &Fingerprint) -> Result<u128, Problem> {
     place(cursor, list).map(u128::from_be_bytes)
+}
+
+/// Reads a cursor of a list in which two items tell the place.
+pub fn read_items(cursor: &str, list: &Fingerprint) -> Result<[u128; 2], Problem> {
+    let place: [u8; 32] = place(cursor, list)?;
+    let (first, second) = place.split_at(16);
+    Ok([number(first), number(second)])
 }
 
 const UNKNOWN: &str = "is none that was given out";

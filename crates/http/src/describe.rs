@@ -62,6 +62,11 @@ pub async fn turn_of(state: &AppState, bytes: u64) -> Result<Turn, Problem> {
     turn_in(state, &state.describing, bytes).await
 }
 
+/// Waits until it is the turn of work that takes many seconds.
+pub async fn long_turn(state: &AppState) -> Result<Turn, Problem> {
+    turn_of(state, LARGE + 1).await
+}
+
 /// The same, at other places.
 pub async fn turn_in(state: &AppState, turns: &Turns, bytes: u64) -> Result<Turn, Problem> {
     tokio::select! {

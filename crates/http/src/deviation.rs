@@ -15,6 +15,7 @@ use super::responses;
 use super::schemas::FileContent;
 use super::state::AppState;
 use visage_service::app::deviation::{DeviationError, DeviationReport, Measured, Pair, Question};
+use visage_service::app::model_file::ModelFileError;
 
 /// What is measured to what.
 #[derive(Debug, Clone, Deserialize, utoipa::IntoParams)]
@@ -160,16 +161,25 @@ impl From<DeviationError> for Problem {
     fn from(error: DeviationError) -> Self {
         let detail = error.to_string();
         match error {
-            DeviationError::NoSurface(_) => {
-                Problem::new(Code::NotFound, detail, "GET /v1/models/{id} lists the files of a model")
-            }
             DeviationError::OtherUnit(..) => {
                 Problem::new(Code::OtherUnit, detail, "name a reference in the unit of the model")
             }
-            DeviationError::Unreadable(_) => Problem::internal(detail),
             DeviationError::Canceled(_) => Problem::internal(detail),
-            DeviationError::Database(error) => error.into(),
-            DeviationError::Objects(error) => error.into(),
+            DeviationError::File(error) => error.into(),
+        }
+    }
+}
+
+impl From<ModelFileError> for Problem {
+    fn from(error: ModelFileError) -> Self {
+        let detail = error.to_string();
+        match error {
+            ModelFileError::NoSurface(_) => {
+                Problem::new(Code::NotFound, detail, "GET /v1/models/{id} lists the files of a model")
+            }
+            ModelFileError::Unreadable(_) => Problem::internal(detail),
+            ModelFileError::Database(error) => error.into(),
+            ModelFileError::Objects(error) => error.into(),
         }
     }
 }

@@ -4,17 +4,49 @@ use axum::http::HeaderMap;
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 
+use sha2::Digest;
+
 use super::problem::{Code, Problem};
-use super::upload::Digests;
+
+/// Digests of a body that is still arriving.
+#[derive(Debug, Clone, Default)]
+pub struct Hashers {
+    sha256: sha2::Sha256,
+    sha512: sha2::Sha512,
+}
+
+impl Hashers {
+    /// Takes more of it.
+    pub fn update(&mut self, chunk: &[u8]) {
+        self.sha256.update(chunk);
+        self.sha512.update(chunk);
+    }
+
+    /// Its digests.
+    pub fn finish(self) -> Digests {
+        Digests { sha256: self.sha256.finalize().to_vec(), sha512: self.sha512.finalize().to_vec() }
+    }
+}
+
+/// Digests of a raw body, to be held against `Content-Digest`.
+#[derive(Debug)]
+pub struct Digests {
+    sha256: Vec<u8>,
+    sha512: Vec<u8>,
+}
 
 /// Holds the digests of a body against the `Content-Digest` header, if there is one. Algorithms that are not known
 /// here are skipped, but a header without any that is known is refused: its sender counts on the check.
 pub fn check(headers: &HeaderMap, name: &str, digests: &Digests) -> Result<(), Problem> {
+    let values = headers.get_all("content-digest").iter();
+    let values = values.map(|value| value.to_str().map_err(|_| unreadable(name))).collect::<Result<Vec<_>, _>>()?;
+    check_values(&values, name, digests)
+}
+
+/// The same with what the header says.
+pub fn check_values(values: &[&str], name: &str, digests: &Digests) -> Result<(), Problem> {
     let mut checked = false;
-    let mut given = false;
-    for value in headers.get_all("content-digest") {
-        given = true;
-        let value = value.to_str().map_err(|_| unreadable(name))?;
+    for value in values {
         for member in value.split(',') {
             let (algorithm, digest) = member.trim().split_once('=').ok_or_else(|| unreadable(name))?;
             let expected = match algorithm {
@@ -31,7 +63,7 @@ pub fn check(headers: &HeaderMap, name: &str, digests: &Digests) -> Result<(), P
             checked = true;
         }
     }
-    if given && !checked { Err(unreadable(name)) } else { Ok(()) }
+    if !values.is_empty() && !checked { Err(unreadable(name)) } else { Ok(()) }
 }
 
 fn unreadable(name: &str) -> Problem {
@@ -42,14 +74,13 @@ fn unreadable(name: &str) -> Problem {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use sha2::Digest;
 
     fn check_value(value: &str) -> Result<(), Problem> {
-        let digests =
-            Digests { sha256: sha2::Sha256::digest(b"abc").to_vec(), sha512: sha2::Sha512::digest(b"abc").to_vec() };
+        let mut hashers = Hashers::default();
+        hashers.update(b"abc");
         let mut headers = HeaderMap::new();
         headers.insert("content-digest", value.parse().expect("a header"));
-        check(&headers, "a.ply", &digests)
+        check(&headers, "a.ply", &hashers.finish())
     }
 
     #[test]

@@ -1,9 +1,10 @@
 //! `/v1/jobs/{id}/events`: the progress of a job as server-sent events.
 
 use std::convert::Infallible;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use axum::extract::State;
+use axum::http::HeaderMap;
 use axum::response::sse::{Event, KeepAlive, Sse};
 use futures_util::Stream;
 use tokio::sync::watch;
@@ -14,18 +15,23 @@ use super::jobs::{TAG, look_up, parse_id};
 use super::problem::Problem;
 use super::responses;
 use super::state::AppState;
+use super::{access, base};
 use visage_domain::JobId;
+use visage_service::app::access::Shown;
 
 /// The least time between two events.
 const PACE: Duration = Duration::from_millis(200);
 /// How often a job that reports nothing is looked at all the same.
 const LOOK: Duration = Duration::from_secs(5);
+/// How often at most it is looked whether the key or session is still valid.
+const CHECK: Duration = Duration::from_secs(1);
 
 /// Follow a job by server-sent events.
 ///
 /// One `progress` event at once and one whenever something changes (at most five a second), each with the job as
 /// `GET /v1/jobs/{id}` gives it; then one `end` event, after which the stream ends. It also ends when the server
-/// shuts down or the job is deleted: connect again to see which.
+/// shuts down, the job is deleted, or the key or session by which it was begun is not valid any more: connect again to
+/// see which.
 #[utoipa::path(
     get, path = "/v1/jobs/{id}/events", tag = TAG, operation_id = "followJob",
     params(("id" = String, Path, format = "uuid", description = "The job.")),
@@ -34,15 +40,20 @@ const LOOK: Duration = Duration::from_secs(5);
 pub async fn events(
     State(state): State<AppState>,
     Path(id): Path<String>,
+    headers: HeaderMap,
 ) -> Result<Sse<impl Stream<Item = Result<Event, Infallible>>>, Problem> {
     let id = parse_id(&id)?;
     let changes = state.context.monitor.changes();
     // a job that is not there is a 404, not an empty stream
     state.context.database.job(id).await?;
-    let follower = Follower { state, id, changes, last: None, ended: false };
-    let stream = futures_util::stream::unfold(follower, |mut follower| async {
-        let event = follower.next().await?;
-        Some((Ok(event), follower))
+    // what can't be read is nothing: it was let through without
+    let shown = access::shown(&headers).unwrap_or_default();
+    let follower = Follower { state, id, shown, checked: Instant::now(), changes, last: None, ended: false };
+    let base = base::current();
+    let stream = futures_util::stream::unfold(follower, move |mut follower| {
+        // addresses in events are those of the request
+        let next = base::within(base.clone(), async move { Some((follower.next().await?, follower)) });
+        async move { next.await.map(|(event, follower)| (Ok(event), follower)) }
     });
     Ok(Sse::new(stream).keep_alive(KeepAlive::default()))
 }
@@ -50,6 +61,10 @@ pub async fn events(
 struct Follower {
     state: AppState,
     id: JobId,
+    /// By what it was begun.
+    shown: Option<Shown>,
+    /// When that was last seen to be valid.
+    checked: Instant,
     changes: watch::Receiver<u64>,
     last: Option<String>,
     ended: bool,
@@ -59,7 +74,7 @@ impl Follower {
     /// The next event; `None` ends the stream.
     async fn next(&mut self) -> Option<Event> {
         while !self.ended {
-            if self.last.is_some() && !self.wait().await {
+            if self.last.is_some() && !(self.wait().await && self.may_go_on().await) {
                 return None;
             }
             // seen as of now: what changes during the look rings again
@@ -73,6 +88,15 @@ impl Follower {
             }
         }
         None
+    }
+
+    /// Whether whoever follows may still look: a key can be revoked, and a session end, while a job runs.
+    async fn may_go_on(&mut self) -> bool {
+        if self.checked.elapsed() < CHECK {
+            return true;
+        }
+        self.checked = Instant::now();
+        access::may_still(&self.state, self.shown).await
     }
 
     /// Waits for news; false when the stream has to end.

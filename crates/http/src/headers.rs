@@ -4,7 +4,7 @@ use axum::http::{HeaderName, HeaderValue, Method, header};
 use axum::middleware::Next;
 use axum::{extract::Request, response::Response};
 use std::time::Duration;
-use tower_http::cors::{AllowOrigin, CorsLayer};
+use tower_http::cors::{AllowHeaders, AllowOrigin, CorsLayer, ExposeHeaders};
 
 use visage_service::config::Origin;
 
@@ -14,6 +14,21 @@ const SAID: [(HeaderName, &str); 3] = [
     (header::X_FRAME_OPTIONS, "DENY"),
     (HeaderName::from_static("cross-origin-resource-policy"), "same-origin"),
     (header::CACHE_CONTROL, "private, no-cache"),
+];
+
+/// What clients of tus send.
+const SENT_BY_TUS: [&str; 5] =
+    ["tus-resumable", "upload-length", "upload-offset", "upload-metadata", "upload-checksum"];
+/// What they read.
+const SAID_TO_TUS: [&str; 8] = [
+    "tus-resumable",
+    "tus-version",
+    "tus-extension",
+    "tus-max-size",
+    "upload-length",
+    "upload-offset",
+    "upload-metadata",
+    "upload-expires",
 ];
 
 /// Says it.
@@ -31,8 +46,8 @@ pub fn cors(origins: &[Origin]) -> CorsLayer {
     let origins = origins.iter().filter_map(|origin| HeaderValue::try_from(origin.as_str()).ok());
     CorsLayer::new()
         .allow_origin(AllowOrigin::list(origins))
-        .allow_methods([Method::GET, Method::HEAD, Method::POST, Method::PUT, Method::DELETE])
-        .allow_headers([
+        .allow_methods([Method::GET, Method::HEAD, Method::POST, Method::PUT, Method::PATCH, Method::DELETE])
+        .allow_headers(AllowHeaders::list(SENT_BY_TUS.map(HeaderName::from_static).into_iter().chain([
             header::AUTHORIZATION,
             header::CONTENT_TYPE,
             header::ACCEPT,
@@ -41,8 +56,8 @@ pub fn cors(origins: &[Origin]) -> CorsLayer {
             header::IF_NONE_MATCH,
             HeaderName::from_static("idempotency-key"),
             HeaderName::from_static("content-digest"),
-        ])
-        .expose_headers([
+        ])))
+        .expose_headers(ExposeHeaders::list(SAID_TO_TUS.map(HeaderName::from_static).into_iter().chain([
             header::ETAG,
             header::LOCATION,
             header::RETRY_AFTER,
@@ -51,6 +66,6 @@ pub fn cors(origins: &[Origin]) -> CorsLayer {
             header::WWW_AUTHENTICATE,
             HeaderName::from_static("x-request-id"),
             HeaderName::from_static("idempotent-replayed"),
-        ])
+        ])))
         .max_age(Duration::from_secs(600))
 }

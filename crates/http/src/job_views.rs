@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
+use super::base::link;
 use super::hint_views::HintsView;
 use super::option_views::OptionsView;
 use super::scan_set_views::UnitView;
@@ -143,7 +144,7 @@ pub struct JobLinks {
 
 /// The address of a job.
 pub fn address(id: JobId) -> String {
-    format!("/v1/jobs/{id}")
+    link(&format!("/v1/jobs/{id}"))
 }
 
 impl JobView {

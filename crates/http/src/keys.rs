@@ -135,5 +135,11 @@ async fn list(State(state): State<AppState>, Query(page): Query<PageQuery>) -> R
 async fn revoke(State(state): State<AppState>, Path(id): Path<String>) -> Result<StatusCode, Problem> {
     let id =
         KeyId::parse(&id).ok_or_else(|| DatabaseError::NotFound { kind: "key", id: id.chars().take(64).collect() })?;
-    deleted(async move { Ok(state.context.database.revoke_key(id).await?) }).await
+    deleted(async move {
+        state.context.database.revoke_key(id).await?;
+        // streams that it has begun end
+        state.context.monitor.announce_change();
+        Ok(())
+    })
+    .await
 }

@@ -6,7 +6,9 @@
 //! - `problem`, `storage_problem`, `responses`: every error that leaves the service, and how the contract names them
 //! - `connections`: how many, and how long without being used (`tls`, or `no_tls` in a build without); `hosts`: who is meant, and from where a page asks;
 //!   `headers`: what browsers are told
+//! - `base`: served below a path; `forwarded`: who has sent a request, when proxies stand between
 //! - `access`: who may; `keys`, `session`, `audit`: keys, signing in, what was done
+//! - `webhooks`: who is told by the service itself; `outgoing`: the one place from which it asks somebody
 //! - `schemas`: bounds of values that the contract tells and Rust types don't
 //! - `body`, `multipart`, `upload`, `digest`, `names`, `describe`: what comes in is hostile until it has passed here
 //! - `verdicts`: how models were judged, as queries and models show it
@@ -24,6 +26,7 @@ mod access;
 mod access_log;
 mod assets;
 mod audit;
+mod base;
 mod body;
 mod conditions;
 mod connections;
@@ -34,10 +37,13 @@ mod describe;
 mod deviation;
 mod digest;
 mod disposition;
+mod duplicates;
+mod encoding;
 mod evaluation;
 mod events;
 mod expiry;
 mod extract;
+mod forwarded;
 mod headers;
 mod hint_views;
 mod hosts;
@@ -53,6 +59,7 @@ mod multipart;
 mod names;
 mod negotiation;
 mod option_views;
+mod outgoing;
 mod page;
 mod pictures;
 mod poses;
@@ -62,6 +69,7 @@ mod reading_view;
 mod renditions;
 mod responses;
 mod router;
+mod saliency;
 mod scan_set_views;
 mod scan_sets;
 mod scans;
@@ -75,8 +83,11 @@ mod storage_problem;
 #[cfg_attr(not(feature = "tls"), path = "no_tls.rs")]
 mod tls;
 mod upload;
+mod uploads;
 mod verdicts;
+mod webhooks;
 
 pub use connections::Connections;
+pub use outgoing::{ProbeError, probe, reachable};
 pub use router::{OpenApiError, openapi_yaml};
 pub use server::{Server, ServerHandle, StartError};

@@ -109,6 +109,8 @@ struct LimitsView {
     upload_stall_seconds: u64,
     /// Seconds after which an answer that its client does not take is given up.
     answer_stall_seconds: u64,
+    /// Seconds that a scan which comes piece by piece is waited for after its last piece.
+    resumable_upload_seconds: u64,
     /// Characters of an idempotency key.
     idempotency_key_characters: usize,
     /// Standards made by users.
@@ -207,6 +209,7 @@ async fn info(State(state): State<AppState>) -> Result<Json<Info>, Problem> {
             body_bytes_per_second: config.edge.body_rate,
             upload_stall_seconds: config.edge.body_stall.as_secs(),
             answer_stall_seconds: config.edge.answer_stall.as_secs(),
+            resumable_upload_seconds: limits.upload_life.as_secs(),
             idempotency_key_characters: LONGEST_KEY,
             standards: MOST_STANDARDS,
         },

@@ -104,6 +104,15 @@ async fn jobs(all: &mut Registry, state: &AppState) -> Result<(), Problem> {
         stages.get_or_create(&labels).inc_by(*count);
         seconds.get_or_create(&labels).inc_by(*spent);
     }
+    let messages = Family::<Labels, Counter>::default();
+    for (end, count) in &done.messages {
+        messages.get_or_create(&vec![("end", (*end).to_owned())]).inc_by(*count);
+    }
+    all.register(
+        "webhook_attempts",
+        "Attempts to deliver messages to webhooks since the start, by what came of them",
+        messages,
+    );
     all.register("stage_runs", "Runs of jobs that came to a stage", stages);
     all.register("stage_seconds", "Seconds that runs of jobs took in a stage", seconds);
     Ok(())
@@ -124,6 +133,8 @@ async fn stored(all: &mut Registry, state: &AppState) -> Result<(), Problem> {
         ("scans", "Scans that are kept", census.scans),
         ("models", "Models that are kept", census.models),
         ("standards", "Standards made by users", census.standards),
+        ("webhook_messages_pending", "Messages to webhooks that wait to be delivered", census.messages_pending),
+        ("webhook_messages_dead", "Messages to webhooks that could not be delivered", census.messages_dead),
         ("file_bytes", "Bytes of all files", census.file_bytes),
         ("database_bytes", "Bytes of the database", census.database_bytes),
     ] {

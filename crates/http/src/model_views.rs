@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
+use super::base::link;
 use super::reading_view::ReadingView;
 use super::scan_set_views::UnitView;
 use super::schemas::{self, ShortText};
@@ -85,7 +86,7 @@ pub fn media_type(name: &str) -> &'static str {
 
 /// The address of a model.
 pub fn address(id: ModelId) -> String {
-    format!("/v1/models/{id}")
+    link(&format!("/v1/models/{id}"))
 }
 
 /// A model in a list.

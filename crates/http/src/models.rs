@@ -14,10 +14,11 @@ use super::idempotency::{Attempt, Created};
 use super::model_views::{ModelList, ModelSummary, ModelView, NewModelForm, address};
 use super::problem::{Code, Problem};
 use super::scan_sets::parse_id as parse_scan_set_id;
+use super::schemas::ShortText;
 use super::state::{AppState, deleted, uninterrupted};
 use super::upload::{self, Form, FormRules};
 use super::verdicts::{self, VerdictView};
-use super::{assets, cursor, describe, deviation, names, pictures, reading_view, renditions, responses};
+use super::{assets, cursor, describe, deviation, names, pictures, reading_view, renditions, responses, saliency};
 use visage_domain::asset::Asset;
 use visage_domain::{AssetRecord, ModelFilter, ModelId, ModelRecord, NewModel};
 use visage_formats::Reading;
@@ -50,6 +51,7 @@ pub fn router() -> OpenApiRouter<AppState> {
         .routes(routes!(renditions::get_scans))
         .routes(routes!(deviation::figures))
         .routes(routes!(deviation::map))
+        .routes(routes!(saliency::map))
         .routes(routes!(pictures::get_picture))
         .routes(routes!(pictures::get_plot))
         .routes(routes!(pictures::get_page))
@@ -168,6 +170,9 @@ struct ListQuery {
     /// Only those made from this scan set.
     #[param(format = "uuid")]
     scan_set_id: Option<String>,
+    /// Only those that have each of these words, or parts of words, in their name or label, in large letters or small.
+    #[param(value_type = ShortText, required = false)]
+    text: Option<String>,
     /// At most so many items (1 to 100, 20 if not given).
     #[param(minimum = 1, maximum = 100, default = 20)]
     limit: Option<usize>,
@@ -183,7 +188,9 @@ struct ListQuery {
 )]
 async fn list(State(state): State<AppState>, Query(query): Query<ListQuery>) -> Result<Json<ModelList>, Problem> {
     let scan_set_id = query.scan_set_id.as_deref().map(parse_scan_set_id).transpose()?;
-    let filter = ModelFilter { label: query.label, scan_set_id };
+    let text = query.text.map(|text| names::text("text", &text)).transpose()?.unwrap_or_default();
+    let words = text.split_whitespace().map(str::to_owned).collect();
+    let filter = ModelFilter { label: query.label, scan_set_id, words };
     let list = cursor::fingerprint(&[b"models", format!("{filter:?}").as_bytes()]);
     let page = PageQuery { limit: query.limit, cursor: query.cursor }.request(&list)?;
     let page = state.context.database.models(&filter, &page).await?;

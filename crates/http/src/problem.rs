@@ -33,6 +33,11 @@ macro_rules! codes {
 
             /// The HTTP status it comes with.
             pub fn status(self) -> StatusCode {
+                const CHECKSUM_MISMATCH: u16 = 460;
+                // tus has a status of its own
+                if self == Code::ChecksumMismatch && let Ok(status) = StatusCode::from_u16(CHECKSUM_MISMATCH) {
+                    return status;
+                }
                 match self { $(Code::$variant => StatusCode::$status,)* }
             }
 
@@ -47,6 +52,7 @@ macro_rules! codes {
 codes! {
     MalformedRequest = "malformed_request", BAD_REQUEST, "the request can't be read";
     DigestMismatch = "digest_mismatch", BAD_REQUEST, "the body is not what its digest says";
+    ChecksumMismatch = "checksum_mismatch", BAD_REQUEST, "the piece is not what its checksum says";
     Unauthorized = "unauthorized", UNAUTHORIZED, "the request needs a valid key";
     InsufficientScope = "insufficient_scope", FORBIDDEN, "the key does not allow this";
     ForeignHost = "foreign_host", FORBIDDEN, "the request is meant for another host";
@@ -62,6 +68,7 @@ codes! {
     OtherUnit = "other_unit", CONFLICT, "the models are not in one unit";
     WrongStatus = "wrong_status", CONFLICT, "the job's status does not allow this";
     RequestInProgress = "request_in_progress", CONFLICT, "the same request is being worked on";
+    OffsetMismatch = "offset_mismatch", CONFLICT, "the piece does not begin where the last one has ended";
     PreconditionFailed = "precondition_failed", PRECONDITION_FAILED, "the resource is not as If-Match or If-None-Match wants it";
     TooLarge = "too_large", PAYLOAD_TOO_LARGE, "the body is larger than is allowed";
     UnsupportedMediaType = "unsupported_media_type", UNSUPPORTED_MEDIA_TYPE, "the body has another type than is read here";
@@ -97,6 +104,8 @@ codes! {
     TooManyLabels = "too_many_labels", UNPROCESSABLE_ENTITY, "too many models have labels";
     Undescribable = "undescribable_model", UNPROCESSABLE_ENTITY, "the model can't be described";
     TooLittleMemory = "too_little_memory", UNPROCESSABLE_ENTITY, "the job needs more memory than there is";
+    TooManyWebhooks = "too_many_webhooks", UNPROCESSABLE_ENTITY, "there are as many webhooks as are allowed";
+    ForbiddenAddress = "forbidden_address", UNPROCESSABLE_ENTITY, "nothing may be sent to this address";
     TooManyKeys = "too_many_keys", UNPROCESSABLE_ENTITY, "there are as many keys as are allowed";
     QueueFull = "queue_full", TOO_MANY_REQUESTS, "too many jobs are waiting";
     RateLimited = "rate_limited", TOO_MANY_REQUESTS, "the key has asked for too much in too short a time";

@@ -38,6 +38,9 @@ problem_responses! {
     /// 409
     Conflict = "409", "An unfinished job, its status or a request in progress forbids it (`in_use`, `wrong_status`, \
                        `request_in_progress`, `scan_changed`), or two models are not in one unit (`other_unit`).";
+    /// 409
+    PieceConflict = "409", "The piece does not begin where the last one has ended (`offset_mismatch`), a newer request goes on \
+                            with the file (`request_in_progress`), or an unfinished job needs the scan set (`in_use`).";
     /// 412
     OtherState = "412", "The resource is not as `If-Match` or `If-None-Match` wants it (`precondition_failed`).";
     /// 413

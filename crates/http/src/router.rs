@@ -1,6 +1,7 @@
 //! The table of contents: resources, fallbacks and layers, and the contract made from the same routes.
 
 use std::any::Any;
+use std::sync::Arc;
 
 use axum::Router;
 use axum::extract::{DefaultBodyLimit, Request};
@@ -16,6 +17,7 @@ use tower_http::trace::TraceLayer;
 use utoipa::OpenApi;
 use utoipa_axum::router::OpenApiRouter;
 
+use super::forwarded::{self, Client};
 use super::problem::{Code, Problem, ProblemBody};
 use super::schemas::{
     CloudFormat, MeshFormat, PictureKind, PicturePlane, PictureSide, PictureSize, PlotKind, PosesFormat, ScansFormat,
@@ -23,9 +25,10 @@ use super::schemas::{
 };
 use super::state::AppState;
 use super::{
-    access, access_log, audit, body, evaluation, headers, hosts, jobs, keys, meta, metrics, models, page, queries,
-    scan_sets, session, standards,
+    access, access_log, audit, base, body, duplicates, encoding, evaluation, headers, hosts, jobs, keys, meta, metrics,
+    models, page, queries, scan_sets, session, standards, uploads, webhooks,
 };
+use visage_service::config::{BasePath, Network};
 use visage_service::panics::panic_message;
 
 const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
@@ -51,6 +54,7 @@ const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
         (name = "queries", description = "Which models are faces, and which are like a given one."),
         (name = "standards", description = "The classes that can be asked for: the built-in face, and those of users."),
         (name = "access", description = "Keys, and signing in by a browser."),
+        (name = "webhooks", description = "Whom the service tells by itself."),
         (name = "service", description = "Health, limits, versions."),
     )
 )]
@@ -59,14 +63,17 @@ struct Contract;
 fn resources() -> OpenApiRouter<AppState> {
     OpenApiRouter::with_openapi(Contract::openapi())
         .merge(scan_sets::router())
+        .merge(uploads::router())
         .merge(jobs::router())
         .merge(models::router())
         .merge(queries::router())
         .merge(evaluation::router())
+        .merge(duplicates::router())
         .merge(standards::router())
         .merge(keys::router())
         .merge(session::router())
         .merge(audit::router())
+        .merge(webhooks::router())
         .merge(meta::router())
         .merge(metrics::router())
 }
@@ -83,9 +90,13 @@ pub fn openapi_yaml() -> Result<String, OpenApiError> {
     contract().to_yaml().map_err(|error| OpenApiError(error.to_string()))
 }
 
-/// The same as JSON, for the page.
-fn openapi_json() -> Result<String, OpenApiError> {
-    contract().to_json().map_err(|error| OpenApiError(error.to_string()))
+/// The contract as a service tells it that is served below a path.
+fn served_contract(base: &BasePath) -> utoipa::openapi::OpenApi {
+    let mut document = contract();
+    if !base.as_str().is_empty() {
+        document.servers = Some(vec![utoipa::openapi::Server::new(base.as_str())]);
+    }
+    document
 }
 
 /// The contract could not be written.
@@ -106,20 +117,24 @@ pub enum RouterError {
 
 /// The whole service.
 pub fn router(state: AppState) -> Result<Router, RouterError> {
-    let yaml = openapi_yaml()?;
+    let served = served_contract(&state.context.config.base_path);
+    let yaml = served.to_yaml().map_err(|error| OpenApiError(error.to_string()))?;
     let contract = move || {
         let yaml = yaml.clone();
         async move { ([(header::CONTENT_TYPE, "application/yaml")], yaml) }
     };
-    let json = openapi_json()?;
+    let json = served.to_json().map_err(|error| OpenApiError(error.to_string()))?;
     let contract_as_json = move || {
         let json = json.clone();
         async move { ([(header::CONTENT_TYPE, "application/json")], json) }
     };
     let (router, _) = resources().split_for_parts();
+    let proxies: Arc<[Network]> = state.context.config.trusted_proxies.clone().into();
+    let base = state.context.config.base_path.clone();
     let outside = ServiceBuilder::new()
         .map_request(without_request_id)
         .set_request_id(REQUEST_ID, NewRequestId)
+        .layer(from_fn_with_state(proxies, forwarded::noted))
         .layer(TraceLayer::new_for_http().make_span_with(request_span).on_request(()).on_response(()).on_failure(()))
         .layer(from_fn(access_log::logged))
         .layer(from_fn_with_state(state.requests.clone(), metrics::metered))
@@ -136,7 +151,7 @@ pub fn router(state: AppState) -> Result<Router, RouterError> {
         .option_layer(cors)
         .layer(state.hosts.same_origin(origins)?)
         .layer(from_fn_with_state(state.clone(), access::permitted));
-    Ok(router
+    let router = router
         .route("/openapi.yaml", get(contract))
         .route("/openapi.json", get(contract_as_json))
         .merge(page::routes())
@@ -145,8 +160,10 @@ pub fn router(state: AppState) -> Result<Router, RouterError> {
         .with_state(state)
         // how much of a body is read is for each call to say
         .layer(DefaultBodyLimit::disable())
+        .layer(from_fn(encoding::unpacked))
         .layer(admitted)
-        .layer(outside))
+        .layer(outside);
+    Ok(base::below(base, router))
 }
 
 /// What says nothing of itself is not trusted by browsers.
@@ -176,7 +193,8 @@ impl MakeRequestId for NewRequestId {
 fn request_span<B>(request: &axum::http::Request<B>) -> tracing::Span {
     let id = request.headers().get(REQUEST_ID).and_then(|id| id.to_str().ok()).unwrap_or_default();
     // the path alone: a query may hold what does not belong into logs
-    tracing::info_span!("request", id, method = %request.method(), path = request.uri().path())
+    let client = Client::of(request).map(|client| tracing::field::display(client.address));
+    tracing::info_span!("request", id, client, method = %request.method(), path = request.uri().path())
 }
 
 async fn not_found(request: Request) -> Problem {

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
+use super::base::link;
 use super::names;
 use super::problem::Problem;
 use super::reading_view::ReadingView;
@@ -224,13 +225,13 @@ pub struct ScanSetLinks {
 impl ScanSetLinks {
     fn of(id: ScanSetId) -> Self {
         let self_ = address(id);
-        ScanSetLinks { poses: format!("{self_}/poses"), jobs: format!("/v1/jobs?scan_set_id={id}"), self_ }
+        ScanSetLinks { poses: format!("{self_}/poses"), jobs: link(&format!("/v1/jobs?scan_set_id={id}")), self_ }
     }
 }
 
 /// The address of a scan set.
 pub fn address(id: ScanSetId) -> String {
-    format!("/v1/scan-sets/{id}")
+    link(&format!("/v1/scan-sets/{id}"))
 }
 
 impl ScanSetView {

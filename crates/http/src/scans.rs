@@ -14,8 +14,9 @@ use super::schemas::{FileContent, ScanName};
 use super::state::{AppState, deleted, uninterrupted};
 use super::upload::{self, UploadedFile};
 use super::{digest, names, responses};
-use visage_domain::{PutScan, ScanSetId, ScanSetRecord};
+use visage_domain::{PutScan, ScanRecord, ScanSetId, ScanSetRecord};
 use visage_formats::same_name;
+use visage_service::app::arrival::CheckedScan;
 use visage_service::app::scan_sets;
 
 /// What a body is held against, as the contract describes it.
@@ -59,19 +60,14 @@ pub(super) async fn put_scan(
 ) -> Result<Response, Problem> {
     let id = parse_id(&id)?;
     let name = names::scan_name(&name)?;
-    // before megabytes are sent in vain
-    let set = state.context.database.scan_set(id).await?;
-    check_name(&set, &name)?;
-    conditions.check(tag_in(&set, &name).as_ref())?;
+    check_place(&state, id, &name, &conditions).await?;
     let headers = request.headers().clone();
     let (staged, digests) = upload::receive_body(&state, &name, request).await?;
     digest::check(&headers, &name, &digests)?;
     let checked = upload::check_scan(&state, UploadedFile { name, staged }).await?;
     uninterrupted(async move {
-        let _turn = conditions.turn(&state).await;
-        conditions.check(scan_tag(&state, id, &checked.file.name).await?.as_ref())?;
-        let scan = record_of(&checked);
-        let status = match scan_sets::put_scan(&state.context, id, &scan, checked.file.staged).await? {
+        let (put, scan) = keep(&state, id, checked, &conditions).await?;
+        let status = match put {
             PutScan::Created => StatusCode::CREATED,
             PutScan::Replaced(_) => StatusCode::OK,
         };
@@ -79,6 +75,32 @@ pub(super) async fn put_scan(
         Ok((status, [etag], Json(ScanView::of(&scan))).into_response())
     })
     .await
+}
+
+/// Keeps a scan that has arrived and was checked, if the set is as the request wants it. Must run to its end.
+pub(super) async fn keep(
+    state: &AppState,
+    set: ScanSetId,
+    checked: CheckedScan,
+    conditions: &Conditions,
+) -> Result<(PutScan, ScanRecord), Problem> {
+    let _turn = conditions.turn(state).await;
+    conditions.check(scan_tag(state, set, &checked.file.name).await?.as_ref())?;
+    let scan = record_of(&checked);
+    let put = scan_sets::put_scan(&state.context, set, &scan, checked.file.staged).await?;
+    Ok((put, scan))
+}
+
+/// Refuses a scan that would be refused whatever is in its file: before megabytes are sent in vain.
+pub(super) async fn check_place(
+    state: &AppState,
+    set: ScanSetId,
+    name: &str,
+    conditions: &Conditions,
+) -> Result<(), Problem> {
+    let set = state.context.database.scan_set(set).await?;
+    check_name(&set, name)?;
+    conditions.check(tag_in(&set, name).as_ref())
 }
 
 /// Refuses a name that is not that of a scan, but that some system takes for one.

@@ -70,6 +70,8 @@ schemas! {
     NamedPair = list(text(), 2);
     /// Three points.
     Corners = list(list(number(), 3), 3);
+    /// 4x4, row by row.
+    Matrix = list(list(number(), 4), 4);
     /// Places by name; right and left are the subject's own.
     Landmarks = map(list(number(), 3));
     /// Units of length by scan name.

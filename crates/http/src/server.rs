@@ -11,12 +11,15 @@ use tokio_util::sync::CancellationToken;
 
 use super::connections::{self, Connections};
 use super::hosts::Hosts;
+use super::outgoing::HttpCourier;
 use super::router::{self, RouterError};
 use super::state::AppState;
 use super::tls::{Tls, TlsError};
 use visage_service::app::context::ServiceContext;
 use visage_service::app::engine::{Engine, PipelineEngine};
 use visage_service::app::retention::{self, Dropped};
+use visage_service::app::uploads;
+use visage_service::app::webhooks;
 use visage_service::config::ServerConfig;
 use visage_service::jobs::runner::Runner;
 use visage_service::storage::Database;
@@ -93,8 +96,9 @@ impl Server {
         let serving = tokio::spawn(serving);
         let runner = Runner::start(&context, &stop, &crash);
         let chores = tokio::spawn(chores(context.clone(), stop.clone()));
+        let messages = tokio::spawn(messages(context.clone(), stop.clone()));
         tracing::info!(%addr, data = %config.data_dir.display(), threads = config.threads, "serving");
-        Ok(ServerHandle { addr, connections, context, stop, crash, serving, runner, chores })
+        Ok(ServerHandle { addr, connections, context, stop, crash, serving, runner, chores, messages })
     }
 }
 
@@ -108,7 +112,9 @@ async fn check_exposure(config: &ServerConfig, database: &dyn Database) -> Resul
         return Ok(());
     }
     database.close().await;
-    let names = config.hosts.iter().map(|name| format!(", or {name}")).collect();
+    let names = config.hosts.iter().map(|name| format!(", or {name}"));
+    let proxies = config.trusted_proxies.iter().map(|network| format!(", or its proxy {network}"));
+    let names = names.chain(proxies).collect();
     Err(StartError::Exposed { addr: config.addr, names, data: config.data_dir.display().to_string() })
 }
 
@@ -153,6 +159,11 @@ async fn chores(context: ServiceContext, stop: CancellationToken) {
                 }
                 Err(error) => tracing::warn!("deleting what is old: {error}"),
             }
+            match uploads::sweep(&context, jiff::Timestamp::now()).await {
+                Ok(0) => {}
+                Ok(files) => tracing::info!(files, "gave up uploads that nobody went on with"),
+                Err(error) => tracing::warn!("giving up uploads: {error}"),
+            }
             tokio::time::sleep(CLEAN_UP).await;
         }
     };
@@ -162,11 +173,23 @@ async fn chores(context: ServiceContext, stop: CancellationToken) {
     }
 }
 
+/// Sends what webhooks are to be told, until a stop: what is being sent then is sent once more after the next start.
+async fn messages(context: ServiceContext, stop: CancellationToken) {
+    let courier = Arc::new(HttpCourier::new(context.config.webhooks.clone()));
+    tokio::select! {
+        () = webhooks::run(&context, courier) => {}
+        () = stop.cancelled() => {}
+    }
+}
+
 async fn clean_up(storage: &Storage) {
     if let Err(error) = storage.database.forget_old_sessions().await {
         tracing::warn!("cleaning up: {error}");
     }
     if let Err(error) = storage.database.forget_old_replays().await {
+        tracing::warn!("cleaning up: {error}");
+    }
+    if let Err(error) = webhooks::clean_up(storage.database.as_ref(), jiff::Timestamp::now()).await {
         tracing::warn!("cleaning up: {error}");
     }
     if let Err(error) = storage.tidy_up(jiff::Timestamp::now()).await {
@@ -185,6 +208,7 @@ pub struct ServerHandle {
     serving: JoinHandle<()>,
     runner: Runner,
     chores: JoinHandle<()>,
+    messages: JoinHandle<()>,
 }
 
 impl ServerHandle {
@@ -213,6 +237,7 @@ impl ServerHandle {
         let drained = tokio::time::timeout(self.context.config.shutdown_deadline, async {
             self.runner.ended().await;
             let _ = self.chores.await;
+            let _ = self.messages.await;
             let _ = self.serving.await;
         })
         .await
@@ -230,8 +255,10 @@ impl ServerHandle {
         self.crash.cancel();
         self.serving.abort();
         self.chores.abort();
+        self.messages.abort();
         let _ = self.serving.await;
         let _ = self.chores.await;
+        let _ = self.messages.await;
         self.stop.cancel();
         self.runner.ended().await;
         // threads of jobs see that nobody wants them any more; then the data folder is free again

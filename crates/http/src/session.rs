@@ -11,6 +11,8 @@ use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
 use super::access::{self, Caller, SESSION_COOKIE};
+use super::base;
+use super::forwarded::Client;
 use super::problem::{Code, Problem};
 use super::responses;
 use super::state::{AppState, uninterrupted};
@@ -56,6 +58,7 @@ async fn who(Extension(caller): Extension<Caller>) -> Json<SessionView> {
 async fn begin(
     State(state): State<AppState>,
     Extension(caller): Extension<Caller>,
+    client: Option<Extension<Client>>,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
     let by_key = matches!(access::shown(&headers), Ok(Some(Shown::Key(_))));
@@ -69,7 +72,7 @@ async fn begin(
     let (token, end) = uninterrupted(async move { Ok(sign_in(database.as_ref(), &key, now).await?) }).await?;
     let seconds = end.duration_since(now).as_secs().max(0);
     let view = SessionView { scope: Some(scope), key: Some(name), expires_at: Some(end.to_string()) };
-    let cookie = cookie(&headers, &token.to_string(), seconds)?;
+    let cookie = cookie(&headers, client.as_deref(), &token.to_string(), seconds)?;
     Ok((StatusCode::CREATED, [(header::SET_COOKIE, cookie), no_store()], Json(view)).into_response())
 }
 
@@ -78,20 +81,28 @@ async fn begin(
     delete, path = "/v1/session", tag = TAG, operation_id = "signOut",
     responses((status = 204, description = "There is no session any more."), responses::Other)
 )]
-async fn end(State(state): State<AppState>, headers: HeaderMap) -> Result<Response, Problem> {
+async fn end(
+    State(state): State<AppState>,
+    client: Option<Extension<Client>>,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
     if let Some(token) = access::session_of(&headers) {
         let database = state.context.database.clone();
         uninterrupted(async move { Ok(sign_out(database.as_ref(), token).await?) }).await?;
+        // streams that it has begun end
+        state.context.monitor.announce_change();
     }
-    Ok((StatusCode::NO_CONTENT, [(header::SET_COOKIE, cookie(&headers, "", 0)?)]).into_response())
+    Ok((StatusCode::NO_CONTENT, [(header::SET_COOKIE, cookie(&headers, client.as_deref(), "", 0)?)]).into_response())
 }
 
 /// Scripts can't read it, pages from elsewhere can't use it, and over TLS it is never sent in the clear.
-fn cookie(headers: &HeaderMap, value: &str, seconds: i64) -> Result<HeaderValue, Problem> {
+fn cookie(headers: &HeaderMap, client: Option<&Client>, value: &str, seconds: i64) -> Result<HeaderValue, Problem> {
     // the browser knows how it reached the page, whatever proxies are between; whoever lies harms only the own session
     let origin = headers.get(header::ORIGIN).map(HeaderValue::as_bytes);
-    let secure = if origin.is_some_and(|origin| origin.starts_with(b"https://")) { "; Secure" } else { "" };
-    let text = format!("{SESSION_COOKIE}={value}; HttpOnly; SameSite=Strict; Path=/; Max-Age={seconds}{secure}");
+    let is_secure = origin.is_some_and(|origin| origin.starts_with(b"https://"));
+    let secure = if is_secure || client.is_some_and(|client| client.is_secure) { "; Secure" } else { "" };
+    let path = base::cookie_path();
+    let text = format!("{SESSION_COOKIE}={value}; HttpOnly; SameSite=Strict; Path={path}; Max-Age={seconds}{secure}");
     HeaderValue::try_from(text).map_err(Problem::internal)
 }
 

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
+use super::base::link;
 use super::problem::{Code, Problem};
 use super::scan_set_views::UnitView;
 use super::schemas::{self, Corners, Landmarks};
@@ -312,7 +313,7 @@ pub struct StandardView {
 
 /// The address of a standard.
 pub fn address(id: StandardId) -> String {
-    format!("/v1/standards/{id}")
+    link(&format!("/v1/standards/{id}"))
 }
 
 impl StandardView {

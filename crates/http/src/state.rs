@@ -8,6 +8,7 @@ use tokio::sync::{RwLock, Semaphore, watch};
 use tokio_util::sync::CancellationToken;
 
 use super::access::{Anonymous, Usage};
+use super::base;
 use super::body::Room;
 use super::connections::Connections;
 use super::describe::Turns;
@@ -15,6 +16,7 @@ use super::hosts::Hosts;
 use super::metrics::Requests;
 use super::pictures::Drawn;
 use super::problem::{Code, Problem};
+use super::uploads::Receivers;
 use visage_domain::ReplayKey;
 use visage_service::app::context::ServiceContext;
 use visage_service::config::Limits;
@@ -48,6 +50,8 @@ pub struct AppState {
     pub usage: Arc<Usage>,
     /// Held for a change; alone for one that depends on the state of what it changes.
     pub changes: Arc<RwLock<()>>,
+    /// Who receives the pieces of which file.
+    pub receivers: Arc<Receivers>,
     /// Set when the server goes down.
     pub stop: CancellationToken,
     /// Requests with an idempotency key that are being worked on.
@@ -76,6 +80,7 @@ impl AppState {
             usage: Arc::default(),
             hosts,
             changes: Arc::default(),
+            receivers: Arc::default(),
             stop,
             in_progress: Arc::default(),
             context,
@@ -128,7 +133,7 @@ pub async fn uninterrupted<T: Send + 'static>(
     work: impl Future<Output = Result<T, Problem>> + Send + 'static,
 ) -> Result<T, Problem> {
     use tracing::Instrument;
-    tokio::spawn(work.in_current_span()).await.map_err(Problem::internal)?
+    tokio::spawn(base::carried(work).in_current_span()).await.map_err(Problem::internal)?
 }
 
 /// Runs a deletion to its end even when the client goes away, and answers that it is done.

@@ -32,6 +32,14 @@ impl From<DatabaseError> for Problem {
             DatabaseError::TooManyKeys { .. } => {
                 Problem::new(Code::TooManyKeys, detail, "revoke one that is not needed any more")
             }
+            DatabaseError::TooManyWebhooks { .. } => {
+                Problem::new(Code::TooManyWebhooks, detail, "delete one that is not needed any more")
+            }
+            DatabaseError::StillPending { .. } => Problem::new(
+                Code::WrongStatus,
+                detail,
+                "only messages that were delivered or are dead are sent once more",
+            ),
             DatabaseError::TooManyScans { .. } => {
                 Problem::new(Code::TooManyScans, detail, "send fewer scans, or ask the operator to raise the limit")
             }
@@ -127,7 +135,14 @@ impl Problem {
         Problem::new(Code::DuplicateScan, detail, "give each scan a name of its own").scan(second)
     }
 
-    fn storage_full(error: &str) -> Self {
+    /// A file is larger than files may be.
+    pub fn file_too_large(name: &str, most: u64) -> Self {
+        let hint = "thin the scan, send it as binary PLY, or ask the operator to raise the limit";
+        Problem::new(Code::TooLarge, format!("{name} is larger than {most} bytes"), hint).scan(name)
+    }
+
+    /// There is no space; the log learns why.
+    pub fn storage_full(error: &str) -> Self {
         tracing::error!("the disk is full: {error}");
         let hint = "delete what is not needed, or ask the operator for space; then repeat the request";
         Problem::new(Code::StorageFull, "nothing more can be stored", hint)

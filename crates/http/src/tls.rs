@@ -71,7 +71,9 @@ mod tests {
 
     use super::*;
     use crate::connections::{Connections, serve};
-    use visage_service::config::EdgeLimits;
+    use crate::outgoing::{HttpCourier, ProbeError, probe};
+    use visage_service::app::webhooks::{Courier, Letter, Undelivered};
+    use visage_service::config::{EdgeLimits, WebhookSettings};
 
     /// Of `localhost`, until 2126, signed by itself; it protects nothing.
     const CERTIFICATE: &str = "-----BEGIN CERTIFICATE-----
@@ -84,6 +86,20 @@ W157vgP8mPTPmigwHwYDVR0jBBgwFoAUDTvLMW2Hin4mW157vgP8mPTPmigwFAYD
 VR0RBA0wC4IJbG9jYWxob3N0MAwGA1UdEwEB/wQCMAAwCgYIKoZIzj0EAwIDSQAw
 RgIhAOD9RPVJYYDN1orbiE4Fo1PWPH09OKYbEie9wbO+yxdSAiEA3glFphZk5fzC
 h4hnppZibYedzqJpvAP9MHuhWb/BLWY=
+-----END CERTIFICATE-----
+";
+
+    /// The certificate of somebody else who says to be the same.
+    const OTHER: &str = "-----BEGIN CERTIFICATE-----
+MIIBlTCCATugAwIBAgIUHRutuSuuy3gpjZotklkr24NUh9wwCgYIKoZIzj0EAwIw
+FDESMBAGA1UEAwwJbG9jYWxob3N0MCAXDTI2MTEzMDAyMzUwMloYDzIxMjYxMTA2
+MDIzNTAyWjAUMRIwEAYDVQQDDAlsb2NhbGhvc3QwWTATBgcqhkjOPQIBBggqhkjO
+PQMBBwNCAATNhTgIvZSgOdeXa7pbJld9ODEP+DDoUfY82pSbXPh5sWFPC8QmAmhu
+vdXLGeSYVjNKo/WTsTlujNmb5zsZpqryo2kwZzAdBgNVHQ4EFgQUWe++gEh7Nuoq
+krgY7s8orfihP5owHwYDVR0jBBgwFoAUWe++gEh7NuoqkrgY7s8orfihP5owDwYD
+VR0TAQH/BAUwAwEB/zAUBgNVHREEDTALgglsb2NhbGhvc3QwCgYIKoZIzj0EAwID
+SAAwRQIgVCifosEZDFgxZiUsnhuSIRu6UPAvjAp9GFaedMk4aZECIQCWGv47H/ym
+e1DFRmvwFztTAdr3a7+uExmVbnhDxITbQg==
 -----END CERTIFICATE-----
 ";
 
@@ -165,6 +181,46 @@ h4hnppZibYedzqJpvAP9MHuhWb/BLWY=
         let _ = silent.read_to_end(&mut answer).await;
         let gone = connections.wait_for(|connections| connections.open == 0);
         tokio::time::timeout(Duration::from_secs(60), gone).await.expect("in time").expect("it serves");
+        stop.cancel();
+        serving.await.expect("it ends");
+    }
+
+    #[tokio::test]
+    async fn a_health_check_takes_the_certificate_of_the_service_and_no_other() {
+        let listener = TcpListener::bind("127.0.0.1:0").await.expect("a port");
+        let addr = listener.local_addr().expect("an address");
+        let stop = CancellationToken::new();
+        let (count, _connections) = watch::channel(Connections::default());
+        let router = Router::new().route("/healthz", get(|| async { "well" }));
+        let tls = tls(CERTIFICATE, &own_key()).expect("they go together");
+        let serving = serve(listener, router, EdgeLimits::default(), stop.clone(), count, Some(tls));
+        let serving = tokio::spawn(serving);
+        // the name in it is not looked at: it is asked by an address
+        assert_eq!(probe(addr, "/healthz", Some(CERTIFICATE.as_bytes())).await.expect("it is well"), 200);
+        assert!(matches!(probe(addr, "/healthz", Some(OTHER.as_bytes())).await, Err(ProbeError::Failed(_))));
+        assert!(matches!(probe(addr, "/healthz", Some(b"")).await, Err(ProbeError::Certificate(_))));
+        assert!(matches!(probe(addr, "/healthz", None).await, Err(ProbeError::Failed(_))));
+        stop.cancel();
+        serving.await.expect("it ends");
+    }
+
+    /// What nobody vouches for gets no message, whatever its address.
+    #[tokio::test]
+    async fn a_receiver_that_nobody_vouches_for_gets_no_message() {
+        let listener = TcpListener::bind("127.0.0.1:0").await.expect("a port");
+        let url = format!("https://localhost:{}/", listener.local_addr().expect("an address").port());
+        let stop = CancellationToken::new();
+        let (count, _connections) = watch::channel(Connections::default());
+        let tls = tls(CERTIFICATE, &own_key()).expect("they go together");
+        let router = Router::new();
+        let serving = tokio::spawn(serve(listener, router, EdgeLimits::default(), stop.clone(), count, Some(tls)));
+        let networks = vec!["127.0.0.1".parse().expect("a network")];
+        let courier = HttpCourier::new(WebhookSettings { networks, ..WebhookSettings::default() });
+        let headers = ["a", "b", "c"].map(|name| (name, String::new()));
+        let letter = Letter { address: url.parse().expect("an address"), headers, body: "{}".to_owned() };
+        // without any authority of the system there is no TLS at all
+        let refused = courier.deliver(&letter).await.expect_err("nobody vouches for it");
+        assert!(matches!(refused, Undelivered::Failed(_) | Undelivered::NoTls), "{refused}");
         stop.cancel();
         serving.await.expect("it ends");
     }

@@ -6,6 +6,8 @@ use axum::extract::Request;
 use bytes::Bytes;
 
 use super::body::{self, Room};
+use super::digest::{Digests, Hashers};
+use super::encoding::PackedDigests;
 use super::multipart::{Part, Parts};
 use super::names;
 use super::problem::{Code, Problem};
@@ -136,29 +138,19 @@ async fn receive_part(state: &AppState, name: &str, mut field: Part) -> Result<S
 /// Receives a raw body as one file.
 pub async fn receive_body(state: &AppState, name: &str, request: Request) -> Result<(StagedFile, Digests), Problem> {
     use futures_util::StreamExt;
-    use sha2::Digest;
+    let packed = request.extensions().get::<PackedDigests>().cloned();
     let mut writer = state.context.objects.receive().await?;
-    let mut sha256 = sha2::Sha256::new();
-    let mut sha512 = sha2::Sha512::new();
+    let mut hashers = Hashers::default();
     let mut counted = 0;
     let mut body = request.into_body().into_data_stream();
     while let Some(chunk) = body.next().await {
         let chunk = chunk.map_err(|error| body::broken("the file", &error).scan(name))?;
-        sha256.update(&chunk);
-        sha512.update(&chunk);
+        hashers.update(&chunk);
         append(state.limits(), writer.as_mut(), name, &mut counted, &chunk).await?;
     }
-    let digests = Digests { sha256: sha256.finalize().to_vec(), sha512: sha512.finalize().to_vec() };
+    // a digest of a content that is packed is that of what is sent (RFC 9530)
+    let digests = packed.map_or_else(|| hashers.finish(), PackedDigests::finish);
     Ok((writer.finish().await?, digests))
-}
-
-/// Digests of a raw body, to be held against `Content-Digest`.
-#[derive(Debug)]
-pub struct Digests {
-    /// SHA-256.
-    pub sha256: Vec<u8>,
-    /// SHA-512.
-    pub sha512: Vec<u8>,
 }
 
 async fn append(
@@ -170,9 +162,7 @@ async fn append(
 ) -> Result<(), Problem> {
     *counted += chunk.len() as u64;
     if *counted > limits.file_bytes {
-        let detail = format!("{name} is larger than {} bytes", limits.file_bytes);
-        let hint = "thin the scan, send it as binary PLY, or ask the operator to raise the limit";
-        return Err(Problem::new(Code::TooLarge, detail, hint).scan(name));
+        return Err(Problem::file_too_large(name, limits.file_bytes));
     }
     Ok(writer.write(chunk).await?)
 }

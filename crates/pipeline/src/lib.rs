@@ -12,6 +12,7 @@ pub mod deface;
 pub mod deviation;
 mod hints;
 pub mod orient;
+pub mod placing;
 mod ready;
 pub mod report;
 mod start;
@@ -38,7 +39,7 @@ use visage_registration::sensor::Sensor;
 use visage_registration::view::View;
 use visage_shape::faces::{self, DescribeError, Signature};
 pub use visage_surface::merge::ModelCloud;
-use visage_surface::merge::{PosedView, merge};
+use visage_surface::merge::PosedView;
 pub use visage_surface::reconstruct::SurfaceReport;
 
 use self::report::{ModelReport, ScanReport};
@@ -46,6 +47,7 @@ use self::start::Setting;
 pub use self::start::{PoseMatrix, Start};
 use self::still::{Settled, Taken};
 pub use self::surface::MadeSurface;
+use self::surface::Merged;
 
 /// One scan with the name by which poses and reports speak of it.
 #[derive(Debug, Clone)]
@@ -169,7 +171,8 @@ pub fn run_from(
         Finished { names: &names, views: &views, result: &result, placement: &placement, poses: &covariances };
     let registration = RegistrationReport::new(options.method, unit.name(), &finished, verdict);
 
-    let merged = merge_views(&scans, &views, &sensors, &result, options, progress)?;
+    let spacing = surface::spacing(&views, &result.placed);
+    let merged = merge_views(&scans, &views, &sensors, &result, spacing, options, progress)?;
     let poses: Vec<(String, Option<Motion>)> = names
         .iter()
         .zip(views.iter().zip(result.local_poses.iter().zip(&result.placed)))
@@ -182,7 +185,7 @@ pub fn run_from(
         .collect();
     let has_scales = options.scale != Scale::None;
     let registration = registration.with_rows(|(index, view)| ScanReport {
-        normals_outward: merged.as_ref().map(|(_, outward)| outward[index]),
+        normals_outward: merged.as_ref().map(|merged| merged.outward[index]),
         left_out: readied[index].left_out(left_out.as_ref().map(|left_out| &left_out[index])),
         copy_of: None,
         viewpoint_is_pose: readied[index].sensor_is_pose,
@@ -191,7 +194,6 @@ pub fn run_from(
         reading: None,
         view,
     });
-    let spacing = surface::spacing(&views, &result.placed);
     // what comes takes much memory, and needs the cloud alone
     drop((scans, views, result));
     let described = Described::of(merged, &names, spacing, unit, options, progress)?;
@@ -220,21 +222,21 @@ struct Described {
 }
 
 impl Described {
-    /// Makes mesh and signature of the cloud, and cuts the face out, as far as is wanted; `merged` is with whether the normals
-    /// of each view are outward, `spacing` is that of a single scan.
+    /// Makes mesh and signature of the cloud, and cuts the face out, as far as is wanted; `spacing` is that of a single scan.
     fn of(
-        merged: Option<(ModelCloud, Vec<bool>)>,
+        merged: Option<Merged>,
         names: &[String],
         spacing: f64,
         unit: Unit,
         options: &Options,
         progress: &Progress,
     ) -> Result<Described, PipelineError> {
-        let Some((mut cloud, outward)) = merged else { return Ok(Described::default()) };
+        let Some(merged) = merged else { return Ok(Described::default()) };
         let mut mesh = match options.cloud && options.mesh {
-            true => surface::surface(&cloud, &outward, names, spacing, options, progress)?,
+            true => surface::surface(&merged, names, spacing, options, progress)?,
             false => None,
         };
+        let mut cloud = merged.model;
         let signature = match options.signature || options.deface {
             true => describe(&cloud, unit, progress)?,
             false => None,
@@ -299,15 +301,16 @@ fn bad_option(name: &str, remedy: &str) -> PipelineError {
     }
 }
 
-/// The merged cloud and for each view whether its normals are known to be outward; `None` if nobody needs it.
+/// The merged cloud; `None` if nobody needs it. `spacing` is that of a single scan.
 fn merge_views(
     scans: &[NamedScan],
     views: &[View],
     sensors: &[Option<Sensor>],
     result: &Outcome,
+    spacing: f64,
     options: &Options,
     progress: &Progress,
-) -> Result<Option<(ModelCloud, Vec<bool>)>, PipelineError> {
+) -> Result<Option<Merged>, PipelineError> {
     if !(options.cloud || options.signature || options.deface) {
         return Ok(None);
     }
@@ -323,7 +326,7 @@ fn merge_views(
             sensor: sensors[index],
         })
         .collect();
-    Ok(Some(merge(&posed, progress)?))
+    Ok(Some(Merged::of(&posed, spacing, options, progress)?))
 }
 
 /// Where the scanner stood, in the view's local frame: from the options, else from the file, else read off the scan.

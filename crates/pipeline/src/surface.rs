@@ -9,7 +9,8 @@ use visage_geometry::progress::{Canceled, Progress, Stage};
 use visage_geometry::{Cloud, Point3};
 use visage_registration::view::{View, median_spacing};
 pub use visage_surface::SurfaceMesh;
-use visage_surface::merge::ModelCloud;
+use visage_surface::merge::{ModelCloud, PosedView, merge};
+use visage_surface::reconstruct::free_space::FreeSpace;
 use visage_surface::reconstruct::layers::layers;
 use visage_surface::reconstruct::{Fill, SurfaceOptions, reconstruct};
 use visage_surface::simplify::levels;
@@ -74,21 +75,29 @@ impl MadeSurface {
     }
 }
 
-/// The surface of a cloud whose normals point outward; `views` says of which scan each point is, if that is known, and `spacing` is
-/// that of a single scan. `None` if it makes none.
+/// What is known of how the points of a cloud were seen.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Seen<'a> {
+    /// For each point the scan that it is of.
+    pub views: Option<&'a [u16]>,
+    /// What scanners looked through.
+    pub free_space: Option<&'a FreeSpace>,
+}
+
+/// The surface of a cloud whose normals point outward; `spacing` is that of a single scan. `None` if it makes none.
 ///
 /// # Errors
 /// [`Canceled`], between steps.
 pub fn make_surface(
     cloud: &Cloud,
-    views: Option<&[u16]>,
+    Seen { views, free_space }: Seen,
     spacing: f64,
     order: &SurfaceOrder,
     progress: &Progress,
 ) -> Result<Option<MadeSurface>, Canceled> {
     let part = |from: f64, to: f64| progress.within(Stage::Surfacing, from, to);
     progress.report(Stage::Surfacing, 0.0);
-    let options = SurfaceOptions { fill: order.fill, views, max_bytes: grid_bytes(cloud.len()) };
+    let options = SurfaceOptions { fill: order.fill, views, free_space, max_bytes: grid_bytes(cloud.len()) };
     let Some(made) = reconstruct(cloud, spacing, &options, &part(0.0, 0.7))? else { return Ok(None) };
     let reconstruction = made.report;
     let mut surface = SurfaceMesh::from(made);
@@ -121,20 +130,43 @@ fn copies(surface: &SurfaceMesh, progress: &Progress) -> Result<[Option<SurfaceM
     Ok([found.pop(), preview])
 }
 
+/// The merged cloud, and how it was seen.
+pub(super) struct Merged {
+    pub(super) model: ModelCloud,
+    /// For each view whether its normals are known to be outward.
+    pub(super) outward: Vec<bool>,
+    /// What scanners looked through, if the surface has to be kept out of there: holes that are small have no room for it.
+    pub(super) free_space: Option<FreeSpace>,
+}
+
+impl Merged {
+    /// Merges the placed views.
+    pub(super) fn of(
+        posed: &[PosedView],
+        spacing: f64,
+        options: &Options,
+        progress: &Progress,
+    ) -> Result<Merged, Canceled> {
+        let (model, outward) = merge(posed, progress)?;
+        let is_wanted = options.cloud && options.mesh && options.fill == Fill::All;
+        Ok(Merged { model, outward, free_space: is_wanted.then(|| FreeSpace::of(posed, spacing)) })
+    }
+}
+
 /// The surface of the placed views; `None` if they make none.
 ///
-/// Views of which it is not known on which side the outside is (`outward`) are left out: they would turn the surface inside
+/// Views of which it is not known on which side the outside is are left out: they would turn the surface inside
 /// out where they lie.
 pub(super) fn surface(
-    model: &ModelCloud,
-    outward: &[bool],
+    merged: &Merged,
     names: &[String],
     spacing: f64,
     options: &Options,
     progress: &Progress,
 ) -> Result<Option<MadeSurface>, PipelineError> {
-    let (cloud, views_of_points) = of_known_side(model, outward);
-    let mut made = make_surface(&cloud, Some(&views_of_points), spacing, &options.into(), progress)?;
+    let (cloud, views_of_points) = of_known_side(&merged.model, &merged.outward);
+    let seen = Seen { views: Some(&views_of_points), free_space: merged.free_space.as_ref() };
+    let mut made = make_surface(&cloud, seen, spacing, &options.into(), progress)?;
     if let Some(made) = &mut made {
         made.report.name(names);
     }
@@ -193,7 +225,7 @@ mod tests {
     fn a_surface_is_as_coarse_as_is_wanted_and_says_what_that_cost() {
         let (cloud, spacing) = sphere();
         let make = |options: Options| {
-            make_surface(&cloud, None, spacing, &(&options).into(), &Progress::silent())
+            make_surface(&cloud, Seen::default(), spacing, &(&options).into(), &Progress::silent())
                 .expect("not canceled")
                 .expect("one")
         };
@@ -248,7 +280,7 @@ mod tests {
         cloud.points.extend(wide.points.iter().map(|p| Point3::from(300.0 * p.coords)));
         cloud.normals = Some([dense.normals.unwrap_or_default(), wide.normals.unwrap_or_default()].concat());
         let order = SurfaceOrder { fill: Fill::Small, target: Target::default(), preview: false };
-        let made = make_surface(&cloud, None, spacing, &order, &Progress::silent()).expect("not canceled");
+        let made = make_surface(&cloud, Seen::default(), spacing, &order, &Progress::silent()).expect("not canceled");
         let report = made.expect("a surface").report;
         assert!(report.reconstruction.widened, "{report:?}");
         assert_eq!((grid_bytes(60_000), grid_bytes(1 << 40)), (GRID_BYTES, 2 << 30));
@@ -258,7 +290,7 @@ mod tests {
     fn what_is_cut_is_gone_from_the_copy_too() {
         let (cloud, spacing) = sphere();
         let order = (&Options::default()).into();
-        let made = make_surface(&cloud, None, spacing, &order, &Progress::silent()).expect("not canceled");
+        let made = make_surface(&cloud, Seen::default(), spacing, &order, &Progress::silent()).expect("not canceled");
         let mut made = made.expect("a surface");
         let before = made.surface.mesh.faces.len();
         made.cut(|place| place.z > 5.0);

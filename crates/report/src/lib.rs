@@ -27,6 +27,6 @@ pub mod material;
 pub mod page;
 pub mod scans;
 
-pub use draw::draw;
+pub use draw::{draw, saliency_ply};
 pub use kind::{Kind, Source};
 pub use material::{Made, Material, PictureError, Plane, Wish};

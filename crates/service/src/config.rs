@@ -1,6 +1,8 @@
 //! What the operator may set: where the service listens, where it keeps things, and how much it takes on.
 
+mod base_path;
 mod host_name;
+mod network;
 mod origin;
 
 use std::net::SocketAddr;
@@ -9,7 +11,9 @@ use std::time::Duration;
 
 use visage_formats::ReadLimits;
 
+pub use self::base_path::{BasePath, NoBasePath};
 pub use self::host_name::{Host, HostName, NoHostName};
+pub use self::network::{Network, NoNetwork, is_public};
 pub use self::origin::{NoOrigin, Origin};
 
 /// Everything a server needs to know before it starts.
@@ -29,6 +33,10 @@ pub struct ServerConfig {
     pub limits: Limits,
     /// Names by which clients may call the service, besides loopback ones and the address it listens on.
     pub hosts: Vec<HostName>,
+    /// The path below which the service is served.
+    pub base_path: BasePath,
+    /// Proxies whose word on who has sent a request, and how, counts.
+    pub trusted_proxies: Vec<Network>,
     /// Origins of other pages that may ask, with a key.
     pub cors_origins: Vec<Origin>,
     /// Certificate and key, if connections are taken by TLS.
@@ -39,6 +47,8 @@ pub struct ServerConfig {
     pub quotas: Quotas,
     /// What is deleted when it is old.
     pub retention: Retention,
+    /// Where messages to webhooks may go, and when they are sent again.
+    pub webhooks: WebhookSettings,
     /// Bounds on connections.
     pub edge: EdgeLimits,
     /// Clocks of the job queue.
@@ -60,11 +70,14 @@ impl ServerConfig {
             job_memory_bytes: crate::machine::memory_bytes().map(|bytes| bytes / 4 * 3),
             limits: Limits::default(),
             hosts: Vec::new(),
+            base_path: BasePath::default(),
+            trusted_proxies: Vec::new(),
             cors_origins: Vec::new(),
             tls: None,
             open: false,
             quotas: Quotas::default(),
             retention: Retention::default(),
+            webhooks: WebhookSettings::default(),
             edge: EdgeLimits::default(),
             queue: QueueTiming::default(),
             lock_patience: Duration::from_secs(5),
@@ -74,10 +87,11 @@ impl ServerConfig {
 }
 
 impl ServerConfig {
-    /// Whether others than programs of this machine reach the service: by its address, or by a name that a proxy
-    /// answers to.
+    /// Whether others than programs of this machine reach the service: by its address, by a name that a proxy answers to, or
+    /// by a proxy whatever name it uses.
     pub fn is_exposed(&self) -> bool {
-        !self.addr.ip().to_canonical().is_loopback() || self.hosts.iter().any(|name| !name.host.is_loopback())
+        let is_named = self.hosts.iter().any(|name| !name.host.is_loopback());
+        !self.addr.ip().to_canonical().is_loopback() || is_named || !self.trusted_proxies.is_empty()
     }
 }
 
@@ -112,6 +126,8 @@ pub struct Limits {
     pub concurrent_describing: usize,
     /// Bytes of JSON bodies, pose files and text fields that are in memory while they arrive, over all requests.
     pub buffered_bytes: usize,
+    /// How long a file that comes piece by piece is waited for after its last piece.
+    pub upload_life: Duration,
 }
 
 impl Default for Limits {
@@ -128,6 +144,7 @@ impl Default for Limits {
             concurrent_conversions: 1,
             concurrent_describing: 2,
             buffered_bytes: 64 << 20,
+            upload_life: Duration::from_secs(24 * 3600),
         }
     }
 }
@@ -159,7 +176,8 @@ impl std::fmt::Debug for TlsPem {
     }
 }
 
-/// How much each key may ask for; those who need no key count as one. `None` is no bound. Beyond it: 429.
+/// How much each key may ask for; of those who need none, jobs and bytes count as those of one, requests and uploads by
+/// address. `None` is no bound. Beyond it: 429.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Quotas {
     /// Requests in a minute; so many may come at once.
@@ -186,6 +204,30 @@ pub struct Retention {
 impl Default for Retention {
     fn default() -> Self {
         Retention { models: None, scan_sets: None, audit: Some(365) }
+    }
+}
+
+/// Where messages to webhooks may go, and when they are sent again.
+#[derive(Debug, Clone)]
+pub struct WebhookSettings {
+    /// Networks that are reached though they are not public, and without TLS.
+    pub networks: Vec<Network>,
+    /// How long an attempt may take in all.
+    pub patience: Duration,
+    /// How long after each failed attempt the next one follows, and up to a fifth more; after the last one the message
+    /// is dead.
+    pub pauses: Vec<Duration>,
+}
+
+impl Default for WebhookSettings {
+    fn default() -> Self {
+        // some 28 hours: a receiver that is down for a day loses nothing
+        let pauses = [5, 30, 2 * 60, 10 * 60, 3600, 3 * 3600, 8 * 3600, 16 * 3600];
+        WebhookSettings {
+            networks: Vec::new(),
+            patience: Duration::from_secs(15),
+            pauses: pauses.map(Duration::from_secs).to_vec(),
+        }
     }
 }
 

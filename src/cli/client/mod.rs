@@ -4,6 +4,7 @@ pub(super) mod http;
 pub(super) mod jobs;
 pub(super) mod models;
 mod parcel;
+mod pieces;
 pub(super) mod query;
 pub(super) mod report;
 mod rows;

@@ -1,6 +1,6 @@
 //! `visage models`: what the gallery keeps.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use clap::{Args, Subcommand};
@@ -15,21 +15,34 @@ use crate::geometry::Unit;
 
 /// What is done with models.
 #[derive(Debug, Args)]
+#[command(args_conflicts_with_subcommands = true)]
 pub(in super::super) struct ModelsArgs {
     #[command(flatten)]
     connection: Connection,
     #[command(subcommand)]
     what: Option<What>,
+    #[command(flatten)]
+    listed: Listed,
+}
+
+/// Which models are listed.
+#[derive(Debug, Args)]
+struct Listed {
+    /// At most so many
+    #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..=100))]
+    limit: u32,
+    /// Only those with these words, or parts of words, in their name or label
+    #[arg(long, value_name = "WORDS")]
+    text: Option<String>,
+    /// Only those of this class
+    #[arg(long)]
+    label: Option<String>,
 }
 
 #[derive(Debug, Subcommand)]
 enum What {
     /// The newest models (what is done if nothing is said)
-    List {
-        /// At most so many
-        #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..=100))]
-        limit: u32,
-    },
+    List(Listed),
     /// One model with its files
     Show { id: String },
     /// Put a finished mesh or cloud into the gallery
@@ -62,19 +75,24 @@ pub(in super::super) fn run(args: ModelsArgs) -> anyhow::Result<()> {
     let client = args.connection.client()?;
     let json = args.connection.json;
     block_on(async {
-        match args.what.unwrap_or(What::List { limit: 20 }) {
-            What::List { limit } => list(&client, limit, json).await,
+        match args.what.unwrap_or(What::List(args.listed)) {
+            What::List(listed) => list(&client, &listed, json).await,
             What::Show { id } => show(&client.get(client.url(&["v1", "models", &id])).await?, json),
-            What::Add { file, unit, label, name } => add(&client, file, unit, label, name, json).await,
+            What::Add { file, unit, label, name } => show(&added(&client, &file, unit, label, name).await?, json),
             What::Download { id, out, content } => download(&client, &id, out, content).await,
             What::Delete { id } => client.delete(client.url(&["v1", "models", &id])).await,
         }
     })
 }
 
-async fn list(client: &Client, limit: u32, json: bool) -> anyhow::Result<()> {
+async fn list(client: &Client, listed: &Listed, json: bool) -> anyhow::Result<()> {
     let mut url = client.url(&["v1", "models"]);
-    url.query_pairs_mut().append_pair("limit", &limit.to_string());
+    url.query_pairs_mut().append_pair("limit", &listed.limit.to_string());
+    for (name, value) in [("text", &listed.text), ("label", &listed.label)] {
+        if let Some(value) = value {
+            url.query_pairs_mut().append_pair(name, value);
+        }
+    }
     let answer: Value = client.get(url).await?;
     if json {
         return print_json(&answer);
@@ -111,15 +129,15 @@ fn show(model: &Value, json: bool) -> anyhow::Result<()> {
     Ok(())
 }
 
-async fn add(
+/// Puts a file into the gallery; answers with the model.
+pub(in super::super) async fn added(
     client: &Client,
-    file: PathBuf,
+    file: &Path,
     unit: Option<Unit>,
     label: Option<String>,
     name: Option<String>,
-    json: bool,
-) -> anyhow::Result<()> {
-    let content = std::fs::read(&file).with_context(|| format!("reading {}", file.display()))?;
+) -> anyhow::Result<Value> {
+    let content = std::fs::read(file).with_context(|| format!("reading {}", file.display()))?;
     let file_name = file.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
     let mut form = Form::new().part("model", Part::bytes(content).file_name(file_name));
     for (field, value) in [("unit", unit.map(|unit| unit.name().to_owned())), ("label", label), ("name", name)] {
@@ -127,7 +145,7 @@ async fn add(
             form = form.text(field, value);
         }
     }
-    show(&client.post_form(client.url(&["v1", "models"]), form).await?, json)
+    client.post_form(client.url(&["v1", "models"]), form).await
 }
 
 async fn download(client: &Client, id: &str, out: PathBuf, content: Option<String>) -> anyhow::Result<()> {

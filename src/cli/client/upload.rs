@@ -1,5 +1,6 @@
 //! `visage upload`: scans to a service, and their registration there.
 
+use std::io::SeekFrom;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -11,18 +12,20 @@ use reqwest::header::CONTENT_LENGTH;
 use reqwest::multipart::{Form, Part};
 use reqwest::{Body, Method, Url};
 use serde_json::{Value, json};
+use tokio::io::AsyncSeekExt;
 use tokio_util::io::ReaderStream;
 
 use super::super::register::options::Given;
 use super::http::{Client, Created, is_passing};
 use super::parcel::Parcel;
+use super::pieces;
 use super::rows::plain;
 use super::{Connection, block_on, jobs, print_json};
 use crate::domain::options::Options;
 use crate::geometry::Unit;
 
 /// How often a scan is sent before its connection counts as lost for good.
-const ATTEMPTS: u32 = 5;
+pub(super) const ATTEMPTS: u32 = 5;
 
 /// What is sent, and what becomes of it.
 #[derive(Debug, Args)]
@@ -94,7 +97,7 @@ async fn store(client: &Client, args: &UploadArgs, parcel: &Parcel) -> anyhow::R
         Parcel::Archive { name: file, path, .. } => {
             ensure!(args.into.is_none(), "these files go as one archive, which is a set of its own: leave --into out");
             let send = async || -> anyhow::Result<String> {
-                let (body, bytes) = stream(path, &bar).await?;
+                let (body, bytes) = (stream(path, 0, &bar).await?, size(path)?);
                 let scans = Part::stream_with_length(body, bytes).file_name(file.clone());
                 let mut form = Form::new().text("name", name.clone()).part("scans", scans);
                 if unit != Unit::Unknown {
@@ -129,8 +132,7 @@ async fn store(client: &Client, args: &UploadArgs, parcel: &Parcel) -> anyhow::R
                     continue;
                 }
                 bar.set_prefix(plain(name));
-                let url = client.url(&["v1", "scan-sets", &set, "scans", name]);
-                send_again(async || put(client, url.clone(), path, &bar).await, &bar).await.with_context(|| {
+                send_scan(client, &set, name, path, &bar).await.with_context(|| {
                     format!("sending {name}; what was sent before is kept: go on with --into {set}")
                 })?;
             }
@@ -145,9 +147,17 @@ async fn store(client: &Client, args: &UploadArgs, parcel: &Parcel) -> anyhow::R
     Ok(set)
 }
 
-/// Sends a scan.
+/// Sends a scan: a large one piece by piece, so that a lost connection costs little.
+async fn send_scan(client: &Client, set: &str, name: &str, path: &Path, bar: &ProgressBar) -> anyhow::Result<()> {
+    if size(path)? > pieces::LARGE {
+        return pieces::send(client, set, name, path, bar).await;
+    }
+    let url = client.url(&["v1", "scan-sets", set, "scans", name]);
+    send_again(async || put(client, url.clone(), path, bar).await, bar).await
+}
+
 async fn put(client: &Client, url: Url, path: &Path, bar: &ProgressBar) -> anyhow::Result<()> {
-    let (body, bytes) = stream(path, bar).await?;
+    let (body, bytes) = (stream(path, 0, bar).await?, size(path)?);
     let request = client.request(Method::PUT, url).header(CONTENT_LENGTH, bytes).body(body);
     client.send(request).await.map(|_| ())
 }
@@ -167,16 +177,20 @@ async fn send_again<T>(mut send: impl AsyncFnMut() -> anyhow::Result<T>, bar: &P
     }
 }
 
-/// A file as the body of a request, and its size.
-async fn stream(path: &Path, bar: &ProgressBar) -> anyhow::Result<(Body, u64)> {
+fn size(path: &Path) -> anyhow::Result<u64> {
+    Ok(std::fs::metadata(path).with_context(|| format!("reading {}", path.display()))?.len())
+}
+
+/// A file, from some byte on, as the body of a request.
+pub(super) async fn stream(path: &Path, from: u64, bar: &ProgressBar) -> anyhow::Result<Body> {
     let reading = || format!("reading {}", path.display());
-    let file = tokio::fs::File::open(path).await.with_context(reading)?;
-    let bytes = file.metadata().await.with_context(reading)?.len();
-    bar.set_length(bytes);
-    bar.set_position(0);
+    let mut file = tokio::fs::File::open(path).await.with_context(reading)?;
+    file.seek(SeekFrom::Start(from)).await.with_context(reading)?;
+    bar.set_length(size(path)?);
+    bar.set_position(from);
     let bar = bar.clone();
     let chunks = ReaderStream::with_capacity(file, 1 << 18).inspect_ok(move |chunk| bar.inc(chunk.len() as u64));
-    Ok((Body::wrap_stream(chunks), bytes))
+    Ok(Body::wrap_stream(chunks))
 }
 
 fn byte_bar() -> anyhow::Result<ProgressBar> {

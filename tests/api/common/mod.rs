@@ -3,6 +3,7 @@
 pub mod engine;
 pub mod files;
 pub mod raw;
+pub mod receiver;
 
 use std::net::SocketAddr;
 use std::path::Path;

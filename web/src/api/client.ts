@@ -1,5 +1,6 @@
 import createClient from "openapi-fetch";
 
+import { at } from "../lib/address";
 import { lost } from "../lib/connection";
 import type { components, paths } from "./schema";
 
@@ -7,7 +8,7 @@ export type Schema = components["schemas"];
 export type Problem = Schema["Problem"];
 
 /** Every call of the interface, typed by its contract. */
-export const api = createClient<paths>({ baseUrl: "" });
+export const api = createClient<paths>({ baseUrl: at("").slice(0, -1) });
 
 /** An answer that is an error, as the server words it: what went wrong, and what to do about it. */
 export class ApiError extends Error {

@@ -1,3 +1,4 @@
+import { at } from "../lib/address";
 import type { Schema } from "./client";
 
 export interface Following {
@@ -22,7 +23,7 @@ export function follow(id: string, following: Following): () => void {
         clearTimeout(timer);
     };
     const open = () => {
-        source = new EventSource(`/v1/jobs/${encodeURIComponent(id)}/events`);
+        source = new EventSource(at(`/v1/jobs/${encodeURIComponent(id)}/events`));
         source.addEventListener("open", () => following.onState(true));
         source.addEventListener("progress", (event) => following.onJob(JSON.parse(event.data)));
         source.addEventListener("end", (event) => {

@@ -2,7 +2,7 @@ import { lost } from "../lib/connection";
 import { ApiError, ConnectionError, problemOf } from "./client";
 
 export interface Sending {
-    method: "PUT" | "POST";
+    method: "PUT" | "POST" | "PATCH";
     url: string;
     body: Blob | FormData;
     headers?: Record<string, string>;
@@ -13,8 +13,8 @@ export interface Sending {
 }
 
 /** So often a transfer may break off while the server answers otherwise: then it is the transfer that is at fault. */
-const mostBreaks = 5;
-const busy = new Set([408, 429, 503]);
+export const mostBreaks = 5;
+export const busy = new Set([408, 429, 503]);
 
 interface Answer {
     status: number;
@@ -44,7 +44,7 @@ export async function send<T>(sending: Sending): Promise<T> {
 }
 
 /** One attempt; `undefined` when the connection was lost. fetch tells nothing of how much was sent, so this is older. */
-function once({ method, url, body, headers, onProgress, signal }: Sending): Promise<Answer | undefined> {
+export function once({ method, url, body, headers, onProgress, signal }: Sending): Promise<Answer | undefined> {
     return new Promise((resolve, reject) => {
         const request = new XMLHttpRequest();
         request.open(method, url);

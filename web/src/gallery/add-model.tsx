@@ -2,6 +2,7 @@ import { useState } from "preact/hooks";
 
 import type { Schema } from "../api/client";
 import { send } from "../api/upload";
+import { at } from "../lib/address";
 import { announce } from "../lib/announce";
 import { t } from "../texts";
 import { FileField, TextField, Trouble, UnitChoice, type Unit } from "../ui/pieces";
@@ -29,7 +30,7 @@ export function AddModel({ onAdded }: { onAdded: () => void }) {
         try {
             const model = await send<Schema["Model"]>({
                 method: "POST",
-                url: "/v1/models",
+                url: at("/v1/models"),
                 body: form,
                 onProgress: (sent) => setShare(Math.min(1, sent / file.size)),
             });

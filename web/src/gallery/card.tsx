@@ -1,6 +1,7 @@
 import { useState } from "preact/hooks";
 
 import { api, ok } from "../api/client";
+import { at } from "../lib/address";
 import { number, score } from "../lib/format";
 import { href } from "../lib/router";
 import { t } from "../texts";
@@ -73,7 +74,7 @@ function Thumbnail({ id }: { id: string }) {
     if (!isMissing) {
         return (
             <img
-                src={`/v1/models/${encodeURIComponent(id)}/pictures/thumbnail?size=256x192`}
+                src={at(`/v1/models/${encodeURIComponent(id)}/pictures/thumbnail?size=256x192`)}
                 alt=""
                 width={256}
                 height={192}

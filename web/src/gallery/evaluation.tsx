@@ -1,6 +1,7 @@
 import { useState } from "preact/hooks";
 
 import { api, ok } from "../api/client";
+import { at } from "../lib/address";
 import { number, percent } from "../lib/format";
 import { useLoad } from "../lib/use-load";
 import { t } from "../texts";
@@ -47,7 +48,7 @@ export function EvaluationPage() {
                     <div class="panel">
                         <img
                             class="plot"
-                            src={`/v1/gallery/evaluation.svg?${new URLSearchParams(query)}`}
+                            src={at(`/v1/gallery/evaluation.svg?${new URLSearchParams(query)}`)}
                             alt={t.evaluation.roc}
                         />
                     </div>

@@ -4,14 +4,14 @@ import { api, ok, type Schema } from "../api/client";
 import { announce } from "../lib/announce";
 import { go, href } from "../lib/router";
 import { useLoad } from "../lib/use-load";
+import { useSettled } from "../lib/use-settled";
 import { t } from "../texts";
 import { Check, Choice, Loading, PageTitle, TextField, Trouble } from "../ui/pieces";
 import { AddModel } from "./add-model";
 import { Card, type Shown } from "./card";
 import { Probe } from "./probe";
-import { allModels, ask, fits, ofAnswer, type Page, type Question } from "./questions";
-
-const wait = 250;
+import { ask, fits, ofAnswer, type Page, type Question } from "./questions";
+import { triangleOf } from "./triangle";
 
 /** All models, and every way to find one. What is asked stands in the address, so that it can be handed on. */
 export function Gallery({ query }: { query: URLSearchParams }) {
@@ -24,24 +24,21 @@ export function Gallery({ query }: { query: URLSearchParams }) {
     const standards = useLoad(() => ok(api.GET("/v1/standards")), []);
     const key = JSON.stringify(question);
     const settled = useSettled(label);
+    const words = useSettled(text).trim();
+    // the server searches all models by text; answers are sifted here
+    const asksText = question.kind === "all" && !isProbing;
+    const conditions = { label: settled.trim(), text: asksText ? words : "", onlyMatches };
     const first = useLoad(
-        () =>
-            isProbing ? Promise.resolve(undefined) : ask(question, { label: settled.trim(), onlyMatches }, undefined),
-        [key, settled, onlyMatches, isProbing],
+        () => (isProbing ? Promise.resolve(undefined) : ask(question, conditions, undefined)),
+        [key, settled, conditions.text, onlyMatches, isProbing],
     );
     const [more, setMore] = useState<Page>();
     const [moreError, setMoreError] = useState<unknown>();
     useEffect(() => setMore(undefined), [first.data]);
-    const words = useSettled(text).trim();
-    // a search by text looks at all there are
-    const everyModel = useLoad(
-        () => (words && question.kind === "all" && !isProbing ? allModels() : Promise.resolve(undefined)),
-        [words !== "", key, isProbing],
-    );
     const page = isProbing ? probed && ofAnswer(probed) : first.data;
     const listed = [...(page?.models ?? []), ...(more?.models ?? [])];
-    const shown = (words ? (everyModel.data ?? listed) : listed).filter(
-        (model) => fits(model, words) && (!settled.trim() || model.label === settled.trim()),
+    const shown = listed.filter(
+        (model) => (asksText || fits(model, words)) && (!settled.trim() || model.label === settled.trim()),
     );
     const next = more ? more.next : page?.next;
     const isAnswered = isProbing ? probed !== undefined : first.data !== undefined && !first.isLoading;
@@ -57,22 +54,16 @@ export function Gallery({ query }: { query: URLSearchParams }) {
         ...(question.kind === "like"
             ? [[`like=${encodeURIComponent(question.id)}`, t.gallery.questions.like] as const]
             : []),
+        ...(question.kind === "triangle" ? [[query.toString(), t.gallery.questions.triangle] as const] : []),
         ["probe=", t.gallery.questions.probe] as const,
     ];
-    const asked = isProbing
-        ? "probe="
-        : question.kind === "standard"
-          ? `standard=${encodeURIComponent(question.standard)}`
-          : question.kind === "like"
-            ? `like=${encodeURIComponent(question.id)}`
-            : "";
+    const asked = isProbing ? "probe=" : addressOf(question, query);
     const reload = () => {
         first.reload();
-        everyModel.reload();
         if (probed) setProbed(undefined);
     };
     const loadMore = () => {
-        ask(question, { label: settled.trim(), onlyMatches }, next).then(
+        ask(question, conditions, next).then(
             (answer) => setMore({ ...answer, models: [...(more?.models ?? []), ...answer.models] }),
             setMoreError,
         );
@@ -110,7 +101,7 @@ export function Gallery({ query }: { query: URLSearchParams }) {
             {isProbing && (
                 <Probe standards={standards.data?.items.map((standard) => standard.name) ?? []} onAnswer={setProbed} />
             )}
-            <Trouble error={first.error ?? moreError ?? standards.error ?? everyModel.error} />
+            <Trouble error={first.error ?? moreError ?? standards.error} />
             {probed?.verdict && isProbing && (
                 <div class={`note ${probed.verdict.is_match ? "good" : ""}`}>
                     <p>{t.gallery.probeIs(probed.verdict.is_match)}</p>
@@ -133,7 +124,7 @@ export function Gallery({ query }: { query: URLSearchParams }) {
                     <Card key={model.id} model={model} onDeleted={reload} />
                 ))}
             </ul>
-            {next && !isProbing && !words && (
+            {next && !isProbing && (
                 <div class="row end">
                     <button type="button" onClick={loadMore}>
                         {t.more}
@@ -145,23 +136,28 @@ export function Gallery({ query }: { query: URLSearchParams }) {
 }
 
 function questionOf(query: URLSearchParams): Question {
-    const [standard, id] = [query.get("standard"), query.get("like")];
+    const [standard, id, triangle] = [query.get("standard"), query.get("like"), triangleOf(query)];
     if (id) return { kind: "like", id };
+    if (triangle) return { kind: "triangle", triangle };
     return standard ? { kind: "standard", standard } : { kind: "all" };
+}
+
+/** What of the address asks the question. */
+function addressOf(question: Question, query: URLSearchParams): string {
+    switch (question.kind) {
+        case "all":
+            return "";
+        case "standard":
+            return `standard=${encodeURIComponent(question.standard)}`;
+        case "like":
+            return `like=${encodeURIComponent(question.id)}`;
+        case "triangle":
+            return query.toString();
+    }
 }
 
 function labelsOf(models: readonly Shown[]): string[] {
     return [...new Set(models.flatMap((model) => (model.label ? [model.label] : [])))].sort();
-}
-
-/** A text once nobody has typed for a moment. */
-function useSettled(text: string): string {
-    const [settled, setSettled] = useState(text);
-    useEffect(() => {
-        const timer = setTimeout(() => setSettled(text), wait);
-        return () => clearTimeout(timer);
-    }, [text]);
-    return settled;
 }
 
 function LikeWhat({ id }: { id: string }) {

@@ -4,6 +4,7 @@ import type { Schema } from "../api/client";
 import { send } from "../api/upload";
 import { t } from "../texts";
 import { Choice, FileField, Trouble, UnitChoice, type Unit } from "../ui/pieces";
+import { at } from "../lib/address";
 
 /** Asks about a file that is not stored: which models are like it, or whether it is of a class. */
 export function Probe({
@@ -30,7 +31,7 @@ export function Probe({
         if (standard) form.append("standard", standard);
         else form.append("limit", "100");
         try {
-            onAnswer(await send<Schema["QueryAnswer"]>({ method: "POST", url: "/v1/queries/probe", body: form }));
+            onAnswer(await send<Schema["QueryAnswer"]>({ method: "POST", url: at("/v1/queries/probe"), body: form }));
         } catch (fault) {
             setError(fault);
         } finally {

@@ -1,8 +1,15 @@
-import { api, everything, ok, type Schema } from "../api/client";
+import { api, ok, type Schema } from "../api/client";
+import { length } from "../lib/format";
+import { t } from "../texts";
 import type { Shown } from "./card";
+import type { Triangle } from "./triangle";
 
 /** What is asked of the gallery. */
-export type Question = { kind: "all" } | { kind: "standard"; standard: string } | { kind: "like"; id: string };
+export type Question =
+    | { kind: "all" }
+    | { kind: "standard"; standard: string }
+    | { kind: "like"; id: string }
+    | { kind: "triangle"; triangle: Triangle };
 
 export interface Page {
     models: Shown[];
@@ -12,6 +19,8 @@ export interface Page {
 
 export interface Conditions {
     label: string;
+    /** Words of the name or the label: where all models are listed. */
+    text: string;
     onlyMatches: boolean;
 }
 
@@ -20,27 +29,35 @@ const pageSize = 60;
 /** A page of the answer. */
 export async function ask(
     question: Question,
-    { label, onlyMatches }: Conditions,
+    { label, text, onlyMatches }: Conditions,
     cursor: string | undefined,
 ): Promise<Page> {
     if (question.kind === "all") {
-        const query = { limit: pageSize, ...(cursor && { cursor }), ...(label && { label }) };
+        const query = { limit: pageSize, ...(cursor && { cursor }), ...(label && { label }), ...(text && { text }) };
         const answer = await ok(api.GET("/v1/models", { params: { query } }));
         return { models: answer.items.map(ofSummary), next: answer.next_cursor ?? undefined, pending: 0 };
     }
-    const about = question.kind === "standard" ? { standard: question.standard } : { model_id: question.id };
     const body = {
-        ...about,
+        ...about(question),
         limit: pageSize,
         only_matches: onlyMatches,
         ...(cursor && { cursor }),
         ...(label && { filter: { labels: [label] } }),
     };
-    return ofAnswer(await ok(api.POST("/v1/queries", { body })));
+    return ofAnswer(await ok(api.POST("/v1/queries", { body })), question.kind === "triangle");
 }
 
-export function ofAnswer(answer: Schema["QueryAnswer"]): Page {
-    return { models: answer.matches.map(ofMatch), next: answer.next_cursor ?? undefined, pending: answer.pending };
+function about(question: Exclude<Question, { kind: "all" }>) {
+    if (question.kind === "standard") return { standard: question.standard };
+    return question.kind === "like" ? { model_id: question.id } : { triangle: question.triangle };
+}
+
+export function ofAnswer(answer: Schema["QueryAnswer"], tellsError = false): Page {
+    const models = answer.matches.map((match) => ({
+        ...ofMatch(match),
+        ...(tellsError && { reason: errorOf(match) }),
+    }));
+    return { models, next: answer.next_cursor ?? undefined, pending: answer.pending };
 }
 
 function ofSummary(model: Schema["ModelSummary"]): Shown {
@@ -58,11 +75,9 @@ function ofMatch(match: Schema["Match"]): Shown {
     };
 }
 
-/** All models, for a search by text: the interface itself searches by label and by look. */
-export function allModels(): Promise<Shown[]> {
-    return everything((cursor) =>
-        ok(api.GET("/v1/models", { params: { query: { limit: 100, ...(cursor && { cursor }) } } })),
-    ).then((models) => models.map(ofSummary));
+/** How far the best triangle of the model is from the one that was asked about. */
+function errorOf({ matching_error_mm: error }: Schema["Match"]): string | undefined {
+    return error === null || error === undefined ? undefined : t.gallery.card.error(length(error, "mm"));
 }
 
 /** Whether every word of the text stands in the name or the label. */

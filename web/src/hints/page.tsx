@@ -1,26 +1,27 @@
-import { useMemo, useState } from "preact/hooks";
+import { useState } from "preact/hooks";
 
 import { api, ok, type Schema } from "../api/client";
 import { StartJob } from "../jobs/start";
-import { announce } from "../lib/announce";
+import { length } from "../lib/format";
 import { href } from "../lib/router";
 import { useInfo } from "../lib/use-info";
 import { useLoad } from "../lib/use-load";
+import { without } from "../lib/without";
 import { t } from "../texts";
-import { Choice, Loading, PageTitle, Trouble } from "../ui/pieces";
-import type { Place } from "../viewer/marker-types";
-import { ScanView } from "./scan-view";
-
-/** Fewer pairs leave the motion open. */
-const leastPairs = 3;
+import { Loading, PageTitle, Trouble } from "../ui/pieces";
+import { PairPicker } from "./pair-picker";
+import { RegionPicker } from "./region-picker";
+import type { RegionHint } from "./regions";
 
 /** What a person says of two scans where machines can't tell. */
 export function HintsPage({ id }: { id: string }) {
     const set = useLoad(() => ok(api.GET("/v1/scan-sets/{id}", { params: { path: { id } } })), [id]);
-    const [hints, setHints] = useState<Required<Pick<Schema["Hints"], "points" | "overlaps">>>({
+    const [hints, setHints] = useState<Required<Pick<Schema["Hints"], "points" | "overlaps" | "regions">>>({
         points: [],
         overlaps: [],
+        regions: [],
     });
+    const [areRegionsOpen, setRegionsOpen] = useState(false);
     const info = useInfo();
     if (!set.data)
         return set.isLoading ? (
@@ -39,6 +40,10 @@ export function HintsPage({ id }: { id: string }) {
         ...hints.overlaps.map((pair, index) => ({
             text: t.hints.overlapOf(pair[0] ?? "", pair[1] ?? ""),
             remove: () => setHints({ ...hints, overlaps: without(hints.overlaps, index) }),
+        })),
+        ...hints.regions.map((region, index) => ({
+            text: regionText(region, set.data?.unit ?? "unknown", index),
+            remove: () => setHints({ ...hints, regions: without(hints.regions, index) }),
         })),
     ];
     return (
@@ -65,6 +70,16 @@ export function HintsPage({ id }: { id: string }) {
                     }
                 />
             )}
+            <details class="panel" onToggle={(event) => setRegionsOpen(event.currentTarget.open)}>
+                <summary>{t.regions.title}</summary>
+                {areRegionsOpen && (
+                    <RegionPicker
+                        set={set.data}
+                        regions={hints.regions}
+                        onRegion={(region) => setHints({ ...hints, regions: [...hints.regions, region] })}
+                    />
+                )}
+            </details>
             <section class="panel stack">
                 <h2>{t.hints.given}</h2>
                 {given.length === 0 && <p class="quiet">{t.hints.none}</p>}
@@ -91,98 +106,10 @@ export function HintsPage({ id }: { id: string }) {
     );
 }
 
-function without<T>(list: readonly T[], index: number): T[] {
-    return list.filter((_, other) => other !== index);
-}
-
-interface PickerProps {
-    set: Schema["ScanSet"];
-    onPoints: (points: Schema["PickedPoints"]) => void;
-    onOverlap: (a: string, b: string) => void;
-}
-
-/** Two scans side by side, in which the same places are picked in turn. */
-function PairPicker({ set, onPoints, onOverlap }: PickerProps) {
-    const names = set.scans.map((scan) => scan.name);
-    const [a, setA] = useState(names[0] ?? "");
-    const [b, setB] = useState(names[1] ?? "");
-    const [pairs, setPairs] = useState<[Place, Place][]>([]);
-    const [first, setFirst] = useState<Place>();
-    const inA = useMemo(() => [...pairs.map(([place]) => place), ...(first ? [first] : [])], [pairs, first]);
-    const inB = useMemo(() => pairs.map(([, place]) => place), [pairs]);
-    const choices = names.map((name) => [name, name] as const);
-    const choose = (setScan: (name: string) => void) => (name: string) => {
-        // places belong to the scans that they were picked in
-        setPairs([]);
-        setFirst(undefined);
-        setScan(name);
-    };
-    const pickA = (place: Place) => {
-        setFirst(place);
-        announce(t.hints.pickSecond);
-    };
-    const pickB = (place: Place) => {
-        if (!first) {
-            announce(t.hints.pickFirst);
-            return;
-        }
-        setPairs([...pairs, [first, place]]);
-        setFirst(undefined);
-        announce(t.hints.pair(pairs.length + 1));
-    };
-    const keep = () => {
-        onPoints({ a, b, pairs: pairs.map((pair) => pair.map((place) => [...place])) });
-        setPairs([]);
-    };
-    const isSame = a === b;
-    return (
-        <section class="stack" aria-label={t.hints.pairs}>
-            <div class="halves">
-                <Choice label={t.hints.first} value={a} choices={choices} onChange={choose(setA)} />
-                <Choice label={t.hints.second} value={b} choices={choices} onChange={choose(setB)} />
-            </div>
-            {isSame && (
-                <div class="note doubt">
-                    <p>{t.hints.same}</p>
-                </div>
-            )}
-            {!isSame && (
-                <>
-                    <div class="halves">
-                        <ScanView key={`a/${a}`} set={set.id} scan={a} places={inA} onPick={pickA} />
-                        <ScanView key={`b/${b}`} set={set.id} scan={b} places={inB} onPick={pickB} />
-                    </div>
-                    <div class="panel stack">
-                        <p>
-                            <strong>{first ? t.hints.pickSecond : t.hints.pickFirst}</strong>{" "}
-                            <span class="quiet small">{t.viewer.pickHint}</span>
-                        </p>
-                        {pairs.length === 0 && !first && <p class="quiet">{t.hints.pairsNone}</p>}
-                        <ol class="row">
-                            {pairs.map((pair, index) => (
-                                <li key={pair.join()}>
-                                    <button
-                                        type="button"
-                                        aria-label={t.hints.removePair(index + 1)}
-                                        onClick={() => setPairs(without(pairs, index))}
-                                    >
-                                        {t.hints.pair(index + 1)} ×
-                                    </button>
-                                </li>
-                            ))}
-                        </ol>
-                        {pairs.length > 0 && pairs.length < leastPairs && <p class="quiet">{t.hints.three}</p>}
-                        <div class="row">
-                            <button type="button" class="main" disabled={pairs.length < leastPairs} onClick={keep}>
-                                {t.hints.keep}
-                            </button>
-                            <button type="button" onClick={() => onOverlap(a, b)}>
-                                {t.hints.overlap}
-                            </button>
-                        </div>
-                    </div>
-                </>
-            )}
-        </section>
-    );
+/** A region in words; two that read alike are told apart by their numbers. */
+function regionText(hint: RegionHint, unit: string, index: number): string {
+    const kind = hint.use ? "use" : "leave";
+    const sphere = hint[kind]?.sphere;
+    const what = sphere ? t.regions.ballOf(length(sphere.radius, unit)) : t.regions.side;
+    return `${t.regions.region(index + 1)}: ${hint.scan}, ${what}, ${t.regions.kinds[kind]}`;
 }

@@ -1,11 +1,13 @@
 import { useMemo, useState } from "preact/hooks";
 
-import { keptFile } from "../scan-sets/kept-files";
+import { keepFile, keptFile } from "../scan-sets/kept-files";
 import { t } from "../texts";
 import { Field } from "../ui/pieces";
 import { byAxis } from "../viewer/facing";
 import type { Markers, Place } from "../viewer/marker-types";
-import { read } from "../viewer/load";
+import { readFile } from "../viewer/load";
+import type { IsDropped } from "../viewer/scene";
+import type { Surface } from "../viewer/surface";
 import { Viewer } from "../viewer/viewer";
 
 const colour = "#ff9d2e";
@@ -15,14 +17,24 @@ interface Props {
     set: string;
     scan: string;
     places: readonly Place[];
+    /** What is marked as left out. */
+    isDropped?: IsDropped | undefined;
+    onLoaded?: (surface: Surface) => void;
     onPick: (place: Place) => void;
 }
 
 /** A scan from the reader's own disk: the server does not give scans back. */
-export function ScanView({ set, scan, places, onPick }: Props) {
+export function ScanView({ set, scan, places, isDropped, onLoaded, onPick }: Props) {
     const [given, setGiven] = useState<File>();
     const file = given ?? keptFile(set, scan);
-    const look = useMemo(() => ({ mode: "plain" as const, facing: byAxis[1], hidden: nothingHidden }), []);
+    const choose = (chosen: File | undefined) => {
+        if (chosen) keepFile(set, scan, chosen);
+        setGiven(chosen);
+    };
+    const look = useMemo(
+        () => ({ mode: "plain" as const, facing: byAxis[1], hidden: nothingHidden, isDropped }),
+        [isDropped],
+    );
     const markers: Markers = useMemo(
         () => ({
             points: places.map((at, index) => ({ kind: "point", at, text: String(index + 1), colour })),
@@ -39,28 +51,22 @@ export function ScanView({ set, scan, places, onPick }: Props) {
                             id={id}
                             aria-describedby={help}
                             type="file"
-                            onChange={(event) => setGiven(event.currentTarget.files?.[0])}
+                            onChange={(event) => choose(event.currentTarget.files?.[0])}
                         />
                     )}
                 </Field>
             </div>
         );
     }
-    const load = async () => read(await file.arrayBuffer(), kindOf(file.name));
     return (
         <Viewer
             source={`${scan}/${file.name}/${file.lastModified}`}
             label={`${scan}. ${t.viewer.label}`}
-            load={load}
+            load={() => readFile(file)}
             look={look}
             markers={markers}
-            onPick={onPick}
+            {...(onLoaded && { onLoaded })}
+            onPick={({ place }) => onPick(place)}
         />
     );
-}
-
-function kindOf(name: string): "ply" | "xyz" {
-    if (/\.ply$/i.test(name)) return "ply";
-    if (/\.(xyz|xyzn|xyzrgb|txt|asc|csv|pts)$/i.test(name)) return "xyz";
-    throw new Error(t.hints.unreadable);
 }

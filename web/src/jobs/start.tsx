@@ -15,11 +15,13 @@ interface Props {
     /** The job that it is to be like. */
     like?: Schema["Job"];
     hints?: Schema["Hints"];
+    /** What has to be done before the job is sent. */
+    prepare?: () => Promise<void>;
     text?: string;
 }
 
 /** Starts a registration with the options that a person wants. */
-export function StartJob({ info, set, isFirst, like, hints, text }: Props) {
+export function StartJob({ info, set, isFirst, like, hints, prepare, text }: Props) {
     const options = info.job_options;
     const [entered, setEntered] = useState(() => enteredOf(options, (like?.options ?? {}) as Record<string, unknown>));
     const [label, setLabel] = useState(like?.label ?? "");
@@ -39,6 +41,7 @@ export function StartJob({ info, set, isFirst, like, hints, text }: Props) {
             ...(like?.base_model_id ? { base_model_id: like.base_model_id } : {}),
         };
         try {
+            await prepare?.();
             const job = await ok(api.POST("/v1/jobs", { body }));
             go(href("jobs", job.id));
         } catch (fault) {

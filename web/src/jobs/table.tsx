@@ -4,6 +4,7 @@ import { href } from "../lib/router";
 import { t } from "../texts";
 import { DeleteButton } from "../ui/confirm";
 import { Tag } from "../ui/pieces";
+import { Table, type Column } from "../ui/table";
 
 type Job = Schema["Job"];
 
@@ -24,65 +25,49 @@ export function runningSeconds(job: Job): number | undefined {
 }
 
 export function JobTable({ jobs, onChange }: { jobs: readonly Job[]; onChange: () => void }) {
-    return (
-        <div class="table-wrap">
-            <table class="folds">
-                <caption class="unseen">{t.jobs.table}</caption>
-                <thead>
-                    <tr>
-                        <th scope="col">{t.jobs.job}</th>
-                        <th scope="col">{t.jobs.statusTitle}</th>
-                        <th scope="col">{t.jobs.stage}</th>
-                        <th scope="col" class="number">
-                            {t.jobs.time}
-                        </th>
-                        <th scope="col">{t.created}</th>
-                        <th>
-                            <span class="unseen">{t.remove}</span>
-                        </th>
-                    </tr>
-                </thead>
-                <tbody>
-                    {jobs.map((job) => {
-                        const seconds = runningSeconds(job);
-                        const name = `${t.jobs.kind[job.kind]}, ${date(job.created_at)}`;
-                        return (
-                            <tr key={job.id}>
-                                <td class="name">
-                                    <a href={href("jobs", job.id)} aria-label={name}>
-                                        {t.jobs.kind[job.kind]}
-                                    </a>
-                                    {job.label && <span class="quiet"> · {job.label}</span>}
-                                </td>
-                                <td data-title={t.jobs.statusTitle}>
-                                    <StatusTag status={job.status} />
-                                </td>
-                                <td data-title={t.jobs.stage}>
-                                    {job.stage && !isFinished(job) ? (t.jobs.stages[job.stage] ?? job.stage) : ""}
-                                </td>
-                                <td data-title={t.jobs.time} class="number">
-                                    {seconds === undefined ? "" : duration(seconds)}
-                                </td>
-                                <td data-title={t.created}>{date(job.created_at)}</td>
-                                <td class="act">
-                                    {isFinished(job) && (
-                                        <DeleteButton
-                                            name={name}
-                                            consequence={t.confirm.job}
-                                            label={`${t.remove}: ${name}`}
-                                            className="bare"
-                                            onConfirm={() =>
-                                                ok(api.DELETE("/v1/jobs/{id}", { params: { path: { id: job.id } } }))
-                                            }
-                                            onDone={onChange}
-                                        />
-                                    )}
-                                </td>
-                            </tr>
-                        );
-                    })}
-                </tbody>
-            </table>
-        </div>
-    );
+    const nameOf = (job: Job) => `${t.jobs.kind[job.kind]}, ${date(job.created_at)}`;
+    const columns: Column<Job>[] = [
+        {
+            title: t.jobs.job,
+            kind: "name",
+            cell: (job) => (
+                <>
+                    <a href={href("jobs", job.id)} aria-label={nameOf(job)}>
+                        {t.jobs.kind[job.kind]}
+                    </a>
+                    {job.label && <span class="quiet"> · {job.label}</span>}
+                </>
+            ),
+        },
+        { title: t.jobs.statusTitle, cell: (job) => <StatusTag status={job.status} /> },
+        {
+            title: t.jobs.stage,
+            cell: (job) => job.stage && !isFinished(job) && (t.jobs.stages[job.stage] ?? job.stage),
+        },
+        {
+            title: t.jobs.time,
+            kind: "number",
+            cell: (job) => {
+                const seconds = runningSeconds(job);
+                return seconds !== undefined && duration(seconds);
+            },
+        },
+        { title: t.created, cell: (job) => date(job.created_at) },
+        {
+            title: t.remove,
+            kind: "act",
+            cell: (job) =>
+                isFinished(job) && (
+                    <DeleteButton
+                        name={nameOf(job)}
+                        consequence={t.confirm.job}
+                        label={`${t.remove}: ${nameOf(job)}`}
+                        className="bare"
+                        onConfirm={() => ok(api.DELETE("/v1/jobs/{id}", { params: { path: { id: job.id } } }))}
+                        onDone={onChange}
+                    />
+                ),
+        },
+    ];
+    return <Table caption={t.jobs.table} columns={columns} rows={jobs} keyOf={(job) => job.id} />;
 }

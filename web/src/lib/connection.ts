@@ -1,3 +1,4 @@
+import { at } from "./address";
 import { createStore } from "./store";
 
 /** Whether the server answers; `epoch` counts how often it came back, so that views know when to look again. */
@@ -22,7 +23,7 @@ async function askUntilAnswered(): Promise<void> {
 
 async function isAnswered(): Promise<boolean> {
     try {
-        return (await fetch("/healthz", { cache: "no-store" })).ok;
+        return (await fetch(at("/healthz"), { cache: "no-store" })).ok;
     } catch {
         return false;
     }

@@ -1,6 +1,7 @@
 import { useState } from "preact/hooks";
 
 import type { Schema } from "../api/client";
+import { at } from "../lib/address";
 import { bytes } from "../lib/format";
 import { t } from "../texts";
 import { Choice } from "../ui/pieces";
@@ -8,7 +9,7 @@ import { cloudFormats, has, meshFormats, posesFormats, scansFormats } from "./so
 
 /** The files of the model, in every format that the server writes. */
 export function Downloads({ model }: { model: Schema["Model"] }) {
-    const base = `/v1/models/${encodeURIComponent(model.id)}`;
+    const base = at(`/v1/models/${encodeURIComponent(model.id)}`);
     return (
         <section class="panel stack">
             <h2>{t.model.downloads}</h2>

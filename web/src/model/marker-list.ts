@@ -14,6 +14,8 @@ interface Told {
     found: Found | undefined;
     shown: { landmarks: boolean; triangle: boolean };
     marks: readonly [string, Place][];
+    /** Whether the marks are the corners of one. */
+    isTriangle: boolean;
     measured: readonly Place[];
     distance: string | undefined;
 }
@@ -23,7 +25,8 @@ const markColour = "#ff9d2e";
 const measureColour = "#2f9bff";
 
 /** All that stands beside the surface. */
-export function markersOf({ names, poses, found, shown, marks, measured, distance }: Told): Markers {
+export function markersOf(told: Told): Markers {
+    const { names, poses, found, shown, marks, isTriangle, measured, distance } = told;
     const points: Marker[] = [];
     const lines: Markers["lines"] = [];
     for (const [name, pose] of Object.entries(poses ?? {})) {
@@ -39,6 +42,8 @@ export function markersOf({ names, poses, found, shown, marks, measured, distanc
     const corners = found?.triangle?.filter(isPlace);
     if (corners?.length === 3 && shown.triangle) lines.push({ places: corners, isClosed: true, colour: foundColour });
     for (const [name, at] of marks) points.push({ kind: "point", at, text: name, colour: markColour });
+    if (isTriangle && marks.length > 1)
+        lines.push({ places: marks.map(([, at]) => at), isClosed: marks.length > 2, colour: markColour });
     measured.forEach((at, index) =>
         points.push({
             kind: "point",

@@ -1,20 +1,25 @@
 import { useMemo, useState } from "preact/hooks";
 
 import type { Schema } from "../api/client";
-import { announce } from "../lib/announce";
-import { length, number, figure } from "../lib/format";
 import { t } from "../texts";
-import { Check, Choice } from "../ui/pieces";
+import { Choice } from "../ui/pieces";
 import { css, modesOf, viewColour, type ColourMode } from "../viewer/colours";
 import { byAxis, ofFace } from "../viewer/facing";
 import { fetchSurface } from "../viewer/load";
 import type { Markers, Place } from "../viewer/marker-types";
-import type { Cut } from "../viewer/scene";
+import type { Overlay } from "../viewer/overlay";
+import type { Cut, Pick } from "../viewer/scene";
 import type { Surface } from "../viewer/surface";
 import { Viewer } from "../viewer/viewer";
+import { Counts } from "./counts";
 import { CutControls } from "./cut-controls";
+import { Deviation } from "./deviation";
+import { Legend } from "./legend";
+import { modeOf } from "./look-modes";
 import { markersOf, type Found } from "./marker-list";
-import { has, surfaceUrl, type Kind, type Matrix, type Report } from "./sources";
+import { MeasureNote, useMeasuring } from "./measuring";
+import { ShownControls } from "./shown-controls";
+import { has, isMeasured, measuredUrl, surfaceUrl, type Kind, type Matrix, type Report } from "./sources";
 import { ViewList } from "./view-list";
 
 interface Props {
@@ -22,19 +27,25 @@ interface Props {
     report: Report | undefined;
     poses: Record<string, Matrix | null> | undefined;
     found: Found | undefined;
-    /** Landmarks that are being picked. */
-    marks: [string, Place][];
-    onMark?: ((place: Place) => void) | undefined;
+    /** Places that are being picked, closed to a triangle where they are one. */
+    marks: readonly [string, Place][];
+    isTriangle: boolean;
+    onPick: ((pick: Pick) => void) | undefined;
+    overlay: Overlay | undefined;
+    /** The model that it is compared with at first. */
+    reference: string;
 }
 
 const nothingHidden: ReadonlySet<number> = new Set();
 
 /** The surface of a model with all that can be asked of it. */
-export function ModelViewer({ model, report, poses, found, marks, onMark }: Props) {
+export function ModelViewer({ model, report, poses, found, marks, isTriangle, overlay, ...props }: Props) {
     const kinds = (["mesh", "cloud"] as const).filter((kind) => has(model, kind));
     const [kind, setKind] = useState<Kind>(kinds[0] ?? "cloud");
     const [surface, setSurface] = useState<Surface>();
-    const [wanted, setWanted] = useState<ColourMode>();
+    const [ownModes, setOwnModes] = useState<ColourMode[]>(["plain"]);
+    const [reference, setReference] = useState(props.reference);
+    const [wanted, setWanted] = useState<ColourMode | undefined>(props.reference ? "deviation" : undefined);
     const [range, setRange] = useState<[number, number]>();
     const face = useMemo(() => found && ofFace(found.landmarks), [found]);
     const [up, setUp] = useState(face ? "face" : "1");
@@ -42,24 +53,12 @@ export function ModelViewer({ model, report, poses, found, marks, onMark }: Prop
     const [cut, setCut] = useState<Cut>();
     const [hidden, setHidden] = useState(nothingHidden);
     const [fitTurn, setFitTurn] = useState(0);
-    const [isMeasuring, setMeasuring] = useState(false);
-    const [measured, setMeasured] = useState<Place[]>([]);
+    const measuring = useMeasuring(model.unit);
     const [shown, setShown] = useState({ scanners: false, landmarks: true, triangle: true });
     const names = report?.views.map((view) => view.name) ?? [];
-    const modes: ColourMode[] = surface ? modesOf(surface) : ["plain"];
-    // what a person chose is kept where the other surface has it too
-    const mode =
-        wanted && modes.includes(wanted)
-            ? wanted
-            : modes.includes("scan")
-              ? "scan"
-              : modes.includes("view") && kind === "cloud"
-                ? "view"
-                : "plain";
-    const distance =
-        measured.length === 2
-            ? Math.hypot(...[0, 1, 2].map((axis) => (measured[1]?.[axis] ?? 0) - (measured[0]?.[axis] ?? 0)))
-            : undefined;
+    // what is measured comes with a surface of its own; a deviation has to be from something
+    const measured = wanted && isMeasured(wanted) && (wanted === "saliency" || reference) ? wanted : undefined;
+    const mode = measured ?? modeOf(wanted, ownModes, kind);
     const markers: Markers = useMemo(
         () =>
             markersOf({
@@ -68,34 +67,23 @@ export function ModelViewer({ model, report, poses, found, marks, onMark }: Prop
                 found,
                 shown,
                 marks,
-                measured,
-                distance: distance === undefined ? undefined : length(distance, model.unit),
+                isTriangle,
+                measured: measuring.places,
+                distance: measuring.text,
             }),
-        [poses, found, shown, marks, measured, report],
+        [poses, found, shown, marks, isTriangle, measuring.places, report],
     );
     const look = useMemo(() => ({ mode, facing, cut, hidden }), [mode, facing, cut, hidden]);
-    const measure = (place: Place) => {
-        const next = measured.length === 1 ? [...measured, place] : [place];
-        setMeasured(next);
-        if (next.length === 1) announce(t.viewer.measureNext);
-        else
-            announce(
-                t.viewer.distance(
-                    length(
-                        Math.hypot(...[0, 1, 2].map((axis) => (next[1]?.[axis] ?? 0) - (next[0]?.[axis] ?? 0))),
-                        model.unit,
-                    ),
-                ),
-            );
-    };
     if (kinds.length === 0) return <p class="empty panel">{t.model.noSurface}</p>;
-    const onPick = isMeasuring ? measure : onMark;
+    const onPick = measuring.isOn ? ({ place }: Pick) => measuring.pick(place) : props.onPick;
     const axes = (["X", "Y", "Z"] as const).map((axis, index) => [String(index), axis] as const);
     const ups = face ? [["face", t.viewer.upOfFace] as const, ...axes] : axes;
+    const modes: ColourMode[] = [...ownModes, "saliency", "deviation"];
+    const url = measured ? measuredUrl(model, measured, reference) : surfaceUrl(model, kind);
     return (
         <div>
             <div class="tools">
-                {kinds.length > 1 && (
+                {kinds.length > 1 && !measured && (
                     <Choice
                         label={t.viewer.show}
                         value={kind}
@@ -105,7 +93,7 @@ export function ModelViewer({ model, report, poses, found, marks, onMark }: Prop
                 )}
                 <Choice
                     label={t.viewer.colour}
-                    value={mode}
+                    value={wanted === "deviation" ? wanted : mode}
                     choices={modes.map((name) => [name, t.viewer.colours[name]] as const)}
                     onChange={setWanted}
                 />
@@ -113,87 +101,46 @@ export function ModelViewer({ model, report, poses, found, marks, onMark }: Prop
                 <button type="button" onClick={() => setFitTurn((count) => count + 1)}>
                     {t.viewer.fit}
                 </button>
-                <button
-                    type="button"
-                    aria-pressed={isMeasuring}
-                    onClick={() => {
-                        setMeasuring(!isMeasuring);
-                        setMeasured([]);
-                    }}
-                >
+                <button type="button" aria-pressed={measuring.isOn} onClick={measuring.toggle}>
                     {t.viewer.measure}
                 </button>
             </div>
             <Viewer
-                source={`${model.id}/${kind}`}
+                source={url}
                 keepsView
-                load={(signal, onShare) => fetchSurface(surfaceUrl(model, kind), signal, onShare)}
+                load={(signal, onShare) => fetchSurface(url, signal, onShare)}
                 look={look}
                 markers={markers}
-                onLoaded={setSurface}
+                overlay={overlay}
+                onLoaded={(loaded) => {
+                    setSurface(loaded);
+                    if (!measured) setOwnModes(modesOf(loaded));
+                }}
                 onRange={setRange}
                 onPick={onPick}
                 fitTurn={fitTurn}
             />
             <p class="quiet small row spread">
                 <span>{onPick ? t.viewer.pickHint : t.viewer.help}</span>
-                {surface && (
-                    <span class="number" data-testid="counts">
-                        {surface.triangles
-                            ? t.viewer.counts(
-                                  number(surface.positions.length / 3),
-                                  number(surface.triangles.length / 3),
-                              )
-                            : t.viewer.cloudCounts(number(surface.positions.length / 3))}
-                    </span>
-                )}
+                {surface && <Counts surface={surface} />}
             </p>
-            {isMeasuring && (
-                <div class="note">
-                    <p data-testid="distance">
-                        {distance === undefined
-                            ? measured.length === 1
-                                ? t.viewer.measureNext
-                                : t.viewer.measureHelp
-                            : t.viewer.distance(length(distance, model.unit))}
-                    </p>
-                    {model.unit === "unknown" && <p class="small">{t.model.unitNote}</p>}
-                </div>
-            )}
-            {range && (mode === "height" || mode === "support") && (
-                <p class="row small">
-                    <Scale />{" "}
-                    {mode === "height"
-                        ? t.viewer.lowHigh(length(range[0], model.unit), length(range[1], model.unit))
-                        : t.viewer.lowHigh(figure(range[0]), figure(range[1]))}
-                </p>
-            )}
+            {measuring.isOn && <MeasureNote measuring={measuring} unit={model.unit} />}
+            {range && <Legend mode={mode} range={range} unit={model.unit} />}
+            {wanted === "deviation" && <Deviation model={model} reference={reference} onReference={setReference} />}
             <div class="halves">
                 <CutControls cut={cut} onChange={setCut} />
                 <fieldset>
                     <legend>{t.viewer.show}</legend>
-                    {poses && (
-                        <Check
-                            label={t.viewer.scanners}
-                            isOn={shown.scanners}
-                            onChange={(scanners) => setShown({ ...shown, scanners })}
-                        />
-                    )}
-                    {found && (
-                        <Check
-                            label={t.viewer.landmarks}
-                            isOn={shown.landmarks}
-                            onChange={(landmarks) => setShown({ ...shown, landmarks })}
-                        />
-                    )}
-                    {found?.triangle && (
-                        <Check
-                            label={t.viewer.triangle}
-                            isOn={shown.triangle}
-                            onChange={(triangle) => setShown({ ...shown, triangle })}
-                        />
-                    )}
-                    {kind === "cloud" && surface?.views && names.length > 0 && (
+                    <ShownControls
+                        has={{
+                            scanners: poses !== undefined,
+                            landmarks: found !== undefined,
+                            triangle: found?.triangle !== undefined,
+                        }}
+                        shown={shown}
+                        onChange={setShown}
+                    />
+                    {kind === "cloud" && !measured && surface?.views && names.length > 0 && (
                         <ViewList
                             names={names}
                             hidden={hidden}
@@ -205,24 +152,5 @@ export function ModelViewer({ model, report, poses, found, marks, onMark }: Prop
                 </fieldset>
             </div>
         </div>
-    );
-}
-
-/** The colours of a scale, low to high. */
-function Scale() {
-    return (
-        <svg width="120" height="12" aria-hidden="true">
-            <defs>
-                <linearGradient id="scale">
-                    <stop offset="0" stop-color="#440154" />
-                    <stop offset=".2" stop-color="#414487" />
-                    <stop offset=".4" stop-color="#2a788e" />
-                    <stop offset=".6" stop-color="#22a884" />
-                    <stop offset=".8" stop-color="#7ad151" />
-                    <stop offset="1" stop-color="#fde725" />
-                </linearGradient>
-            </defs>
-            <rect width="120" height="12" rx="3" fill="url(#scale)" />
-        </svg>
     );
 }

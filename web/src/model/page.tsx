@@ -8,16 +8,20 @@ import { useLoad } from "../lib/use-load";
 import { t } from "../texts";
 import { DeleteButton } from "../ui/confirm";
 import { Loading, PageTitle, Trouble } from "../ui/pieces";
-import type { Place } from "../viewer/marker-types";
+import type { Overlay } from "../viewer/overlay";
+import type { Pick } from "../viewer/scene";
+import { compareAddress } from "./deviation";
 import { Downloads } from "./downloads";
-import { StandardMaker } from "./standard-maker";
-import { ModelViewer } from "./model-viewer";
 import type { Found } from "./marker-list";
+import { ModelViewer } from "./model-viewer";
+import { SeveralPlaces } from "./several-places";
 import { has, reportOf, type Matrix } from "./sources";
+import { StandardMaker, type Mark } from "./standard-maker";
+import { TriangleAsker } from "./triangle-asker";
 import { VerdictPanel } from "./verdict";
 
 /** One model: its surface, what is to be thought of it, and its files. */
-export function ModelPage({ id }: { id: string }) {
+export function ModelPage({ id, query }: { id: string; query: URLSearchParams }) {
     const {
         data: model,
         error,
@@ -32,16 +36,18 @@ export function ModelPage({ id }: { id: string }) {
                 <Trouble error={error} />
             </>
         );
-    return <Shown model={model} />;
+    return <Shown model={model} reference={query.get("reference") ?? ""} />;
 }
 
-function Shown({ model }: { model: Schema["Model"] }) {
+function Shown({ model, reference }: { model: Schema["Model"]; reference: string }) {
     const report = useMemo(() => reportOf(model), [model]);
     const poses = usePoses(model);
     const found = useMemo(() => foundOn(model), [model]);
-    const [isMarking, setMarking] = useState(false);
-    const [marks, setMarks] = useState<[string, Place][]>([]);
-    const mark = (place: Place) => {
+    const [picking, setPicking] = useState<"marks" | "triangle">();
+    const [marks, setMarks] = useState<Mark[]>([]);
+    const [corners, setCorners] = useState<Pick[]>([]);
+    const [overlay, setOverlay] = useState<Overlay>();
+    const mark = ({ place }: Pick) => {
         // a name that was removed is free again
         let count = 1;
         while (marks.some(([name]) => name === t.marks.nameOf(count))) count += 1;
@@ -49,11 +55,27 @@ function Shown({ model }: { model: Schema["Model"] }) {
         setMarks([...marks, [name, place]]);
         announce(t.marks.picked(name));
     };
+    const corner = (pick: Pick) => {
+        // a fourth begins another triangle
+        const next = corners.length < 3 ? [...corners, pick] : [pick];
+        setCorners(next);
+        announce(t.marks.picked(t.triangle.corner(next.length)));
+    };
+    const isTriangle = picking === "triangle" || (picking === undefined && marks.length === 0);
+    const shownMarks = useMemo(
+        () => (isTriangle ? corners.map(({ place }, index): Mark => [t.triangle.corner(index + 1), place]) : marks),
+        [isTriangle, corners, marks],
+    );
+    const pick = { marks: mark, triangle: corner };
+    const toggle = (what: "marks" | "triangle") => (isOn: boolean) => setPicking(isOn ? what : undefined);
     return (
         <>
             <PageTitle title={model.name}>
                 <a class="button" href={`${href("gallery")}?like=${encodeURIComponent(model.id)}`}>
                     {t.model.like}
+                </a>
+                <a class="button" href={compareAddress(model.id, reference)}>
+                    {t.compare.with}
                 </a>
                 <DeleteButton
                     name={model.name}
@@ -69,14 +91,27 @@ function Shown({ model }: { model: Schema["Model"] }) {
                         report={report}
                         poses={poses}
                         found={found}
-                        marks={marks}
-                        onMark={isMarking ? mark : undefined}
+                        marks={shownMarks}
+                        isTriangle={isTriangle}
+                        onPick={picking && pick[picking]}
+                        overlay={overlay}
+                        reference={reference}
+                    />
+                    {report && poses && report.alternatives.length > 0 && (
+                        <SeveralPlaces model={model} report={report} poses={poses} onOverlay={setOverlay} />
+                    )}
+                    <TriangleAsker
+                        unit={model.unit}
+                        isPicking={picking === "triangle"}
+                        picks={corners}
+                        onPicking={toggle("triangle")}
+                        onPicks={setCorners}
                     />
                     <StandardMaker
                         model={model}
-                        isMarking={isMarking}
+                        isMarking={picking === "marks"}
                         marks={marks}
-                        onMarking={setMarking}
+                        onMarking={toggle("marks")}
                         onMarks={setMarks}
                     />
                 </div>

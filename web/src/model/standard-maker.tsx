@@ -2,6 +2,7 @@ import { useState } from "preact/hooks";
 
 import { api, ok, type Schema } from "../api/client";
 import { send } from "../api/upload";
+import { at } from "../lib/address";
 import { announce } from "../lib/announce";
 import { href } from "../lib/router";
 import { t } from "../texts";
@@ -9,12 +10,15 @@ import { TextField, Trouble } from "../ui/pieces";
 import type { Place } from "../viewer/marker-types";
 import { has, surfaceUrl } from "./sources";
 
+/** A place with a name. */
+export type Mark = [string, Place];
+
 interface Props {
     model: Schema["Model"];
     isMarking: boolean;
-    marks: [string, Place][];
+    marks: Mark[];
     onMarking: (isMarking: boolean) => void;
-    onMarks: (marks: [string, Place][]) => void;
+    onMarks: (marks: Mark[]) => void;
 }
 
 const least = 3;
@@ -40,7 +44,7 @@ export function StandardMaker({ model, isMarking, marks, onMarking, onMarks }: P
             form.append("landmarks", JSON.stringify(Object.fromEntries(marks.map(([mark, at]) => [mark.trim(), at]))));
             // the model itself is one
             form.append("positive", JSON.stringify([model.id]));
-            const standard = await send<Schema["Standard"]>({ method: "POST", url: "/v1/standards", body: form });
+            const standard = await send<Schema["Standard"]>({ method: "POST", url: at("/v1/standards"), body: form });
             setSaved(standard.name);
             announce(t.marks.saved(standard.name));
             onMarks([]);

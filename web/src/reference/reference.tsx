@@ -1,5 +1,6 @@
 import { useEffect, useState } from "preact/hooks";
 
+import { at } from "../lib/address";
 import { useLoad } from "../lib/use-load";
 import { t } from "../texts";
 import { Loading, PageTitle, TextField, Trouble } from "../ui/pieces";
@@ -11,7 +12,7 @@ import { SchemaView } from "./schema-view";
 
 /** The contract as the running server has it. */
 async function contract(): Promise<Contract> {
-    const response = await fetch("/openapi.json");
+    const response = await fetch(at("/openapi.json"));
     if (!response.ok) throw new Error(`HTTP ${response.status}`);
     return response.json();
 }
@@ -22,13 +23,13 @@ export function Reference() {
         <>
             <header class="top">
                 <div class="top-inner">
-                    <a class="brand" href="/">
-                        <img src="/favicon.svg" alt="" />
+                    <a class="brand" href={at("/")}>
+                        <img src={at("/favicon.svg")} alt="" />
                         visage
                     </a>
                     <nav aria-label={t.nav.label}>
-                        <a href="/">{t.reference.back}</a>
-                        <a href="/openapi.yaml">{t.reference.download}</a>
+                        <a href={at("/")}>{t.reference.back}</a>
+                        <a href={at("/openapi.yaml")}>{t.reference.download}</a>
                     </nav>
                     <Settings />
                 </div>

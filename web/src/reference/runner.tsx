@@ -1,5 +1,6 @@
 import { useState } from "preact/hooks";
 
+import { at } from "../lib/address";
 import { bytes } from "../lib/format";
 import { t } from "../texts";
 import { Choice, Field, Trouble } from "../ui/pieces";
@@ -35,7 +36,7 @@ export function Runner({ contract, call }: { contract: Contract; call: Call }) {
                 method: call.method.toUpperCase(),
                 ...(body !== undefined && { body, headers: { "content-type": "application/json" } }),
             };
-            setOutcome(await outcomeOf(await fetch(addressOf(call, values), init)));
+            setOutcome(await outcomeOf(await fetch(at(addressOf(call, values)), init)));
         } catch (fault) {
             setError(fault);
         } finally {
@@ -88,7 +89,7 @@ export function Runner({ contract, call }: { contract: Contract; call: Call }) {
             )}
             <div>
                 <span class="label">{t.reference.example}</span>
-                <pre tabIndex={0}>{curl(contract, call, values, body, location.origin)}</pre>
+                <pre tabIndex={0}>{curl(contract, call, values, body, location.origin + at("").slice(0, -1))}</pre>
             </div>
             {!canRun && !isStream && <p class="quiet small">{t.reference.files}</p>}
             {canRun && (

@@ -1,4 +1,4 @@
-import { api, ok } from "../api/client";
+import { api, ok, type Schema } from "../api/client";
 import { date, number } from "../lib/format";
 import { go, href } from "../lib/router";
 import { useInfo } from "../lib/use-info";
@@ -6,6 +6,7 @@ import { t } from "../texts";
 import { DeleteButton } from "../ui/confirm";
 import { usePages } from "../ui/pages";
 import { Loading, PageTitle, Trouble } from "../ui/pieces";
+import { Table, type Column } from "../ui/table";
 import { keepFile } from "./kept-files";
 import { Upload } from "./upload";
 
@@ -36,66 +37,40 @@ export function ScanSetList() {
                 <Trouble error={sets.error} />
                 {!sets.items && sets.isLoading && <Loading />}
                 {sets.items?.length === 0 && <p class="empty">{t.scanSets.empty}</p>}
-                {sets.items && sets.items.length > 0 && (
-                    <div class="table-wrap">
-                        <table class="folds">
-                            <caption class="unseen">{t.scanSets.table}</caption>
-                            <thead>
-                                <tr>
-                                    <th scope="col">{t.name}</th>
-                                    <th scope="col" class="number">
-                                        {t.set.scans}
-                                    </th>
-                                    <th scope="col" class="number">
-                                        {t.points}
-                                    </th>
-                                    <th scope="col">{t.unit}</th>
-                                    <th scope="col">{t.created}</th>
-                                    <th>
-                                        <span class="unseen">{t.remove}</span>
-                                    </th>
-                                </tr>
-                            </thead>
-                            <tbody>
-                                {sets.items.map((set) => (
-                                    <tr key={set.id}>
-                                        <td class="name">
-                                            <a href={href("scan-sets", set.id)}>{set.name}</a>
-                                        </td>
-                                        <td class="number" data-title={t.set.scans}>
-                                            {number(set.scans.length)}
-                                        </td>
-                                        <td class="number" data-title={t.points}>
-                                            {number(set.scans.reduce((sum, scan) => sum + scan.points, 0))}
-                                        </td>
-                                        <td data-title={t.unit}>
-                                            {set.unit === "unknown" ? t.units.unknown : set.unit}
-                                        </td>
-                                        <td data-title={t.created}>{date(set.created_at)}</td>
-                                        <td class="act">
-                                            <DeleteButton
-                                                name={set.name}
-                                                consequence={t.confirm.set}
-                                                label={`${t.remove}: ${set.name}`}
-                                                className="bare"
-                                                onConfirm={() =>
-                                                    ok(
-                                                        api.DELETE("/v1/scan-sets/{id}", {
-                                                            params: { path: { id: set.id } },
-                                                        }),
-                                                    )
-                                                }
-                                                onDone={sets.reload}
-                                            />
-                                        </td>
-                                    </tr>
-                                ))}
-                            </tbody>
-                        </table>
-                    </div>
-                )}
+                {sets.items && sets.items.length > 0 && <SetTable sets={sets.items} onChange={sets.reload} />}
                 {sets.more}
             </section>
         </>
     );
+}
+
+type ScanSet = Schema["ScanSet"];
+
+function SetTable({ sets, onChange }: { sets: readonly ScanSet[]; onChange: () => void }) {
+    const columns: Column<ScanSet>[] = [
+        { title: t.name, kind: "name", cell: (set) => <a href={href("scan-sets", set.id)}>{set.name}</a> },
+        { title: t.set.scans, kind: "number", cell: (set) => number(set.scans.length) },
+        {
+            title: t.points,
+            kind: "number",
+            cell: (set) => number(set.scans.reduce((sum, scan) => sum + scan.points, 0)),
+        },
+        { title: t.unit, cell: (set) => (set.unit === "unknown" ? t.units.unknown : set.unit) },
+        { title: t.created, cell: (set) => date(set.created_at) },
+        {
+            title: t.remove,
+            kind: "act",
+            cell: (set) => (
+                <DeleteButton
+                    name={set.name}
+                    consequence={t.confirm.set}
+                    label={`${t.remove}: ${set.name}`}
+                    className="bare"
+                    onConfirm={() => ok(api.DELETE("/v1/scan-sets/{id}", { params: { path: { id: set.id } } }))}
+                    onDone={onChange}
+                />
+            ),
+        },
+    ];
+    return <Table caption={t.scanSets.table} columns={columns} rows={sets} keyOf={(set) => set.id} />;
 }

@@ -1,6 +1,8 @@
 import { api, ok, type Schema } from "../api/client";
+import { large, sendInPieces } from "../api/pieces";
 import { send } from "../api/upload";
 import type { Chosen, Role } from "./files";
+import { at } from "../lib/address";
 
 export type State = "waiting" | "sending" | "again" | "done" | "failed";
 
@@ -35,21 +37,21 @@ export async function sendOneByOne(
     const id =
         target.id ??
         (await ok(api.POST("/v1/scan-sets", { body: { name: target.name || null, unit: target.unit }, signal }))).id;
-    const base = `/v1/scan-sets/${encodeURIComponent(id)}`;
+    const base = at(`/v1/scan-sets/${encodeURIComponent(id)}`);
     const put = async (index: number, url: string) => {
         const item = items[index];
         if (!item) return;
         changed(index, { state: "sending", sent: 0, error: undefined });
         try {
-            await send({
-                method: "PUT",
-                url,
-                body: item.file,
-                signal,
-                headers: { "content-type": "application/octet-stream" },
-                onProgress: (sent) => changed(index, { state: "sending", sent }),
-                onRetry: () => changed(index, { state: "again", sent: 0 }),
-            });
+            const onProgress = (sent: number) => changed(index, { state: "sending", sent });
+            if (item.role === "scan" && item.file.size > large) {
+                const onRetry = () => changed(index, { state: "again" });
+                await sendInPieces({ set: id, name: item.name, file: item.file, signal, onProgress, onRetry });
+            } else {
+                const onRetry = () => changed(index, { state: "again", sent: 0 });
+                const headers = { "content-type": "application/octet-stream" };
+                await send({ method: "PUT", url, body: item.file, signal, headers, onProgress, onRetry });
+            }
             changed(index, { state: "done", sent: item.file.size });
         } catch (error) {
             if (signal.aborted) throw error;
@@ -94,7 +96,7 @@ export async function sendForm(
     try {
         const set = await send<Schema["ScanSet"]>({
             method: "POST",
-            url: "/v1/scan-sets/upload",
+            url: at("/v1/scan-sets/upload"),
             body: form,
             signal,
             // the same form sent again after a lost connection makes no second set

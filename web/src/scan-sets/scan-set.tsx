@@ -5,9 +5,11 @@ import { date, bytes, number } from "../lib/format";
 import { go, href } from "../lib/router";
 import { useInfo } from "../lib/use-info";
 import { useLoad } from "../lib/use-load";
+import { compareAddress } from "../model/deviation";
 import { t } from "../texts";
 import { DeleteButton } from "../ui/confirm";
 import { Loading, PageTitle, Trouble } from "../ui/pieces";
+import { Table, type Column } from "../ui/table";
 import { keepFile } from "./kept-files";
 import { Upload } from "./upload";
 
@@ -60,6 +62,7 @@ export function ScanSetPage({ id }: { id: string }) {
                 <section class="panel">
                     <h2>{t.set.jobs}</h2>
                     <JobTable jobs={jobs.data.items} onChange={jobs.reload} />
+                    <CompareRuns jobs={jobs.data.items} />
                 </section>
             )}
             <section class="panel">
@@ -88,60 +91,35 @@ export function ScanSetPage({ id }: { id: string }) {
 }
 
 function ScanTable({ set, onChange }: { set: Schema["ScanSet"]; onChange: () => void }) {
+    const columns: Column<Schema["ScanView"]>[] = [
+        { title: t.set.scan, kind: "name", cell: (scan) => scan.name },
+        { title: t.points, kind: "number", cell: (scan) => number(scan.points) },
+        { title: t.size, kind: "number", cell: (scan) => bytes(scan.bytes) },
+        { title: t.set.notes, kind: "small", cell: (scan) => readingNotes(scan.reading).join(" · ") },
+        {
+            title: t.remove,
+            kind: "act",
+            cell: (scan) => (
+                <DeleteButton
+                    name={scan.name}
+                    consequence={t.confirm.scan}
+                    label={`${t.remove}: ${scan.name}`}
+                    className="bare"
+                    onConfirm={() =>
+                        ok(
+                            api.DELETE("/v1/scan-sets/{id}/scans/{name}", {
+                                params: { path: { id: set.id, name: scan.name } },
+                            }),
+                        )
+                    }
+                    onDone={onChange}
+                />
+            ),
+        },
+    ];
     return (
         <>
-            <div class="table-wrap">
-                <table class="folds">
-                    <caption class="unseen">{t.set.scans}</caption>
-                    <thead>
-                        <tr>
-                            <th scope="col">{t.set.scan}</th>
-                            <th scope="col" class="number">
-                                {t.points}
-                            </th>
-                            <th scope="col" class="number">
-                                {t.size}
-                            </th>
-                            <th scope="col">{t.set.notes}</th>
-                            <th>
-                                <span class="unseen">{t.remove}</span>
-                            </th>
-                        </tr>
-                    </thead>
-                    <tbody>
-                        {set.scans.map((scan) => (
-                            <tr key={scan.name}>
-                                <td class="name">{scan.name}</td>
-                                <td class="number" data-title={t.points}>
-                                    {number(scan.points)}
-                                </td>
-                                <td class="number" data-title={t.size}>
-                                    {bytes(scan.bytes)}
-                                </td>
-                                <td class="small" data-title={t.set.notes}>
-                                    {readingNotes(scan.reading).join(" · ")}
-                                </td>
-                                <td class="act">
-                                    <DeleteButton
-                                        name={scan.name}
-                                        consequence={t.confirm.scan}
-                                        label={`${t.remove}: ${scan.name}`}
-                                        className="bare"
-                                        onConfirm={() =>
-                                            ok(
-                                                api.DELETE("/v1/scan-sets/{id}/scans/{name}", {
-                                                    params: { path: { id: set.id, name: scan.name } },
-                                                }),
-                                            )
-                                        }
-                                        onDone={onChange}
-                                    />
-                                </td>
-                            </tr>
-                        ))}
-                    </tbody>
-                </table>
-            </div>
+            <Table caption={t.set.scans} columns={columns} rows={set.scans} keyOf={(scan) => scan.name} />
             {set.passed_over.length > 0 && (
                 <details>
                     <summary>{t.set.passedOver}</summary>
@@ -182,4 +160,10 @@ function Poses({ set }: { set: Schema["ScanSet"] }) {
             ))}
         </>
     );
+}
+
+/** What the newest job made beside what the one before it made. */
+function CompareRuns({ jobs }: { jobs: readonly Schema["Job"][] }) {
+    const [newest, before] = jobs.flatMap((job) => job.model_id ?? []);
+    return newest && before ? <a href={compareAddress(before, newest)}>{t.compare.runs}</a> : null;
 }

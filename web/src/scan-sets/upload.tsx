@@ -5,6 +5,7 @@ import { announce } from "../lib/announce";
 import { bytes } from "../lib/format";
 import { t } from "../texts";
 import { TextField, Trouble, UnitChoice, type Unit } from "../ui/pieces";
+import { Table, type Column } from "../ui/table";
 import { DropZone } from "./drop-zone";
 import { hasSeveralPoses, needsForm, needsUnit, roles, withoutCommonFolder, type Chosen, type Role } from "./files";
 import { sendForm, sendOneByOne, type Item } from "./queue";
@@ -190,51 +191,38 @@ function FileTable(props: {
     const choices = (["scan", "archive", "poses", "skip"] as const).map(
         (role) => [role, t.upload.roles[role]] as const,
     );
-    return (
-        <div class="table-wrap">
-            <table class="folds">
-                <caption class="unseen">{t.upload.table}</caption>
-                <thead>
-                    <tr>
-                        <th scope="col">{t.upload.file}</th>
-                        <th scope="col" class="number">
-                            {t.size}
-                        </th>
-                        <th scope="col">{t.upload.role}</th>
-                        <th scope="col">{t.upload.state}</th>
-                    </tr>
-                </thead>
-                <tbody>
-                    {props.items.map((item, index) => (
-                        <tr key={item.path}>
-                            <td class="name">
-                                {item.name}
-                                {item.error !== undefined && <Trouble error={item.error} />}
-                            </td>
-                            <td class="number" data-title={t.size}>
-                                {bytes(item.file.size)}
-                            </td>
-                            <td data-title={t.upload.role}>
-                                <select
-                                    aria-label={`${t.upload.role}: ${item.name}`}
-                                    disabled={props.isBusy || item.state === "done"}
-                                    value={item.role}
-                                    onChange={(event) => props.onRole(index, event.currentTarget.value as Role)}
-                                >
-                                    {choices.map(([role, text]) => (
-                                        <option key={role} value={role} selected={role === item.role}>
-                                            {text}
-                                        </option>
-                                    ))}
-                                </select>
-                            </td>
-                            <td data-title={t.upload.state}>{item.role !== "skip" && <FileState item={item} />}</td>
-                        </tr>
+    const columns: Column<Item>[] = [
+        {
+            title: t.upload.file,
+            kind: "name",
+            cell: (item) => (
+                <>
+                    {item.name}
+                    {item.error !== undefined && <Trouble error={item.error} />}
+                </>
+            ),
+        },
+        { title: t.size, kind: "number", cell: (item) => bytes(item.file.size) },
+        {
+            title: t.upload.role,
+            cell: (item, index) => (
+                <select
+                    aria-label={`${t.upload.role}: ${item.name}`}
+                    disabled={props.isBusy || item.state === "done"}
+                    value={item.role}
+                    onChange={(event) => props.onRole(index, event.currentTarget.value as Role)}
+                >
+                    {choices.map(([role, text]) => (
+                        <option key={role} value={role} selected={role === item.role}>
+                            {text}
+                        </option>
                     ))}
-                </tbody>
-            </table>
-        </div>
-    );
+                </select>
+            ),
+        },
+        { title: t.upload.state, cell: (item) => item.role !== "skip" && <FileState item={item} /> },
+    ];
+    return <Table caption={t.upload.table} columns={columns} rows={props.items} keyOf={(item) => item.path} />;
 }
 
 function FileState({ item }: { item: Item }) {

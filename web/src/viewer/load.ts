@@ -1,11 +1,12 @@
 import { ApiError, ConnectionError, problemOf } from "../api/client";
 import { lost } from "../lib/connection";
+import { t } from "../texts";
 import { Unreadable } from "./ply-header";
 import type { Outcome, Task } from "./read.worker";
 import type { Surface } from "./surface";
 
 /** Reads a file in a thread of its own. */
-export function read(buffer: ArrayBuffer, kind: Task["kind"]): Promise<Surface> {
+function read(buffer: ArrayBuffer, kind: Task["kind"]): Promise<Surface> {
     const worker = new Worker(new URL("./read.worker.ts", import.meta.url), { type: "module" });
     return new Promise<Surface>((resolve, reject) => {
         worker.addEventListener("message", ({ data }: MessageEvent<Outcome>) => {
@@ -15,6 +16,17 @@ export function read(buffer: ArrayBuffer, kind: Task["kind"]): Promise<Surface> 
         worker.addEventListener("error", (event) => reject(new Error(event.message)));
         worker.postMessage({ buffer, kind } satisfies Task, [buffer]);
     }).finally(() => worker.terminate());
+}
+
+/** Reads a scan from the reader's own disk. */
+export async function readFile(file: File): Promise<Surface> {
+    return read(await file.arrayBuffer(), kindOf(file.name));
+}
+
+function kindOf(name: string): Task["kind"] {
+    if (/\.ply$/i.test(name)) return "ply";
+    if (/\.(xyz|xyzn|xyzrgb|txt|asc|csv|pts)$/i.test(name)) return "xyz";
+    throw new Error(t.hints.unreadable);
 }
 
 /** Fetches a surface of the server; `onShare` is told how much of it has come. */

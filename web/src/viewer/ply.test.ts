@@ -92,3 +92,13 @@ test("an order of points has each of them once, and is the same each time", () =
     expect(firstTenth).toBeGreaterThan(30);
     expect(firstTenth).toBeLessThan(70);
 });
+
+test("figures of vertices are read by their names, and go with their vertices", () => {
+    const head = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n";
+    const more = "property float deviation\nproperty float saliency\nelement face 0\n";
+    const body = "property list uchar int vertex_indices\nend_header\n0 0 0 -1.5 0.25\nnan 0 0 9 9\n1 0 0 nan 0.5\n";
+    const surface = readPly(text(head + more + body));
+    expect([...(surface.deviation ?? [])]).toEqual([-1.5, NaN]);
+    expect([...(surface.saliency ?? [])]).toEqual([0.25, 0.5]);
+    expect(surface.support).toBeUndefined();
+});

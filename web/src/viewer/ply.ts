@@ -1,5 +1,5 @@
 import { header, Unreadable, type Element, type Header } from "./ply-header";
-import type { Surface } from "./surface";
+import { figureNames, type Surface } from "./surface";
 
 /** Reads numbers one after the other, whatever the file's kind. */
 interface Source {
@@ -85,7 +85,12 @@ function vertices(element: Element, source: Source): [Surface, Uint32Array] {
     if (has(["nx", "ny", "nz"])) surface.normals = new Float32Array(count * 3);
     if (colorsAs) surface.colors = new Uint8Array(count * 3);
     if (names.includes("view")) surface.views = new Uint16Array(count);
-    if (names.includes("support")) surface.support = new Float32Array(count);
+    const figures = figureNames.flatMap((name) => {
+        const column = names.indexOf(name);
+        if (column < 0) return [];
+        const values = (surface[name] = new Float32Array(count));
+        return [{ column, values }];
+    });
     const axes = ["x", "y", "z"].map((name) => names.indexOf(name));
     const places = new Uint32Array(count).fill(nowhere);
     const row = new Float64Array(names.length);
@@ -99,7 +104,7 @@ function vertices(element: Element, source: Source): [Surface, Uint32Array] {
     const isFraction = colorsAs !== undefined && element.properties[names.indexOf(colorsAs[0] ?? "")]?.isFraction;
     const putNormal = put(surface.normals, ["nx", "ny", "nz"], 1);
     const putColor = put(surface.colors, colorsAs ?? [], isFraction ? 255 : 1);
-    const [view, support] = [names.indexOf("view"), names.indexOf("support")];
+    const view = names.indexOf("view");
     let written = 0;
     for (let index = 0; index < count; index += 1) {
         element.properties.forEach(({ value, count: length }, column) => {
@@ -115,7 +120,7 @@ function vertices(element: Element, source: Source): [Surface, Uint32Array] {
         putNormal(written);
         putColor(written);
         if (surface.views) surface.views[written] = row[view] as number;
-        if (surface.support) surface.support[written] = row[support] as number;
+        for (const { column, values } of figures) values[written] = row[column] as number;
         places[index] = written;
         written += 1;
     }
@@ -129,7 +134,12 @@ function withoutGaps(surface: Surface, count: number): Surface {
         ...(surface.normals && { normals: surface.normals.slice(0, count * 3) }),
         ...(surface.colors && { colors: surface.colors.slice(0, count * 3) }),
         ...(surface.views && { views: surface.views.slice(0, count) }),
-        ...(surface.support && { support: surface.support.slice(0, count) }),
+        ...Object.fromEntries(
+            figureNames.flatMap((name) => {
+                const values = surface[name];
+                return values ? [[name, values.slice(0, count)]] : [];
+            }),
+        ),
     };
 }
 

@@ -21,10 +21,12 @@ import {
 } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 
-import { colour, shade, type ColourMode } from "./colours";
+import { colour, markDropped, shade, type ColourMode } from "./colours";
 import type { Facing } from "./facing";
+import type { Linked, View } from "./link";
 import { noMarkers, type Markers, type Place } from "./marker-types";
 import { dispose, markerGroup } from "./markers";
+import { overlayPoints, type Overlay } from "./overlay";
 import { pickCloud, pickMesh, type Spot } from "./picking";
 import { shuffled, type Surface } from "./surface";
 
@@ -48,12 +50,21 @@ export interface Label {
     isCovered: boolean;
 }
 
+/** A place that was picked, and the way from it to the eye: what was seen lies on that side. */
+export interface Pick {
+    place: Place;
+    toEye: Place;
+}
+
+/** Whether a place, in the frame of the model, is to be left out. */
+export type IsDropped = (x: number, y: number, z: number) => boolean;
+
 /** How much room a text takes, in pixels. */
 const letterWidth = 7;
 const lineHeight = 18;
 
 /** Draws one surface with what stands beside it, and only when something has changed. */
-export class Stage {
+export class Stage implements Linked {
     private readonly renderer: WebGLRenderer;
     private readonly scene = new Scene();
     private readonly camera = new PerspectiveCamera(40, 1, 0.01, 100);
@@ -69,12 +80,15 @@ export class Stage {
     private cut: Plane | undefined;
     private markers: Markers = noMarkers;
     private group: Group | undefined;
+    private overlay: Points | undefined;
     private frame = 0;
     private isMoving = false;
     private timer: ReturnType<typeof setTimeout> | undefined;
-    /** How often the view was drawn: what tests look at. */
+    /** How often the view was drawn. Tests look at this, and at where the eye is. */
     drawn = 0;
     onLabels: (labels: Label[]) => void = () => undefined;
+    /** Called when the eye has moved, by whomsoever. */
+    onView: (view: View) => void = () => undefined;
 
     constructor(private readonly canvas: HTMLCanvasElement) {
         this.renderer = new WebGLRenderer({ canvas, antialias: true, alpha: true, powerPreference: "low-power" });
@@ -136,9 +150,10 @@ export class Stage {
     }
 
     /** Colours it anew; answers which values the ends of the scale stand for. */
-    paint(mode: ColourMode, axis: 0 | 1 | 2): [number, number] | undefined {
+    paint(mode: ColourMode, axis: 0 | 1 | 2, isDropped?: IsDropped): [number, number] | undefined {
         if (!this.surface) return undefined;
         const { colors, range } = colour(this.surface, mode, axis);
+        if (isDropped) markDropped(colors, this.surface, isDropped);
         const painted = this.mesh ? colors : shade(colors, this.surface.normals);
         // eyes see steps of brightness as screens write them, lights add up otherwise
         const attribute = new BufferAttribute(linear(painted), 3, true);
@@ -187,6 +202,35 @@ export class Stage {
         this.request();
     }
 
+    /** Shows the points of another scan beside it, or none. */
+    setOverlay(overlay: Overlay | undefined): void {
+        if (this.overlay) {
+            this.scene.remove(this.overlay);
+            this.overlay.geometry.dispose();
+            (this.overlay.material as PointsMaterial).dispose();
+        }
+        this.overlay =
+            overlay && overlayPoints(overlay, (place) => this.local(place), 3 * Math.min(devicePixelRatio, 2));
+        if (this.overlay) this.scene.add(this.overlay);
+        this.request();
+    }
+
+    ball(): { center: Place; radius: number } {
+        return { center: this.inModel(this.bounds.center), radius: this.bounds.radius };
+    }
+
+    view(): View {
+        return { eye: this.inModel(this.camera.position), target: this.inModel(this.controls.target) };
+    }
+
+    /** Looks from elsewhere, as another viewer does. */
+    lookFrom({ eye, target }: View): void {
+        this.camera.position.copy(this.local(eye));
+        this.controls.target.copy(this.local(target));
+        this.controls.update();
+        this.moved();
+    }
+
     /** Looks at all of it. */
     fit(facing: Facing): void {
         const upward = new Vector3(...facing.up);
@@ -205,7 +249,7 @@ export class Stage {
         this.controls.minDistance = this.bounds.radius * 0.02;
         this.controls.maxDistance = this.bounds.radius * 30;
         this.controls.update();
-        this.request();
+        this.moved();
     }
 
     /** Turns the eye about what it looks at, by angles in radians. */
@@ -243,25 +287,27 @@ export class Stage {
         this.moved();
     }
 
-    /** The place of the surface under a spot of the canvas, in the coordinates of the model. */
-    pick(x: number, y: number): Place | undefined {
+    /** What of the surface is under a spot of the canvas, in the coordinates of the model. */
+    pick(x: number, y: number): Pick | undefined {
         if (!this.surface) return undefined;
         this.camera.updateMatrixWorld();
         const spot: Spot = { x, y, width: this.canvas.clientWidth, height: this.canvas.clientHeight };
         const found = this.mesh
             ? pickMesh(this.mesh, spot, this.camera, this.cut)
             : pickCloud(this.surface.positions, this.shown, spot, this.camera, this.cut);
-        const { origin } = this.surface;
-        return found && [found.x + origin[0], found.y + origin[1], found.z + origin[2]];
+        if (!found) return undefined;
+        const toEye = this.camera.position.clone().sub(found).normalize();
+        return { place: this.inModel(found), toEye: [toEye.x, toEye.y, toEye.z] };
     }
 
     dispose(): void {
-        cancelAnimationFrame(this.frame);
         clearTimeout(this.timer);
         this.sizes.disconnect();
         this.controls.dispose();
         this.clear();
         if (this.group) dispose(this.group);
+        this.setOverlay(undefined);
+        cancelAnimationFrame(this.frame);
         this.renderer.dispose();
     }
 
@@ -287,12 +333,18 @@ export class Stage {
         return new Vector3(place[0] - origin[0], place[1] - origin[1], place[2] - origin[2]);
     }
 
+    private inModel({ x, y, z }: Vector3): Place {
+        const origin = this.surface?.origin ?? [0, 0, 0];
+        return [x + origin[0], y + origin[1], z + origin[2]];
+    }
+
     private pointSize(): number {
         const count = this.order.length;
         return (count > 400_000 ? 1.6 : count > 60_000 ? 2.2 : 3.2) * Math.min(devicePixelRatio, 2);
     }
 
     private moved(): void {
+        this.onView(this.view());
         this.isMoving = true;
         clearTimeout(this.timer);
         this.timer = setTimeout(() => {
@@ -330,6 +382,9 @@ export class Stage {
         this.camera.updateProjectionMatrix();
         this.renderer.render(this.scene, this.camera);
         this.canvas.dataset["drawn"] = String(this.drawn);
+        this.canvas.dataset["eye"] = this.view()
+            .eye.map((value) => value.toPrecision(6))
+            .join(" ");
         this.onLabels(this.labels());
     }
 

@@ -8,8 +8,15 @@ export interface Surface {
     views?: Uint16Array;
     /** Of each vertex about how many points it is the mean of. */
     support?: Float32Array;
+    /** Of each vertex how far it is from another model; no number where that has nothing. */
+    deviation?: Float32Array;
+    /** Of each vertex how much it stands out. */
+    saliency?: Float32Array;
     triangles?: Uint32Array;
 }
+
+/** What is one number a vertex, by the name that it has in files. */
+export const figureNames = ["support", "deviation", "saliency"] as const;
 
 /** The arrays that can be handed over to another thread without a copy. */
 export function buffersOf(surface: Surface): ArrayBuffer[] {
@@ -18,7 +25,7 @@ export function buffersOf(surface: Surface): ArrayBuffer[] {
         surface.normals,
         surface.colors,
         surface.views,
-        surface.support,
+        ...figureNames.map((name) => surface[name]),
         surface.triangles,
     ];
     return arrays.flatMap((array) => (array ? [array.buffer as ArrayBuffer] : []));

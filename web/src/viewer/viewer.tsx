@@ -6,8 +6,10 @@ import { t } from "../texts";
 import { Trouble } from "../ui/pieces";
 import type { ColourMode } from "./colours";
 import type { Facing } from "./facing";
-import { noMarkers, type Markers, type Place } from "./marker-types";
-import type { Cut, Label, Stage } from "./scene";
+import type { CameraLink } from "./link";
+import { noMarkers, type Markers } from "./marker-types";
+import type { Overlay } from "./overlay";
+import type { Cut, IsDropped, Label, Pick, Stage } from "./scene";
 import type { Surface } from "./surface";
 
 export interface Look {
@@ -15,6 +17,8 @@ export interface Look {
     facing: Facing;
     cut?: Cut | undefined;
     hidden: ReadonlySet<number>;
+    /** What is marked as left out. */
+    isDropped?: IsDropped | undefined;
 }
 
 interface Props {
@@ -23,13 +27,17 @@ interface Props {
     load: (signal: AbortSignal, onShare: (share: number) => void) => Promise<Surface>;
     look: Look;
     markers?: Markers;
+    /** The points of a scan that are shown beside it. */
+    overlay?: Overlay | undefined;
+    /** Viewers that look from the same side. */
+    link?: CameraLink | undefined;
     /** Whether the view stays when another source is loaded: both are in one frame. */
     keepsView?: boolean;
     label?: string;
     onLoaded?: (surface: Surface) => void;
     onRange?: (range: [number, number] | undefined) => void;
     /** Called with a place that was picked; the cross in the middle shows where the keyboard picks. */
-    onPick?: ((place: Place) => void) | undefined;
+    onPick?: ((pick: Pick) => void) | undefined;
     /** Changes when all shall be shown again. */
     fitTurn?: number;
 }
@@ -40,7 +48,7 @@ const step = Math.PI / 24;
 
 /** Draws a surface. three.js comes with the first one. */
 export function Viewer(props: Props) {
-    const { source, look, markers = noMarkers } = props;
+    const { source, look, markers = noMarkers, overlay, link } = props;
     const canvas = useRef<HTMLCanvasElement>(null);
     const [stage, setStage] = useState<Stage>();
     const [surface, setSurface] = useState<Surface>();
@@ -90,8 +98,18 @@ export function Viewer(props: Props) {
         hasShown.current = true;
     }, [stage, surface]);
     useEffect(() => {
-        if (stage && surface) props.onRange?.(stage.paint(look.mode, look.facing.axis));
-    }, [stage, surface, look.mode, look.facing.axis]);
+        if (stage && surface) props.onRange?.(stage.paint(look.mode, look.facing.axis, look.isDropped));
+    }, [stage, surface, look.mode, look.facing.axis, look.isDropped]);
+    useEffect(() => {
+        if (!stage || !surface || !link) return;
+        link.join(stage);
+        stage.onView = (view) => link.moved(stage, view);
+        return () => {
+            stage.onView = () => undefined;
+            link.leave(stage);
+        };
+    }, [stage, surface, link]);
+    useEffect(() => stage?.setOverlay(surface && overlay), [stage, surface, overlay]);
     useEffect(() => stage?.setCut(look.cut), [stage, surface, look.cut]);
     useEffect(() => stage?.showViews(look.hidden), [stage, surface, look.hidden]);
     useEffect(() => stage?.setMarkers(markers), [stage, surface, markers]);
@@ -101,8 +119,8 @@ export function Viewer(props: Props) {
 
     const pick = (x: number, y: number) => {
         if (!stage || !props.onPick) return;
-        const place = stage.pick(x, y);
-        if (place) props.onPick(place);
+        const found = stage.pick(x, y);
+        if (found) props.onPick(found);
         else announce(t.viewer.nothingThere);
     };
     const onKey = (event: KeyboardEvent) => {

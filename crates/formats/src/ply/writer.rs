@@ -69,6 +69,16 @@ pub struct VertexAttributes<'a> {
     pub support: Option<&'a [f32]>,
     /// How far a vertex is from something: `deviation`.
     pub deviation: Option<&'a [f32]>,
+    /// How much a vertex stands out: `saliency`.
+    pub saliency: Option<&'a [f32]>,
+}
+
+impl<'a> VertexAttributes<'a> {
+    /// What is one number a vertex, by the name that it is written under.
+    fn figures(&self) -> impl Iterator<Item = (&'static str, &'a [f32])> {
+        let named = [("support", self.support), ("deviation", self.deviation), ("saliency", self.saliency)];
+        named.into_iter().filter_map(|(name, figures)| Some((name, figures?)))
+    }
 }
 
 /// Writes a mesh with what is known of its vertices; positions as in [`write_cloud`].
@@ -94,11 +104,9 @@ fn surface_as(encoding: Encoding, mesh: &Mesh, attributes: &VertexAttributes) ->
     if attributes.colors.is_some() {
         writer.properties("uchar", &["red", "green", "blue"]);
     }
-    if attributes.support.is_some() {
-        writer.properties("float", &["support"]);
-    }
-    if attributes.deviation.is_some() {
-        writer.properties("float", &["deviation"]);
+    let figures: Vec<_> = attributes.figures().collect();
+    for (name, _) in &figures {
+        writer.properties("float", &[name]);
     }
     writer.header.push_str(&format!("element face {}\n", mesh.faces.len()));
     writer.header.push_str("property list uchar int vertex_indices\n");
@@ -111,12 +119,7 @@ fn surface_as(encoding: Encoding, mesh: &Mesh, attributes: &VertexAttributes) ->
         if let Some(colors) = attributes.colors {
             colors[index].iter().for_each(|x| writer.put_byte(*x));
         }
-        if let Some(support) = attributes.support {
-            writer.put_float(support[index]);
-        }
-        if let Some(deviation) = attributes.deviation {
-            writer.put_float(deviation[index]);
-        }
+        figures.iter().for_each(|(_, figures)| writer.put_float(figures[index]));
         writer.end_row();
     }
     for face in &mesh.faces {

@@ -4,6 +4,7 @@ use axum::extract::Request;
 use axum::http::{HeaderValue, Method, StatusCode};
 
 use super::{Caller, Need, place};
+use crate::forwarded::Client;
 use crate::state::AppState;
 use visage_domain::{AuditEntry, AuditId, Scope};
 
@@ -28,6 +29,7 @@ impl Pending {
         let entry = AuditEntry {
             id: AuditId::new(),
             key: caller.key.as_ref().map(|key| key.id),
+            client: Client::of(request).map(|client| client.address.to_string()),
             request: id.to_owned(),
             method: request.method().as_str().to_owned(),
             route: place(request).chars().take(200).collect(),

@@ -2,8 +2,9 @@
 
 use axum::http::Method;
 use utoipa::IntoResponses;
+use utoipa::openapi::path::Operation;
 use utoipa::openapi::security::{ApiKey, ApiKeyValue, Http, HttpAuthScheme, SecurityRequirement, SecurityScheme};
-use utoipa::openapi::{Components, OpenApi};
+use utoipa::openapi::{Components, OpenApi, RefOr};
 
 use super::SESSION_COOKIE;
 use super::needs::{self, Need};
@@ -28,6 +29,8 @@ pub fn tell(document: &mut OpenApi) {
             (Method::POST, &mut item.post),
             (Method::DELETE, &mut item.delete),
             (Method::PATCH, &mut item.patch),
+            (Method::HEAD, &mut item.head),
+            (Method::OPTIONS, &mut item.options),
         ];
         for (method, operation) in operations {
             let Some(operation) = operation else { continue };
@@ -44,6 +47,18 @@ pub fn tell(document: &mut OpenApi) {
                 responses::TooMany::responses(),
             ];
             operation.responses.responses.extend(refusals.into_iter().flatten());
+            if method == Method::HEAD {
+                without_bodies(operation);
+            }
+        }
+    }
+}
+
+/// What is said to HEAD has no body, errors neither.
+fn without_bodies(operation: &mut Operation) {
+    for response in operation.responses.responses.values_mut() {
+        if let RefOr::T(response) = response {
+            response.content.clear();
         }
     }
 }

@@ -19,6 +19,7 @@ use axum::http::header::{self, HeaderValue};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 
+use super::forwarded::Client;
 use super::problem::{Code, Problem};
 use super::state::AppState;
 use visage_domain::{KeyRecord, Scope};
@@ -89,7 +90,8 @@ pub async fn permitted(State(state): State<AppState>, mut request: Request, next
         None => {
             let size = quotas::Size::of(&request, place(&request));
             let config = &state.context.config.quotas;
-            quotas::admitted(config, &state.usage, state.context.database.as_ref(), &caller, size).await
+            let who = quotas::Who::of(&caller, Client::of(&request));
+            quotas::admitted(config, &state.usage, state.context.database.as_ref(), who, size).await
         }
     };
     // what is beyond a quota was allowed but not done, and may come by the thousand
@@ -144,6 +146,21 @@ async fn caller(
         None if shown.is_some() => Err((unknown("the session is over"), caller)),
         None => Err((missing(), caller)),
     }
+}
+
+/// Whether who has begun something with this may go on with it; when that can't be found out, nobody may.
+pub async fn may_still(state: &AppState, shown: Option<Shown>) -> bool {
+    let database = state.context.database.as_ref();
+    let identified = async {
+        if let Some(shown) = shown {
+            let is_known = access::identify(database, shown, jiff::Timestamp::now()).await?.is_some();
+            if is_known || matches!(shown, Shown::Key(_)) {
+                return Ok(is_known);
+            }
+        }
+        state.anonymous.is_allowed(database).await
+    };
+    identified.await.unwrap_or(false)
 }
 
 fn missing() -> Problem {

@@ -28,6 +28,15 @@ const TABLE: &[(&str, &str, Need)] = &[
     ("POST", "/v1/keys", Need::Scope(Scope::Admin)),
     ("DELETE", "/v1/keys/{id}", Need::Scope(Scope::Admin)),
     ("GET", "/v1/audit", Need::Scope(Scope::Admin)),
+    // whoever makes the service tell others of everything is its operator
+    ("GET", "/v1/webhooks", Need::Scope(Scope::Admin)),
+    ("POST", "/v1/webhooks", Need::Scope(Scope::Admin)),
+    ("GET", "/v1/webhooks/{id}", Need::Scope(Scope::Admin)),
+    ("DELETE", "/v1/webhooks/{id}", Need::Scope(Scope::Admin)),
+    ("POST", "/v1/webhooks/{id}/ping", Need::Scope(Scope::Admin)),
+    ("GET", "/v1/webhooks/{id}/deliveries", Need::Scope(Scope::Admin)),
+    ("POST", "/v1/webhooks/{id}/replay", Need::Scope(Scope::Admin)),
+    ("POST", "/v1/webhooks/{id}/deliveries/{delivery_id}/replay", Need::Scope(Scope::Admin)),
     ("GET", "/metrics", Need::Scope(Scope::Metrics)),
 ];
 

@@ -202,7 +202,7 @@ fn kind_of(text: &str) -> Result<Kind, Problem> {
 }
 
 /// A picture, unless the client has it: drawn, or as it was drawn a moment ago.
-async fn answer(
+pub(crate) async fn answer(
     state: &AppState,
     conditions: &Conditions,
     what: &str,

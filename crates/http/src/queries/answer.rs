@@ -5,6 +5,7 @@ use super::super::model_views;
 use super::super::problem::Problem;
 use super::super::state::{AppState, blocking};
 use super::super::verdicts::{ExplanationView, ReasonView, VerdictView, places};
+use super::placing;
 use super::question::{Asked, ClassVerdict, GalleryQuestion, Verdict, unknown_standard};
 use super::views::{MatchView, QueryAnswer};
 use visage_domain::MatchedModel;
@@ -20,14 +21,23 @@ pub async fn answer(state: &AppState, asked: Asked) -> Result<QueryAnswer, Probl
     }
 }
 
-async fn ask_gallery(state: &AppState, asked: GalleryQuestion) -> Result<QueryAnswer, Problem> {
+async fn ask_gallery(state: &AppState, mut asked: GalleryQuestion) -> Result<QueryAnswer, Problem> {
     let Answer { matches, searched, pending, next } = queries::ask(&state.context, &asked.question).await?;
+    let places = match (asked.place.take(), &matches) {
+        (Some(probe), Matches::Found(found)) => {
+            let models = found.iter().map(|(_, model)| model.id).collect();
+            placing::placed(state, probe, models).await?
+        }
+        _ => Vec::new(),
+    };
     let next_cursor = next.map(|rank| cursor::after(&asked.fingerprint, rank));
     // signatures are read for it
     blocking(move || {
         let matches = match matches {
             Matches::Found(matches) => {
-                matches.into_iter().map(|(found, model)| match_view(&asked, &found, model)).collect()
+                let places = places.into_iter().chain(std::iter::repeat(None));
+                let placed = matches.into_iter().zip(places);
+                placed.map(|((found, model), place)| MatchView { place, ..match_view(&asked, &found, model) }).collect()
             }
             Matches::Judged { standard, learned, verdicts } => {
                 let threshold = asked.question.threshold;
@@ -82,6 +92,7 @@ fn match_view(asked: &GalleryQuestion, found: &Match, model: MatchedModel) -> Ma
         landmarks: evidence.as_ref().and_then(|evidence| places(&evidence.landmarks)),
         reason: reason.map(|reason| ReasonView::of(reason, evidence.as_ref())),
         explain,
+        place: None,
         href: model_views::address(model.id),
     }
 }
@@ -102,6 +113,7 @@ fn judged_view(verdict: VerdictView, model: MatchedModel) -> MatchView {
         landmarks: verdict.landmarks,
         reason: verdict.reason,
         explain: None,
+        place: None,
         href: model_views::address(model.id),
     }
 }

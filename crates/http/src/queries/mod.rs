@@ -2,10 +2,11 @@
 //!
 //! - `question`: what is asked, read from JSON or from a form; `triangle`: a bare triangle
 //! - `terms`: what every question may add: limit, threshold, filter
-//! - `answer`: ranked matches and verdicts
+//! - `answer`: ranked matches and verdicts; `placing`: where a probe lies on them
 //! - `views`: all of it as it goes over the wire
 
 mod answer;
+mod placing;
 mod question;
 mod terms;
 mod triangle;
@@ -22,6 +23,7 @@ use super::state::AppState;
 use super::{responses, upload};
 use views::{ProbeForm, QueryAnswer, QueryBody};
 
+pub(super) use placing::PlaceView;
 pub(super) use question::{unknown_standard, verified_alone};
 pub use views::MethodView;
 

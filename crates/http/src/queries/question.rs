@@ -12,6 +12,7 @@ use super::views::{LikenessView, MethodView, QueryBody};
 use visage_domain::{ModelId, StandardRecord};
 use visage_gallery::MatchMethod;
 use visage_geometry::{Surface, Unit};
+use visage_service::app::placing::Probe;
 use visage_service::app::queries::{About, Question};
 use visage_service::app::standards;
 use visage_shape::faces::Signature;
@@ -35,6 +36,7 @@ pub const RULES: FormRules = FormRules {
         "cursor",
         "filter",
         "explain",
+        "place",
     ],
 };
 
@@ -54,6 +56,8 @@ pub struct GalleryQuestion {
     pub question: Question,
     /// Whether to tell each step's figure.
     pub explain: bool,
+    /// The probe that is to be laid onto the first matches, if that is asked for.
+    pub place: Option<Probe>,
     /// What a cursor of this question carries.
     pub fingerprint: Fingerprint,
 }
@@ -88,9 +92,15 @@ impl GalleryQuestion {
     fn new(about: About, terms: Terms) -> Result<GalleryQuestion, Problem> {
         let fingerprint = fingerprint(&about, &terms);
         let after = terms.cursor.as_deref().map(|text| cursor::read(text, &fingerprint)).transpose()?;
-        let Terms { limit, threshold, only_matches, filter, explain, .. } = terms;
+        let Terms { limit, threshold, only_matches, filter, explain, place, .. } = terms;
+        let stored = match &about {
+            About::Probe { stored, .. } => *stored,
+            _ if place => return Err(place_of_probes()),
+            _ => None,
+        };
+        let place = stored.filter(|_| place).map(Probe::Stored);
         let question = Question { about, limit, threshold, only_matches, filter, after };
-        Ok(GalleryQuestion { question, explain, fingerprint })
+        Ok(GalleryQuestion { question, explain, place, fingerprint })
     }
 }
 
@@ -118,6 +128,7 @@ pub async fn of_json(state: &AppState, body: QueryBody) -> Result<GalleryQuestio
         cursor: body.cursor,
         filter: body.filter,
         explain: body.explain,
+        place: body.place,
     };
     let terms = terms.checked()?;
     if standard.is_none() && method.is_some() {
@@ -166,6 +177,9 @@ pub async fn of_form(state: &AppState, mut form: Form) -> Result<Asked, Problem>
     }
     // before the work
     if standard.is_some() {
+        if terms.place {
+            return Err(place_of_probes());
+        }
         no_pages(&terms)?;
     }
     let class = match &standard {
@@ -185,6 +199,7 @@ pub async fn of_form(state: &AppState, mut form: Form) -> Result<Asked, Problem>
         let verdict = looked_for(state, turn, &file.name, surface, unit, standard, terms.threshold).await?;
         return Ok(Asked::ClassVerdict(Box::new(verdict)));
     }
+    let place = terms.place.then(|| Probe::Surface(Box::new(surface.clone()), unit));
     let signature = describe::describe(state, turn, &file.name, surface, unit).await?;
     match standard.as_deref().and_then(standard::by_name) {
         Some(standard) => {
@@ -194,7 +209,7 @@ pub async fn of_form(state: &AppState, mut form: Form) -> Result<Asked, Problem>
         None => {
             let likeness = likeness.unwrap_or_default().into();
             let about = About::Probe { signature: Box::new(signature), stored: None, likeness };
-            Ok(Asked::Gallery(Box::new(GalleryQuestion::new(about, terms)?)))
+            Ok(Asked::Gallery(Box::new(GalleryQuestion { place, ..GalleryQuestion::new(about, terms)? })))
         }
     }
 }
@@ -267,6 +282,11 @@ fn likeness_named(name: &str) -> Result<LikenessView, Problem> {
 
 fn likeness_of_probes() -> Problem {
     let detail = "likeness tells what makes models like a probe";
+    Problem::new(Code::InvalidField, detail, "leave it out when asking about a standard or a triangle")
+}
+
+fn place_of_probes() -> Problem {
+    let detail = "place tells where a probe lies on models that are like it";
     Problem::new(Code::InvalidField, detail, "leave it out when asking about a standard or a triangle")
 }
 

@@ -104,6 +104,8 @@ pub struct RawTerms {
     pub filter: Option<FilterView>,
     /// Whether to tell each step's figure.
     pub explain: Option<bool>,
+    /// Whether to lay the probe onto the first matches.
+    pub place: Option<bool>,
 }
 
 impl RawTerms {
@@ -116,6 +118,7 @@ impl RawTerms {
             cursor: form.text("cursor")?.map(str::to_owned),
             filter: form.text("filter")?.map(|t| parse_json("the part filter", t.as_bytes())).transpose()?,
             explain: form.text("explain")?.map(|text| truth("explain", text)).transpose()?,
+            place: form.text("place")?.map(|text| truth("place", text)).transpose()?,
         })
     }
 
@@ -139,6 +142,7 @@ impl RawTerms {
             cursor: self.cursor,
             filter: self.filter.map(FilterView::checked).transpose()?.unwrap_or_default(),
             explain: self.explain.unwrap_or(false),
+            place: self.place.unwrap_or(false),
         })
     }
 }
@@ -158,6 +162,8 @@ pub struct Terms {
     pub filter: Filter,
     /// Whether to tell each step's figure.
     pub explain: bool,
+    /// Whether to lay the probe onto the first matches.
+    pub place: bool,
 }
 
 /// Forms hold text only, and Python writes `True`.

@@ -9,6 +9,7 @@ use utoipa::{PartialSchema, ToSchema};
 use super::super::scan_set_views::UnitView;
 use super::super::schemas::{self, Corners, Landmarks, Point};
 use super::super::verdicts::{ExplanationView, Places, ReasonView, VerdictView};
+use super::placing::PlaceView;
 use super::terms::FilterView;
 use visage_gallery::{Likeness, MatchMethod};
 
@@ -154,6 +155,8 @@ pub struct QueryBody {
     pub cursor: Option<String>,
     /// Tell each step's figure.
     pub explain: Option<bool>,
+    /// Tell where the stored model lies on the first five matches of the page, and how far the surfaces agree: some seconds of work.
+    pub place: Option<bool>,
 }
 
 /// The form by which an uploaded mesh or cloud is asked about. It is not stored.
@@ -193,6 +196,9 @@ pub struct ProbeForm {
     /// Tell each step's figure.
     #[schema(required = false)]
     explain: bool,
+    /// Tell where the probe lies on the first five matches of the page, and how far the surfaces agree: some seconds of work.
+    #[schema(required = false)]
+    place: bool,
 }
 
 /// One ranked answer.
@@ -234,6 +240,9 @@ pub struct MatchView {
     /// Each step's figure, if asked for.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub explain: Option<ExplanationView>,
+    /// Where the probe lies on it, if asked for and found; of the first five matches.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub place: Option<PlaceView>,
     /// The model's address.
     pub href: String,
 }

@@ -5,17 +5,13 @@ use rayon::prelude::*;
 
 use crate::quality::limits;
 use crate::sensor::Sensor;
-use crate::sensor::depth_image::DepthImage;
+use crate::sensor::looked_through::LookedThrough;
 use crate::view::View;
 use visage_geometry::neighbours::LocalPoint;
 use visage_geometry::{Motion, Vector3};
 
 visage_geometry::tuning! {
     const TUNING: Tuning {
-        /// Edge of a picture's cell at the surface, in spacings: wide enough that a surface leaves no holes.
-        cell: f64 = 3.0,
-        /// Nearer to the scanner than the surface it saw by more than this, in spacings, is in free space.
-        depth: f64 = 5.0,
         /// Sample points of a view, at most.
         samples: usize = 300,
     }
@@ -53,26 +49,22 @@ pub fn intrusions(
 ) -> Vec<Intrusion> {
     let look = |j: usize| {
         let sensor = Sensor::At(sensors[j].filter(|_| placed[j])?);
-        let image = DepthImage::new(views[j].points(), &sensor, TUNING.cell * spacing);
+        let look = LookedThrough::new(&views[j], &sensor, spacing);
         let others = (0..views.len()).filter(|&i| i != j && placed[i]);
-        Some(
-            others
-                .map(|i| intrusion(&image, (i, j), &views[i], &local_poses[j].inv_mul(&local_poses[i]), spacing))
-                .collect(),
-        )
+        Some(others.map(|i| intrusion(&look, (i, j), &views[i], &local_poses[j].inv_mul(&local_poses[i]))).collect())
     };
     let found: Vec<Option<Vec<Intrusion>>> = (0..views.len()).into_par_iter().map(look).collect();
     found.into_iter().flatten().flatten().collect()
 }
 
-fn intrusion(image: &DepthImage, (i, j): (usize, usize), view: &View, j_from_i: &Motion, spacing: f64) -> Intrusion {
+fn intrusion(look: &LookedThrough, (i, j): (usize, usize), view: &View, j_from_i: &Motion) -> Intrusion {
     let points: &[LocalPoint] = view.points();
     let (mut seen, mut free) = (0usize, 0usize);
     for point in points.iter().step_by(points.len().div_ceil(TUNING.samples).max(1)) {
         let place = j_from_i * nalgebra::Point3::from(*point).cast::<f64>();
-        if let Some(height) = image.height_over_unbroken(&place.coords.cast()) {
+        if let Some(is_free) = look.is_free(&place.coords.cast()) {
             seen += 1;
-            free += usize::from(f64::from(height) > TUNING.depth * spacing);
+            free += usize::from(is_free);
         }
     }
     Intrusion { view: i, seen_by: j, share: free as f64 / seen.max(1) as f64, points: seen }

@@ -3,6 +3,7 @@
 //! Rays leave a scanner evenly spread, so how densely points lie on a surface says how it was turned to the scanner.
 
 pub mod depth_image;
+pub mod looked_through;
 pub mod standing_still;
 pub mod viewpoint;
 

@@ -1,22 +1,17 @@
-//! Figures on the surface: how much was measured, what stands out, how far it is from another.
-
-use rayon::prelude::*;
+//! Figures on the surface: how much was measured, how far it is from another.
 
 use super::{Beside, in_unit, lacking, rendered, with_legend};
 use crate::kind::Kind;
 use crate::material::{Material, PictureError, Wish};
-use visage_geometry::Point3;
-use visage_geometry::neighbours::{IndexedPoints, LocalPoint};
 use visage_geometry::progress::Progress;
 use visage_picture::color::{ALARM, Map, UNKNOWN};
 use visage_picture::image::{Image, Rgb};
 use visage_picture::legend;
 use visage_picture::raster::Paint;
-use visage_shape::faces::{DescribeError, salient_points};
 use visage_surface::deviation::Reference;
 
 /// What most figures don't exceed: the few beyond it have the colour of the end.
-const MOST: f64 = 0.98;
+pub(super) const MOST: f64 = 0.98;
 
 /// How much was measured at each place.
 pub(super) fn support(of: &Material, wish: &Wish, progress: &Progress) -> Result<Image, PictureError> {
@@ -42,33 +37,6 @@ pub(super) fn support(of: &Material, wish: &Wish, progress: &Progress) -> Result
         legend::color_bar(drawing, Map::Sequential, [0.0, most], "points that stand for a place");
         legend::key(drawing, &[("nobody saw it".to_owned(), ALARM)]);
     }))
-}
-
-/// What stands out.
-pub(super) fn saliency(of: &Material, wish: &Wish, progress: &Progress) -> Result<Image, PictureError> {
-    let (points, figures) = salient_points(&of.surface, progress).map_err(|error| match error {
-        DescribeError::Canceled(canceled) => canceled.into(),
-        DescribeError::Degenerate(why) => PictureError::Surface(why),
-    })?;
-    let figures = spread(&of.surface.cloud.points, &points, &figures);
-    let most = quantile(&figures, MOST).max(f64::MIN_POSITIVE);
-    let colors = Map::Sequential.colors(&figures, [0.0, most]);
-    let rendered = rendered(of, wish, Some(&colors), Paint::Figure, Beside::Bar, progress)?;
-    Ok(with_legend(rendered, of, |drawing, _| {
-        legend::color_bar(drawing, Map::Sequential, [0.0, most], "saliency");
-    }))
-}
-
-/// For each point the figure of the nearest of some places.
-fn spread(points: &[Point3], places: &[Point3], figures: &[f64]) -> Vec<f64> {
-    let Some(first) = places.first() else { return vec![f64::NAN; points.len()] };
-    let local = |point: &Point3| LocalPoint::from((point - first).cast::<f32>());
-    let indexed = IndexedPoints::new(places.iter().map(local).collect());
-    let figure = |point: &Point3| {
-        let nearest = indexed.tree.nearest(&local(point), f32::INFINITY);
-        nearest.and_then(|nearest| figures.get(nearest.index as usize)).copied().unwrap_or(f64::NAN)
-    };
-    points.par_iter().with_min_len(1024).map(figure).collect()
 }
 
 /// How far it is from another.
@@ -97,7 +65,7 @@ pub(super) fn deviation(of: &Material, wish: &Wish, progress: &Progress) -> Resu
 }
 
 /// What so many of the figures don't exceed; 0 if there are none.
-fn quantile(figures: &[f64], share: f64) -> f64 {
+pub(super) fn quantile(figures: &[f64], share: f64) -> f64 {
     let mut sound: Vec<f64> = figures.iter().copied().filter(|figure| figure.is_finite()).collect();
     if sound.is_empty() {
         return 0.0;

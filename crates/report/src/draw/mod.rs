@@ -1,13 +1,17 @@
 //! How each kind of picture is drawn.
 //!
-//! - `surfaces`: thumbnail, shaded, views; `figures`: support, saliency, deviation; `section`; `places`: regions and landmarks
+//! - `surfaces`: thumbnail, shaded, views; `figures`: support, deviation; `salient`: saliency; `section`; `places`: regions and
+//!   landmarks
 //! - `plots`: overlap, graph, convergence
 
 mod figures;
 mod places;
 mod plots;
+mod salient;
 mod section;
 mod surfaces;
+
+pub use salient::saliency_ply;
 
 use super::kind::Kind;
 use super::material::{Made, Material, PictureError, Wish};
@@ -31,7 +35,7 @@ pub fn draw(kind: Kind, of: &Material, wish: &Wish, progress: &Progress) -> Resu
     // what these two lack says more
     let tells_itself = matches!(kind, Kind::Views | Kind::Support);
     if !kind.sources().is_empty() && !tells_itself && of.surface.cloud.is_empty() {
-        return Err(lacking(kind, "the model has no surface", "register the scans with the options cloud and mesh"));
+        return Err(without_surface(kind));
     }
     match kind {
         Kind::Thumbnail => surfaces::thumbnail(of, wish, progress).map(Made::Image),
@@ -39,7 +43,7 @@ pub fn draw(kind: Kind, of: &Material, wish: &Wish, progress: &Progress) -> Resu
         Kind::Views => surfaces::views(of, wish, progress).map(Made::Image),
         Kind::Section => section::section(of, wish, progress).map(Made::Image),
         Kind::Support => figures::support(of, wish, progress).map(Made::Image),
-        Kind::Saliency => figures::saliency(of, wish, progress).map(Made::Image),
+        Kind::Saliency => salient::saliency(of, wish, progress).map(Made::Image),
         Kind::Deviation => figures::deviation(of, wish, progress).map(Made::Image),
         Kind::Regions => places::regions(of, wish, progress).map(Made::Image),
         Kind::Landmarks => places::landmarks(of, wish, progress).map(Made::Image),
@@ -47,6 +51,10 @@ pub fn draw(kind: Kind, of: &Material, wish: &Wish, progress: &Progress) -> Resu
         Kind::Graph => plots::graph(of, wish).map(Made::Plot),
         Kind::Convergence => plots::convergence(of, wish).map(Made::Plot),
     }
+}
+
+fn without_surface(kind: Kind) -> PictureError {
+    lacking(kind, "the model has no surface", "register the scans with the options cloud and mesh")
 }
 
 fn lacking(kind: Kind, lacks: &'static str, remedy: &'static str) -> PictureError {

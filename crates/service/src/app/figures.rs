@@ -39,6 +39,8 @@ pub struct Done {
     pub jobs: BTreeMap<(String, &'static str), u64>,
     /// Stages: how many runs came to each, and the seconds that it took in all.
     pub stages: BTreeMap<String, (u64, f64)>,
+    /// Attempts to deliver messages to webhooks, by what came of them: `delivered`, `failed` (it is sent again), `dead`.
+    pub messages: BTreeMap<&'static str, u64>,
 }
 
 impl Figures {
@@ -55,6 +57,12 @@ impl Figures {
             *runs += 1;
             *all += seconds;
         }
+    }
+
+    /// Counts an attempt to deliver a message.
+    pub(crate) fn message_sent(&self, end: &'static str) {
+        let mut done = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        *done.messages.entry(end).or_default() += 1;
     }
 
     /// What was done so far.

@@ -2,11 +2,15 @@
 //!
 //! - [`arrival`]: what a client sends becomes scans
 //! - [`scan_sets`], [`models`], [`standards`]: they come with their files, change, and go
+//! - [`uploads`]: files that come piece by piece
 //! - [`renditions`]: what is stored in other formats; [`pictures`]: models and scans as people see them
 //! - [`orders`]: jobs are ordered, stopped, tried again
 //! - [`access`]: who asks: keys and sessions
 //! - [`retention`]: what is old is deleted
+//! - [`webhooks`]: who wants to know is told
 //! - [`queries`]: the gallery is asked
+//! - [`placing`]: where a probe lies on what was found; [`deviation`]: how far models of one frame are from each other;
+//!   [`duplicates`]: models that are there twice; [`model_file`]: what is measured on
 //! - [`evaluations`]: how well the gallery's answers agree with its labels
 //! - [`live_gallery`]: the stored signatures, searchable in memory
 //! - [`engine`]: the seam to the algorithms (tests put slow or failing ones in)
@@ -20,17 +24,22 @@ pub mod access;
 pub mod arrival;
 pub mod context;
 pub mod deviation;
+pub mod duplicates;
 pub mod engine;
 pub mod evaluations;
 pub mod figures;
 pub mod live_gallery;
+pub mod model_file;
 pub mod models;
 pub mod monitor;
 pub mod orders;
 pub mod pictures;
+pub mod placing;
 pub mod queries;
 pub mod renditions;
 pub mod retention;
 pub mod scan_sets;
 pub mod standards;
 pub mod tracker;
+pub mod uploads;
+pub mod webhooks;

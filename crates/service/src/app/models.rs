@@ -52,6 +52,7 @@ pub async fn read_asset(
 /// Deletes a model with its files and its signature.
 pub async fn delete(context: &ServiceContext, id: ModelId) -> Result<(), StorageError> {
     let deleted = context.database.delete_model(id).await?;
+    context.monitor.announce_change();
     forget(context, deleted).await
 }
 

@@ -123,6 +123,7 @@ mod tests {
             let entry = AuditEntry {
                 id: AuditId::earliest_at(time),
                 key: None,
+                client: None,
                 request: "r".into(),
                 method: "DELETE".into(),
                 route: "/v1/models/{id}".into(),

@@ -2,7 +2,7 @@
 //! to its end: between a file and its row nobody else knows of it.
 
 use super::context::ServiceContext;
-use super::models;
+use super::{models, uploads};
 use crate::storage::inventory::StorageError;
 use crate::storage::{ObjectStore, StagedFile};
 use visage_domain::{FileId, NewScanSet, PutScan, Replay, ScanRecord, ScanSetId, StoredFile};
@@ -64,6 +64,7 @@ pub async fn delete(context: &ServiceContext, id: ScanSetId) -> Result<(), Stora
     // whichever fails, the other is done
     let of_models = models::forget(context, deleted).await;
     context.storage().remove(StoredFile::ScanSet(id)).await?;
+    uploads::let_go_unknown(context).await?;
     of_models
 }
 

@@ -138,7 +138,7 @@ pub fn write_mesh(surface: &SurfaceMesh, unit: Unit, format: &Format) -> Option<
         normals: Some(&surface.mesh.vertex_normals()),
         colors: surface.colors.as_deref(),
         support: surface.support.as_deref(),
-        deviation: None,
+        ..VertexAttributes::default()
     };
     Some(write(&MeshContent { mesh: &surface.mesh, attributes, unit }))
 }

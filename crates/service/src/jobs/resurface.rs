@@ -20,7 +20,7 @@ use visage_geometry::{Cloud, Surface};
 use visage_pipeline::deface::cut;
 use visage_pipeline::orient::orient;
 use visage_pipeline::report::ResurfacedReport;
-use visage_pipeline::surface::make_surface;
+use visage_pipeline::surface::{Seen, make_surface};
 use visage_shape::faces::{FaceExtent, Signature};
 
 /// Everything one such job needs.
@@ -58,13 +58,9 @@ impl Resurfacing {
         let extent = if self.job.options.deface { self.face()? } else { None };
         let made = orient(&surface, of_points.as_deref(), &self.progress)?;
         drop(surface);
-        let found = make_surface(
-            &made.cloud,
-            made.views.as_deref(),
-            made.spacing,
-            &(&self.job.options).into(),
-            &self.progress,
-        )?;
+        let seen = Seen { views: made.views.as_deref(), free_space: None };
+        let order = (&self.job.options).into();
+        let found = make_surface(&made.cloud, seen, made.spacing, &order, &self.progress)?;
         let mut found = found.ok_or_else(|| {
             let hint = "send a denser cloud, or one with normals that point outward";
             failed("no_surface", "the points of the model make no surface", None, hint)

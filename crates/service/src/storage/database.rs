@@ -5,6 +5,8 @@
 //! it the table of routes would be generic. So calls return boxed futures, which `async-trait` writes; beside a
 //! transaction that is nothing.
 
+mod webhooks;
+
 use std::collections::BTreeMap;
 use std::fmt::Debug;
 use std::time::Duration;
@@ -18,13 +20,16 @@ use visage_domain::{
     ModelId, ModelRecord, NewJob, NewKey, NewModel, NewScanSet, NewSession, NewStandard, NewSurfaceJob, Outdated,
     Owner, Page, PageRequest, PoseFile, PutScan, Replay, ReplayKey, ScanRecord, ScanSetId, ScanSetRecord, SecretHash,
     SegmentId, SegmentRecord, SessionId, StandardId, StandardRecord, StoredContent, StoredFile, StoredSignature,
-    StoredVerdict, Unfiled,
+    StoredVerdict, Unfiled, UploadId, UploadRecord,
 };
 use visage_shape::standards::Standard;
+
+pub use webhooks::Webhooks;
 
 /// A database: everything that the service keeps besides files.
 pub trait Database:
     ScanSets
+    + Uploads
     + Jobs
     + JobQueue
     + Models
@@ -37,6 +42,7 @@ pub trait Database:
     + Files
     + Keys
     + Audit
+    + Webhooks
     + Upkeep
     + Debug
     + Send
@@ -82,6 +88,34 @@ pub trait ScanSets {
 
     /// Deletes a scan set with everything derived from it; answers with the models that went with it.
     async fn delete_scan_set(&self, id: ScanSetId) -> Result<Deleted, DatabaseError>;
+}
+
+/// Files that come piece by piece, each to become a scan.
+#[async_trait]
+pub trait Uploads {
+    /// Stores one that nothing has arrived of yet; a set has at most so many that are not done.
+    async fn create_upload(&self, upload: &UploadRecord, limit: usize) -> Result<(), DatabaseError>;
+
+    /// One upload.
+    async fn upload(&self, id: UploadId) -> Result<UploadRecord, DatabaseError>;
+
+    /// The uploads for a set that are not done, oldest first.
+    async fn uploads_of(&self, set: ScanSetId) -> Result<Vec<UploadRecord>, DatabaseError>;
+
+    /// Says that one is given up later.
+    async fn extend_upload(&self, id: UploadId, until: jiff::Timestamp) -> Result<(), DatabaseError>;
+
+    /// Says that one has become a scan.
+    async fn finish_upload(&self, id: UploadId) -> Result<(), DatabaseError>;
+
+    /// Forgets one; no trouble if there is none.
+    async fn delete_upload(&self, id: UploadId) -> Result<(), DatabaseError>;
+
+    /// Forgets those that were to be given up by now.
+    async fn forget_old_uploads(&self, now: jiff::Timestamp) -> Result<(), DatabaseError>;
+
+    /// Those that are not done.
+    async fn open_uploads(&self) -> Result<Vec<UploadId>, DatabaseError>;
 }
 
 /// Jobs as the API sees them: create, look up, list, cancel, retry, delete.

@@ -2,7 +2,7 @@
 
 use std::error::Error;
 
-use visage_domain::{JobId, JobStatus};
+use visage_domain::{DeliveryId, JobId, JobStatus};
 
 /// Why the database did not do what it was asked.
 #[derive(Debug, thiserror::Error)]
@@ -85,6 +85,18 @@ pub enum DatabaseError {
     TooManyKeys {
         /// How many there may be.
         limit: usize,
+    },
+    /// There is no room for another webhook.
+    #[error("there are {limit} webhooks already, the most that are kept")]
+    TooManyWebhooks {
+        /// How many there may be.
+        limit: usize,
+    },
+    /// The message waits to be sent already.
+    #[error("delivery {id} waits to be sent already")]
+    StillPending {
+        /// Which message.
+        id: DeliveryId,
     },
     /// The scan set is full.
     #[error("a scan set holds at most {limit} scans")]

@@ -32,7 +32,7 @@ mod unseen;
 pub use database::Database;
 pub use error::DatabaseError;
 pub use object_store::{
-    AssetReader, ObjectError, ObjectStore, StagedFile, StagedModel, StagedWriter, Staging, TRASH_DAYS,
+    AssetReader, ObjectError, ObjectStore, PieceWriter, StagedFile, StagedModel, StagedWriter, Staging, TRASH_DAYS,
 };
 pub use reserve::{NoReserve, Reserve};
 pub use segment_store::SegmentStore;

@@ -15,7 +15,7 @@ use async_trait::async_trait;
 use tokio::io::{AsyncRead, AsyncSeek};
 
 use super::SegmentStore;
-use visage_domain::{AssetRecord, FileId, ModelId, ScanRecord, ScanSetId, StandardId, StoredFile};
+use visage_domain::{AssetRecord, FileId, ModelId, ScanRecord, ScanSetId, StandardId, StoredFile, UploadId};
 
 /// How long what was set aside is kept.
 pub const TRASH_DAYS: u32 = 30;
@@ -67,6 +67,22 @@ pub trait ObjectStore: SegmentStore + Debug + Send + Sync + 'static {
 
     /// Opens a file that has arrived, to be sent; what is open stays readable when its handle is dropped.
     async fn open_staged(&self, file: &StagedFile) -> Result<Box<dyn AssetReader>, ObjectError>;
+
+    /// Bytes that have arrived of a file that comes piece by piece. What a process has left that was killed counts.
+    async fn held(&self, upload: UploadId) -> Result<u64, ObjectError>;
+
+    /// Goes on receiving a file that comes piece by piece, behind what has arrived. One at a time may.
+    async fn resume(&self, upload: UploadId) -> Result<Box<dyn PieceWriter>, ObjectError>;
+
+    /// A file that came piece by piece, as one that has arrived; it is held as well until it is let go. From then on nothing
+    /// may be added to it. Blocks.
+    fn stage_held(&self, upload: UploadId) -> Result<StagedFile, ObjectError>;
+
+    /// Lets go what has arrived of a file; no trouble if that is nothing. Blocks.
+    fn let_go(&self, upload: UploadId) -> Result<(), ObjectError>;
+
+    /// All files of which pieces are held. Blocks.
+    fn held_uploads(&self) -> Result<Vec<UploadId>, ObjectError>;
 
     /// A model in the making. Blocks.
     fn stage_model(&self) -> Result<StagedModel, ObjectError>;
@@ -137,6 +153,16 @@ pub trait StagedWriter: Debug + Send + Sync {
 
     /// Makes what was written durable.
     async fn finish(self: Box<Self>) -> Result<StagedFile, ObjectError>;
+}
+
+/// A piece that is being received. What was written stays when it is dropped, but may be lost when the power fails.
+#[async_trait]
+pub trait PieceWriter: Debug + Send + Sync {
+    /// Appends what has arrived.
+    async fn write(&mut self, chunk: &[u8]) -> Result<(), ObjectError>;
+
+    /// Makes what was written durable.
+    async fn finish(self: Box<Self>) -> Result<(), ObjectError>;
 }
 
 /// A file that is being sent, whole or from some place on.

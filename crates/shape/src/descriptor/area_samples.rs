@@ -34,6 +34,9 @@ pub(super) struct AreaSamples {
     pub normals: Vec<Vector3>,
     /// The second moments of the surface, and of its normals, by area.
     pub moments: [Matrix3<f64>; 2],
+    /// The centroid in the frame of what was sampled, and the mean distance from it.
+    pub center: Vector3,
+    pub size: f64,
 }
 
 impl AreaSamples {
@@ -53,7 +56,7 @@ impl AreaSamples {
                 is_half: true,
             })
         };
-        sampled(&mesh.faces.iter().filter_map(piece).collect::<Vec<_>>(), count)
+        Some(sampled(&mesh.faces.iter().filter_map(piece).collect::<Vec<_>>(), count)?.enlarged(middle, unit))
     }
 
     /// `count` samples of a cloud, whose points stand for as much area as their neighbours leave them; `None` without normals.
@@ -76,7 +79,12 @@ impl AreaSamples {
         };
         let (points, normals) = smoothed(cloud);
         let pieces = points.iter().zip(&normals).zip(&areas).filter_map(piece);
-        sampled(&pieces.collect::<Vec<_>>(), count)
+        Some(sampled(&pieces.collect::<Vec<_>>(), count)?.enlarged(middle, unit))
+    }
+
+    /// The same of what is `unit` times as large about a `middle`.
+    fn enlarged(self, middle: Point3, unit: f64) -> AreaSamples {
+        AreaSamples { center: middle.coords + self.center * unit, size: self.size * unit, ..self }
     }
 
     /// Samples that are there, as those of a surface of their own: what is seen of one.
@@ -86,7 +94,7 @@ impl AreaSamples {
         let points: Vec<Vector3> = points.into_iter().map(|p| p - mean).collect();
         let moment = |of: &[Vector3]| of.iter().map(|v| v * v.transpose()).sum::<Matrix3<f64>>() / count;
         let moments = [moment(&points), moment(&normals)];
-        scaled(points, normals, moments)
+        scaled(points, normals, moments, mean)
     }
 }
 
@@ -136,16 +144,21 @@ fn sampled(pieces: &[Piece], count: usize) -> Option<AreaSamples> {
         points.push(piece.place(number) - center);
         normals.push(piece.normal);
     }
-    scaled(points, normals, [spread / total, facing / total])
+    scaled(points, normals, [spread / total, facing / total], center)
 }
 
-fn scaled(mut points: Vec<Vector3>, normals: Vec<Vector3>, moments: [Matrix3<f64>; 2]) -> Option<AreaSamples> {
+fn scaled(
+    mut points: Vec<Vector3>,
+    normals: Vec<Vector3>,
+    moments: [Matrix3<f64>; 2],
+    center: Vector3,
+) -> Option<AreaSamples> {
     let mean = points.iter().map(|p| p.norm()).sum::<f64>() / points.len() as f64;
     if !(mean > 0.0 && mean.is_finite()) {
         return None;
     }
     points.iter_mut().for_each(|p| *p /= mean);
-    Some(AreaSamples { points, normals, moments })
+    Some(AreaSamples { points, normals, moments, center, size: mean })
 }
 
 impl Piece {

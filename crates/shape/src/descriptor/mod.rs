@@ -9,10 +9,12 @@
 //! - `area_samples`: the surface in samples of equal area; `maps`, `spectrum`: its images, and what is kept of them
 //! - `pairs`: how its samples lie to each other
 //! - `views`: what single scans of it would see
+//! - [`sampled_shape`]: its samples in the frame of its file, and the frames that it is described in
 
 mod area_samples;
 mod maps;
 mod pairs;
+pub mod sampled_shape;
 mod spectrum;
 mod views;
 
@@ -21,6 +23,7 @@ use nalgebra::Matrix3;
 use crate::saliency::orientation::OrientedCloud;
 use area_samples::AreaSamples;
 use rayon::prelude::*;
+pub use sampled_shape::{OwnFrame, SampledShape};
 pub use views::{VIEW_BYTES, VIEWS, ViewCode, view_distance};
 use visage_geometry::Mesh;
 
@@ -162,10 +165,16 @@ fn views_of(samples: &AreaSamples) -> Vec<ViewCode> {
 
 /// The axes of a moment as rows, the greatest first.
 fn axes(moment: &Matrix3<f64>) -> Matrix3<f64> {
+    principal(moment).0
+}
+
+/// The axes of a moment as rows, and what it is along each, the greatest first.
+fn principal(moment: &Matrix3<f64>) -> (Matrix3<f64>, [f64; 3]) {
     let eigen = moment.symmetric_eigen();
     let mut order = [0, 1, 2];
     order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
-    Matrix3::from_rows(&order.map(|axis| eigen.eigenvectors.column(axis).transpose()))
+    let axes = Matrix3::from_rows(&order.map(|axis| eigen.eigenvectors.column(axis).transpose()));
+    (axes, order.map(|axis| eigen.eigenvalues[axis]))
 }
 
 fn in_frame(samples: &AreaSamples, frame: &Matrix3<f64>) -> [u8; FRAME_BYTES] {

@@ -6,7 +6,7 @@
 //!   them, `candidates` and `refinement`: which places get a closer look
 //! - the dense fit: [`dense_fit`] of a [`template`] ([`relief`], [`modes`], [`spline`]) on a [`target`], by a [`similarity`]
 //! - what is kept: [`signature`], [`dense_signature`] (whose face is it), [`landmarks`] and [`lower_face`]
-//! - before all that: [`mod@cleaned`], [`sampled_surface`]
+//! - before all that: [`mod@cleaned`], [`sampled_surface`]; to be looked at: [`mod@point_saliency`]
 
 pub(crate) mod candidates;
 pub mod caps_and_pits;
@@ -21,6 +21,7 @@ pub(crate) mod levels;
 pub mod lower_face;
 pub mod modes;
 mod modes_table;
+pub mod point_saliency;
 mod refinement;
 pub mod relief;
 mod relief_table;
@@ -41,6 +42,7 @@ use detection::Detection;
 pub use extent::FaceExtent;
 pub use judgement::{MatchMethod, Verdict, judge};
 pub use landmarks::Landmarks;
+pub use point_saliency::point_saliency;
 use sampled_surface::{Form, SampledSurface};
 pub use signature::{Signature, SignatureError, SignatureSummary, Size};
 pub use standard::FaceStandard;
@@ -48,7 +50,7 @@ pub use sum_of_distances::sum_of_distances;
 pub use triangle::{Shape, Triangle};
 pub use triangle_candidates::{Cost, TriangleCandidate};
 
-use crate::descriptor::{ShapeDescriptor, ViewCode};
+use crate::descriptor::{SampledShape, ShapeDescriptor, ViewCode};
 use crate::saliency::orientation::OrientedCloud;
 use crate::saliency::{self, CurvedSurface, Patches, Region, RegionOptions, Side};
 use visage_geometry::progress::{Canceled, Progress, Stage};
@@ -113,19 +115,18 @@ pub fn describe(surface: &Surface, unit: Unit, progress: &Progress) -> Result<Si
     Ok(signature.with_shape(shape).with_views(views).with_left_out(left_out))
 }
 
-/// How salient a surface is, 0 to 1: places on it, in the file's frame, and a figure for each. Runs inside the caller's rayon pool.
+/// A surface as samples in the file's frame, by which it can be laid onto another; `None` if there is no area to sample. Runs
+/// inside the caller's rayon pool.
 ///
 /// # Errors
 /// As [`describe`].
-pub fn salient_points(
-    surface: &Surface,
-    progress: &Progress,
-) -> Result<(Vec<visage_geometry::Point3>, Vec<f64>), DescribeError> {
-    let (surface, motion_file_own) = in_own_frame(&cleaned(surface, progress)?);
-    let bounds = checked_bounds(&surface)?;
-    let curved = Prepared::new(&surface, bounds.diagonal(), progress)?.curved(progress)?;
-    let map = saliency::saliency(&curved, curved.xi(), progress)?;
-    Ok((curved.points.iter().map(|point| motion_file_own * point).collect(), map))
+pub fn sampled_shape(surface: &Surface, progress: &Progress) -> Result<Option<SampledShape>, DescribeError> {
+    let surface = cleaned(surface, progress)?;
+    let diagonal = checked_bounds(&surface)?.diagonal();
+    Ok(match Prepared::new(&surface, diagonal, progress)? {
+        Prepared::Mesh { mesh, .. } => SampledShape::of_mesh(&mesh),
+        Prepared::Cloud { cloud, .. } => SampledShape::of_cloud(&cloud),
+    })
 }
 
 /// The surface without what is none of it; see [`mod@cleaned`].

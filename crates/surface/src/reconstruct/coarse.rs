@@ -5,6 +5,7 @@
 
 use rayon::prelude::*;
 
+use super::free_space::{IsFree, JUST_OUTSIDE};
 use super::grid::corners;
 use super::samples::Samples;
 
@@ -38,6 +39,18 @@ impl Dense {
     /// Between the nodes, at a place in cells of the finest grid; the nearest value beyond the border.
     pub fn at(&self, place: &[f32; 3]) -> f32 {
         self.spread(place).map(|(index, weight)| weight * self.values[index]).into_iter().sum()
+    }
+
+    /// Puts the nodes inside that are in free space outside.
+    pub fn keep_out(&mut self, is_free: &IsFree) {
+        let ([columns, rows, _], step) = (self.size, self.step);
+        self.values.par_chunks_mut(columns * rows).enumerate().for_each(|(z, slice)| {
+            for (k, value) in slice.iter_mut().enumerate().filter(|(_, value)| **value < 0.0) {
+                if is_free(&[k % columns, k / columns, z].map(|at| (at as i32 * step) as f32)) {
+                    *value = JUST_OUTSIDE;
+                }
+            }
+        });
     }
 
     /// Calls `visit` with the first node, in steps, of each edge along which the sign changes.

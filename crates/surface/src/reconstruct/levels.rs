@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use super::coarse::Dense;
 use super::field::{Field, FieldBlock};
+use super::free_space::{IsFree, JUST_OUTSIDE};
 use super::grid::{BlockKey, Blocks, NODES, around, block_of, corners, first_node, node_at, place_of};
 
 /// Values beyond this, in cells, say only which side it is.
@@ -15,7 +16,7 @@ const SWEEPS: usize = 12;
 #[derive(Debug, Clone)]
 struct LevelBlock {
     values: Box<[f32; NODES]>,
-    /// Whether a value is given by data.
+    /// Whether a value is given, by data or by free space.
     is_known: Box<[bool; NODES]>,
 }
 
@@ -48,16 +49,16 @@ impl Volume<'_> {
     }
 }
 
-/// Carries the field on. `coarse` tells the side of each place.
-pub fn volume<'a>(field: &Field, coarse: &'a Dense) -> Volume<'a> {
+/// Carries the field on. `coarse` tells the side of each place; `is_free` is asked where there is no data.
+pub fn volume<'a>(field: &Field, coarse: &'a Dense, is_free: &IsFree) -> Volume<'a> {
     let mut levels: Vec<Level> = Vec::new();
     let mut step = coarse.step / 2;
     while step > 1 {
-        let level = next_level(field, &levels, coarse, step, Vec::new());
+        let level = next_level(field, &levels, coarse, step, Vec::new(), is_free);
         levels.push(level);
         step /= 2;
     }
-    let finest = next_level(field, &levels, coarse, 1, field.keys().to_vec());
+    let finest = next_level(field, &levels, coarse, 1, field.keys().to_vec(), is_free);
     let nothing = || Box::new([0.0f32; NODES]);
     let weights = |key: &BlockKey| field.get(*key).map_or_else(nothing, |block| block.weights.clone());
     let keys = finest.blocks.keys().to_vec();
@@ -89,12 +90,20 @@ fn above(levels: &[Level], coarse: &Dense, place: &[f32; 3]) -> f32 {
 }
 
 /// The next finer level: the blocks in which the surface passes and those in `wanted`.
-fn next_level(field: &Field, levels: &[Level], coarse: &Dense, step: i32, wanted: Vec<BlockKey>) -> Level {
+fn next_level(
+    field: &Field,
+    levels: &[Level],
+    coarse: &Dense,
+    step: i32,
+    wanted: Vec<BlockKey>,
+    is_free: &IsFree,
+) -> Level {
     let mut keys = passed(levels, coarse, step);
     keys.extend(wanted);
     keys.par_sort_unstable();
     keys.dedup();
-    let blocks: Vec<LevelBlock> = keys.par_iter().map(|key| begin(field, levels, coarse, step, *key)).collect();
+    let blocks: Vec<LevelBlock> =
+        keys.par_iter().map(|key| begin(field, levels, coarse, step, *key, is_free)).collect();
     let mut level = Level { step, blocks: Blocks::new(keys, blocks) };
     for _ in 0..SWEEPS {
         relax(&mut level);
@@ -159,7 +168,7 @@ fn push_around(node: &[i32; 3], near: &mut Vec<BlockKey>) {
 }
 
 /// A block's values before anything is relaxed.
-fn begin(field: &Field, levels: &[Level], coarse: &Dense, step: i32, key: BlockKey) -> LevelBlock {
+fn begin(field: &Field, levels: &[Level], coarse: &Dense, step: i32, key: BlockKey, is_free: &IsFree) -> LevelBlock {
     let first = first_node(key);
     let mut values = Box::new([0.0f32; NODES]);
     let mut is_known = Box::new([false; NODES]);
@@ -173,7 +182,14 @@ fn begin(field: &Field, levels: &[Level], coarse: &Dense, step: i32, key: BlockK
             Some((value, weight)) if weight > 0.0 => {
                 (values[place], is_known[place]) = (value.clamp(-FAR, FAR), true);
             }
-            _ => values[place] = above(levels, coarse, &node.map(|x| x as f32)),
+            _ => {
+                let at = node.map(|x| x as f32);
+                values[place] = above(levels, coarse, &at);
+                // what is far outside already is not asked for
+                if values[place] < FAR && is_free(&at) {
+                    (values[place], is_known[place]) = (values[place].max(JUST_OUTSIDE), true);
+                }
+            }
         }
     }
     LevelBlock { values, is_known }

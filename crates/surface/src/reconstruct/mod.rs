@@ -2,7 +2,7 @@
 //!
 //! 1. [`samples`]: the points are averaged, cell by cell and side by side
 //! 2. [`field`]: near them the signed distance is the mean of their planes
-//! 3. [`coarse`]: which side is outside, over all of space
+//! 3. [`coarse`]: which side is outside, over all of space; what scanners looked through is ([`free_space`])
 //! 4. [`levels`]: between data the field is carried on, from coarse to fine, wherever the surface passes
 //! 5. [`extract`]: the surface where the field is zero, closed and manifold ([`cubes`])
 //! 6. [`trim`]: what nobody saw is cut off, but for what is to be closed; [`colors`]
@@ -17,6 +17,7 @@ pub mod components;
 pub mod cubes;
 pub mod extract;
 pub mod field;
+pub mod free_space;
 pub mod grid;
 pub mod layers;
 pub mod levels;
@@ -29,6 +30,7 @@ pub mod topology;
 pub mod trim;
 
 use self::field::FIELD_BYTES;
+use self::free_space::FreeSpace;
 use self::samples::{Frame, Samples};
 pub use self::trim::Fill;
 use visage_geometry::progress::{Canceled, Progress, Stage};
@@ -50,7 +52,7 @@ const SMALL: f64 = 6.0;
 const WIDER: f64 = 1.25;
 
 /// What is wanted of a surface.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy)]
 pub struct SurfaceOptions<'a> {
     /// What becomes of holes.
     pub fill: Fill,
@@ -58,11 +60,13 @@ pub struct SurfaceOptions<'a> {
     pub max_bytes: u64,
     /// For each point the view that it is of, if that is known: colours of views are made equally bright.
     pub views: Option<&'a [u16]>,
+    /// What scanners looked through, if that is known: surface that nobody saw does not reach into it.
+    pub free_space: Option<&'a FreeSpace>,
 }
 
 impl Default for SurfaceOptions<'_> {
     fn default() -> Self {
-        SurfaceOptions { fill: Fill::default(), max_bytes: 2 << 30, views: None }
+        SurfaceOptions { fill: Fill::default(), max_bytes: 2 << 30, views: None, free_space: None }
     }
 }
 
@@ -147,9 +151,11 @@ pub fn reconstruct(
     at(0.2)?;
     let field = field::field(&samples);
     at(0.5)?;
-    let coarse = coarse::sides(&samples, &frame.size);
+    let is_free = |place: &[f32; 3]| options.free_space.is_some_and(|free| free.holds(&frame.world(place)));
+    let mut coarse = coarse::sides(&samples, &frame.size);
+    coarse.keep_out(&is_free);
     at(0.6)?;
-    let mut volume = levels::volume(&field, &coarse);
+    let mut volume = levels::volume(&field, &coarse, &is_free);
     drop(field);
     at(0.8)?;
     extract::close(&mut volume);

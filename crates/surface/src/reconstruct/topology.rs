@@ -256,7 +256,7 @@ mod tests {
         let field = Blocks::new(keys, values);
         let nothing = Samples { samples: Vec::new(), blocks: Blocks::new(Vec::new(), Vec::new()) };
         let coarse = coarse::sides(&nothing, &[24; 3]);
-        let mut volume = levels::volume(&field, &coarse);
+        let mut volume = levels::volume(&field, &coarse, &|_| false);
         extract::close(&mut volume);
         simplify(&mut volume, widest);
         let found = extract::extract(&volume);

@@ -1,14 +1,17 @@
 //! Models and scans as people see them: drawn when it is asked for, of what is stored. Nothing of it is kept here.
 //!
 //! - [`ModelPicture`]: a picture of a model; [`ModelPage`]: its report as a page
+//! - [`SaliencyMap`]: what stands out of a model, as a file
 //! - [`ScanPicture`], [`SetPicture`]: what was uploaded
 
 mod models;
 mod page;
+mod saliency;
 mod scans;
 
 pub use models::ModelPicture;
 pub use page::ModelPage;
+pub use saliency::SaliencyMap;
 pub use scans::{ScanPicture, SetPicture};
 pub use visage_report::{Kind, Made, Plane, Wish};
 

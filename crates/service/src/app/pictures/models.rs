@@ -89,7 +89,7 @@ impl Stored {
     }
 
     /// Points that are in memory at a time: no file has many more than its bytes allow.
-    fn points(&self) -> u64 {
+    pub(super) fn points(&self) -> u64 {
         const LEAST_BYTES_PER_POINT: u64 = 12;
         self.bytes() / LEAST_BYTES_PER_POINT
     }

@@ -9,9 +9,10 @@ use bytes::Bytes;
 
 use super::ObjectPlace;
 use crate::storage::{
-    AssetReader, ObjectError, ObjectStore, SegmentStore, StagedFile, StagedModel, StagedWriter, Staging, TRASH_DAYS,
+    AssetReader, ObjectError, ObjectStore, PieceWriter, SegmentStore, StagedFile, StagedModel, StagedWriter, Staging,
+    TRASH_DAYS,
 };
-use visage_domain::{AssetRecord, FileId, ModelId, ScanRecord, ScanSetId, SegmentId, StandardId, StoredFile};
+use visage_domain::{AssetRecord, FileId, ModelId, ScanRecord, ScanSetId, SegmentId, StandardId, StoredFile, UploadId};
 
 /// The name of the one file of a scan, and of an upload.
 const ONLY: &str = "";
@@ -24,6 +25,7 @@ struct Content {
     /// With the process that stages it.
     staged: BTreeMap<FileId, (Weak<()>, Group)>,
     published: BTreeMap<StoredFile, Group>,
+    pieces: BTreeMap<UploadId, Vec<u8>>,
     trash: Vec<(jiff::Timestamp, StoredFile)>,
     segments: BTreeMap<SegmentId, Bytes>,
 }
@@ -136,6 +138,24 @@ impl SegmentStore for MemoryObjects {
     }
 }
 
+#[derive(Debug)]
+struct MemoryPieces {
+    shared: Arc<Shared>,
+    upload: UploadId,
+}
+
+#[async_trait]
+impl PieceWriter for MemoryPieces {
+    async fn write(&mut self, chunk: &[u8]) -> Result<(), ObjectError> {
+        self.shared.lock().pieces.entry(self.upload).or_default().extend_from_slice(chunk);
+        Ok(())
+    }
+
+    async fn finish(self: Box<Self>) -> Result<(), ObjectError> {
+        Ok(())
+    }
+}
+
 #[async_trait]
 impl ObjectStore for MemoryObjects {
     async fn receive(&self) -> Result<Box<dyn StagedWriter>, ObjectError> {
@@ -151,6 +171,34 @@ impl ObjectStore for MemoryObjects {
 
     async fn open_staged(&self, file: &StagedFile) -> Result<Box<dyn AssetReader>, ObjectError> {
         Ok(Box::new(Cursor::new(self.read_staged(file)?)))
+    }
+
+    async fn held(&self, upload: UploadId) -> Result<u64, ObjectError> {
+        Ok(self.shared.lock().pieces.get(&upload).map_or(0, Vec::len) as u64)
+    }
+
+    async fn resume(&self, upload: UploadId) -> Result<Box<dyn PieceWriter>, ObjectError> {
+        self.shared.lock().pieces.entry(upload).or_default();
+        Ok(Box::new(MemoryPieces { shared: self.shared.clone(), upload }))
+    }
+
+    fn stage_held(&self, upload: UploadId) -> Result<StagedFile, ObjectError> {
+        let mut staged = StagedFile::new(self.stage(), self.shared.clone());
+        let mut content = self.shared.lock();
+        let pieces = content.pieces.get(&upload).cloned().ok_or_else(|| missing("putting an upload together"))?;
+        (staged.bytes, staged.checksum) = (pieces.len() as u64, blake3::hash(&pieces).to_hex().to_string());
+        content.staged.entry(staged.id()).and_modify(|(_, group)| drop(group.insert(ONLY.to_owned(), pieces)));
+        drop(content);
+        Ok(staged)
+    }
+
+    fn let_go(&self, upload: UploadId) -> Result<(), ObjectError> {
+        self.shared.lock().pieces.remove(&upload);
+        Ok(())
+    }
+
+    fn held_uploads(&self) -> Result<Vec<UploadId>, ObjectError> {
+        Ok(self.shared.lock().pieces.keys().copied().collect())
     }
 
     fn stage_model(&self) -> Result<StagedModel, ObjectError> {

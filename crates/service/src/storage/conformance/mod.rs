@@ -76,6 +76,7 @@ macro_rules! database_conformance {
                 lists_are_paged_newest_first,
                 a_model_goes_with_all_its_parts,
                 models_are_given_as_far_as_they_are_there,
+                models_are_found_by_words_of_their_names_and_labels,
                 a_query_waits_for_what_is_committed_but_not_in_the_index,
                 a_full_database_says_so_and_is_as_it_was,
             }

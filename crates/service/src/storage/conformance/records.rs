@@ -7,8 +7,8 @@ use super::{DatabasePlace, scan_set};
 use crate::storage::DatabaseError;
 use visage_domain::asset::Origin;
 use visage_domain::{
-    FileId, MatchedModel, ModelFacets, ModelId, NewModel, NewScanSet, PageRequest, PoseFile, PutScan, ScanRecord,
-    ScanSetId, SeatId, StoredContent, StoredSignature,
+    FileId, MatchedModel, ModelFacets, ModelFilter, ModelId, NewModel, NewScanSet, PageRequest, PoseFile, PutScan,
+    ScanRecord, ScanSetId, SeatId, StoredContent, StoredSignature,
 };
 use visage_geometry::Unit;
 use visage_shape::faces::SignatureSummary;
@@ -96,6 +96,45 @@ pub async fn models_are_given_as_far_as_they_are_there(place: &impl DatabasePlac
     };
     assert_eq!(found, [expected(&described, Some(vec![1, 2, 3])), expected(&bare, None)]);
     assert_eq!(db.facets().await.expect("read"), [(described.id, facets)]);
+}
+
+pub async fn models_are_found_by_words_of_their_names_and_labels(place: &impl DatabasePlace) {
+    let db = place.open(SeatId::new()).await;
+    let named = |name: &str, label: Option<&str>| NewModel {
+        name: name.to_owned(),
+        label: label.map(str::to_owned),
+        ..NewModel::example(None)
+    };
+    for model in [named("Große Äpfel 100%", Some("Fruit")), named("a*b [7]", None), named("ÄPFEL_2", Some("fruit"))]
+    {
+        drop(db.create_model(&model, None).await.expect("stored"));
+    }
+    let page = PageRequest { before: None, limit: 2 };
+    for (text, names) in [
+        ("äpfel", vec!["ÄPFEL_2", "Große Äpfel 100%"]),
+        ("FRUIT äp", vec!["ÄPFEL_2", "Große Äpfel 100%"]),
+        ("fruit groß", vec!["Große Äpfel 100%"]),
+        // signs that mean something in patterns stand for themselves
+        ("100%", vec!["Große Äpfel 100%"]),
+        ("_2", vec!["ÄPFEL_2"]),
+        ("*b", vec!["a*b [7]"]),
+        ("[7]", vec!["a*b [7]"]),
+        ("?", vec![]),
+        ("'; --", vec![]),
+    ] {
+        let words = text.split_whitespace().map(str::to_owned).collect();
+        let found = db.models(&ModelFilter { words, ..ModelFilter::default() }, &page).await.expect("read");
+        let found: Vec<&str> = found.items.iter().map(|model| model.name.as_str()).collect();
+        assert_eq!(found, names, "{text}");
+    }
+    // a page is full of what fits, and goes on after it
+    let words = vec!["fruit".to_owned()];
+    let filter = ModelFilter { words, ..ModelFilter::default() };
+    let first = db.models(&filter, &PageRequest { before: None, limit: 1 }).await.expect("read");
+    assert!(first.more && first.items.len() == 1, "{first:?}");
+    let before = Some(first.items[0].id.to_string());
+    let rest = db.models(&filter, &PageRequest { before, limit: 1 }).await.expect("read");
+    assert!(!rest.more && rest.items[0].name == "Große Äpfel 100%", "{rest:?}");
 }
 
 pub async fn a_query_waits_for_what_is_committed_but_not_in_the_index(place: &impl DatabasePlace) {

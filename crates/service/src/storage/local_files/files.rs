@@ -7,18 +7,14 @@ use async_trait::async_trait;
 
 use super::staged::LocalWriter;
 use super::{LocalFiles, doing, free_space, gone, private, sync_folder};
-use crate::storage::{AssetReader, ObjectError, ObjectStore, Reserve, StagedFile, StagedModel, StagedWriter};
-use visage_domain::{AssetRecord, FileId, ModelId, ScanRecord, ScanSetId, StandardId, StoredFile};
+use crate::storage::{AssetReader, ObjectError, ObjectStore, PieceWriter, StagedFile, StagedModel, StagedWriter};
+use visage_domain::{AssetRecord, FileId, ModelId, ScanRecord, ScanSetId, StandardId, StoredFile, UploadId};
 
 #[async_trait]
 impl ObjectStore for LocalFiles {
     async fn receive(&self) -> Result<Box<dyn StagedWriter>, ObjectError> {
         let what = "storing an upload";
-        let reserve = self.reserve();
-        let has_space = tokio::task::spawn_blocking(move || reserve.is_whole()).await.unwrap_or(false);
-        if !has_space {
-            return Err(doing(what)(io::ErrorKind::StorageFull.into()));
-        }
+        self.check_space_apart(what).await?;
         let staged = StagedFile::new(self.staging.new_id(), self.staging.clone());
         let mut options = tokio::fs::OpenOptions::from(private::options());
         let file = options.write(true).create_new(true).open(self.staging.path(staged.id())).await;
@@ -32,6 +28,26 @@ impl ObjectStore for LocalFiles {
     async fn open_staged(&self, file: &StagedFile) -> Result<Box<dyn AssetReader>, ObjectError> {
         let opened = tokio::fs::File::open(self.staging.path(file.id())).await;
         Ok(Box::new(opened.map_err(doing("opening what was written"))?))
+    }
+
+    async fn held(&self, upload: UploadId) -> Result<u64, ObjectError> {
+        self.size_held(upload).await
+    }
+
+    async fn resume(&self, upload: UploadId) -> Result<Box<dyn PieceWriter>, ObjectError> {
+        self.go_on(upload).await
+    }
+
+    fn stage_held(&self, upload: UploadId) -> Result<StagedFile, ObjectError> {
+        self.stage_pieces(upload)
+    }
+
+    fn let_go(&self, upload: UploadId) -> Result<(), ObjectError> {
+        self.drop_pieces(upload)
+    }
+
+    fn held_uploads(&self) -> Result<Vec<UploadId>, ObjectError> {
+        self.list_pieces()
     }
 
     fn stage_model(&self) -> Result<StagedModel, ObjectError> {

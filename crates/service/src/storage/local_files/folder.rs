@@ -62,15 +62,8 @@ impl LocalFiles {
         // it may have been somebody else's until now
         refuse_foreign(root)?;
         let files = LocalFiles::at(root, lock);
-        let folders = [
-            files.staging_folder(),
-            files.scan_sets(),
-            files.models(),
-            files.standards(),
-            files.trash(),
-            files.segment_folder(),
-        ];
-        for folder in folders {
+        for name in listing::FOLDERS {
+            let folder = root.join(name);
             private::create_folder(&folder).map_err(doing("creating the data folder"))?;
             private::restrict(&folder).map_err(doing("restricting the data folder"))?;
         }

@@ -6,6 +6,7 @@
 //! DATA/visage.sqlite               the database (opened by `sqlite`)
 //! DATA/reserve                     space for when the disk is full
 //! DATA/staging/...                 uploads and models in the making; swept at start
+//! DATA/uploads/{upload}            what has arrived of files that come piece by piece
 //! DATA/scan-sets/{set}/{file}      scans, under ids of ours
 //! DATA/models/{model}/{asset}      files of models, under names of ours
 //! DATA/standards/{standard}/{asset} files that standards were made of
@@ -21,12 +22,14 @@
 //! - `files`: the folder as an [`ObjectStore`](crate::storage::ObjectStore); `staged`: files in the making; `verified`:
 //!   files are what was stored
 //! - `segments`: files of the index
+//! - `pieces`: files that come piece by piece
 //! - `listing`, `sweep`: what is there, the trash; [`copies`]: backups
 
 pub mod copies;
 mod files;
 mod folder;
 mod listing;
+mod pieces;
 mod private;
 mod reserve;
 mod segments;
@@ -82,6 +85,13 @@ impl LocalFiles {
         if self.reserve.is_whole() { Ok(()) } else { Err(doing(what)(io::ErrorKind::StorageFull.into())) }
     }
 
+    /// The same from where nothing may block.
+    async fn check_space_apart(&self, what: &'static str) -> Result<(), ObjectError> {
+        let reserve = self.reserve();
+        let has_space = tokio::task::spawn_blocking(move || reserve.is_whole()).await.unwrap_or(false);
+        if has_space { Ok(()) } else { Err(doing(what)(io::ErrorKind::StorageFull.into())) }
+    }
+
     /// Where the database is.
     pub fn database(&self) -> PathBuf {
         database_of(&self.root)
@@ -91,8 +101,13 @@ impl LocalFiles {
         self.root.join("trash")
     }
 
+    #[cfg(test)]
     fn staging_folder(&self) -> PathBuf {
         self.root.join("staging")
+    }
+
+    fn uploads(&self) -> PathBuf {
+        self.root.join("uploads")
     }
 
     fn scan_sets(&self) -> PathBuf {

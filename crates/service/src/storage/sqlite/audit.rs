@@ -13,6 +13,7 @@ row! {
     struct Row {
         id: String,
         key_id: Option<String>,
+        client: Option<String>,
         request: String,
         method: String,
         route: String,
@@ -26,6 +27,7 @@ impl Row {
         Ok(AuditEntry {
             id: stored_id!(AuditId, &self.id)?,
             key: self.key_id.map(|text| stored_id!(KeyId, &text)).transpose()?,
+            client: self.client,
             request: self.request,
             method: self.method,
             route: self.route,
@@ -41,10 +43,12 @@ impl Audit for SqliteDatabase {
         let insert = || async {
             let mut tx = self.begin_any().await?;
             sqlx::query(
-                "INSERT INTO audit (id, key_id, request, method, route, target, status) VALUES (?, ?, ?, ?, ?, ?, ?)",
+                "INSERT INTO audit (id, key_id, client, request, method, route, target, status)
+                 VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
             )
             .bind(entry.id.to_string())
             .bind(entry.key.map(|key| key.to_string()))
+            .bind(&entry.client)
             .bind(&entry.request)
             .bind(&entry.method)
             .bind(&entry.route)
@@ -76,14 +80,16 @@ impl Audit for SqliteDatabase {
     }
 
     async fn bytes_stored_of(&self, key: Option<KeyId>) -> Result<u64, DatabaseError> {
-        // what a job has made counts for who ordered it, and the scans that came with a job for their set
+        // what a job has made counts for who ordered it, and the scans that came with a job for their set; what comes piece by
+        // piece counts as a whole from its beginning
         let bytes: i64 = sqlx::query_scalar(
             "WITH mine AS (SELECT id FROM made_by WHERE key_id IS ?1),
                   sets AS (SELECT id FROM mine UNION SELECT scan_set_id FROM job WHERE id IN mine),
                   models AS (SELECT id FROM model WHERE id IN mine OR job_id IN mine)
              SELECT (SELECT coalesce(sum(bytes), 0) FROM scan WHERE scan_set_id IN sets)
                   + (SELECT coalesce(sum(bytes), 0) FROM asset WHERE model_id IN models)
-                  + (SELECT coalesce(sum(bytes), 0) FROM standard WHERE id IN mine)",
+                  + (SELECT coalesce(sum(bytes), 0) FROM standard WHERE id IN mine)
+                  + (SELECT coalesce(sum(bytes), 0) FROM upload WHERE scan_set_id IN sets AND NOT is_done)",
         )
         .bind(key.map(|key| key.to_string()))
         .fetch_one(&self.readers)

@@ -8,9 +8,11 @@ impl SqliteDatabase {
     /// All of it in one snapshot; reads the indices of the tables of files once.
     pub(super) async fn counted(&self) -> Result<Census, DatabaseError> {
         let mut tx = self.readers.begin().await?;
-        let counts: (i64, i64, i64, i64) = sqlx::query_as(
+        let counts: (i64, i64, i64, i64, i64, i64) = sqlx::query_as(
             "SELECT (SELECT count(*) FROM scan_set), (SELECT count(*) FROM scan), (SELECT count(*) FROM model),
-                    (SELECT count(*) FROM standard)",
+                    (SELECT count(*) FROM standard),
+                    (SELECT count(*) FROM delivery WHERE status = 'pending'),
+                    (SELECT count(*) FROM delivery WHERE status = 'dead')",
         )
         .fetch_one(&mut *tx)
         .await?;
@@ -38,6 +40,8 @@ impl SqliteDatabase {
             scans: to_u64(counts.1),
             models: to_u64(counts.2),
             standards: to_u64(counts.3),
+            messages_pending: to_u64(counts.4),
+            messages_dead: to_u64(counts.5),
             file_bytes: to_u64(file_bytes),
             database_bytes: to_u64(database_bytes),
             jobs: jobs.into_iter().map(|(kind, status, count)| (kind, status, to_u64(count))).collect(),

@@ -4,14 +4,14 @@ use sqlx::SqliteConnection;
 
 use super::rows::row;
 use super::{
-    SqliteDatabase, damaged, files, models, now_ms, replays, scan_sets, sql_limit, stored_id, timestamp, to_u64,
+    SqliteDatabase, damaged, models, now_ms, outbox, replays, scan_sets, sql_limit, stored_id, timestamp, to_u64,
 };
 use crate::storage::database::Jobs;
 use crate::storage::{DatabaseError, Deleted};
 use async_trait::async_trait;
 use visage_domain::{
-    CancelAnswer, Hints, JobBase, JobFilter, JobId, JobRecord, JobStatus, NewJob, NewScanSet, NewSurfaceJob, Page,
-    PageRequest, Replay, StoredFile,
+    CancelAnswer, Hints, JobBase, JobFilter, JobId, JobRecord, JobStatus, ModelId, NewJob, NewScanSet, NewSurfaceJob,
+    Page, PageRequest, Replay,
 };
 
 row! {
@@ -209,11 +209,10 @@ impl SqliteDatabase {
         let mut tx = self.begin_any().await?;
         let answer = match status_of(&mut tx, id).await? {
             JobStatus::Queued => {
-                sqlx::query("UPDATE job SET status = 'canceled', cancel_asked = 1, finished_at = ? WHERE id = ?")
-                    .bind(now_ms())
-                    .bind(id.to_string())
-                    .execute(&mut *tx)
-                    .await?;
+                let cancel = "UPDATE job SET status = 'canceled', cancel_asked = 1, finished_at = ? WHERE id = ?
+                              RETURNING id, kind";
+                let canceled = sqlx::query_as(cancel).bind(now_ms()).bind(id.to_string()).fetch_all(&mut *tx).await?;
+                outbox::tell_ends(&mut tx, &canceled, JobStatus::Canceled).await?;
                 CancelAnswer::Canceled
             }
             JobStatus::Running => {
@@ -239,10 +238,9 @@ impl SqliteDatabase {
         replays::delete_of(&mut tx, &text).await?;
         // model, assets and signature go by foreign keys
         sqlx::query("DELETE FROM job WHERE id = ?").bind(&text).execute(&mut *tx).await?;
-        if let Some(model) = model {
-            files::leave(&mut tx, StoredFile::Model(model)).await?;
-        }
-        Ok(Deleted { models: model.into_iter().collect(), unseen: tx.commit_unseen(self).await? })
+        let models: Vec<ModelId> = model.into_iter().collect();
+        models::leave(&mut tx, &models).await?;
+        Ok(Deleted { models, unseen: tx.commit_unseen(self).await? })
     }
 }
 

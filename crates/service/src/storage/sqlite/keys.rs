@@ -99,7 +99,9 @@ impl Keys for SqliteDatabase {
             if done.rows_affected() == 0 {
                 return Err(DatabaseError::NotFound { kind: "key", id: id.to_string() });
             }
-            sqlx::query("DELETE FROM session WHERE key_id = ?").bind(id.to_string()).execute(&mut *tx).await?;
+            for what in ["DELETE FROM session WHERE key_id = ?", "DELETE FROM webhook WHERE key_id = ?"] {
+                sqlx::query(what).bind(id.to_string()).execute(&mut *tx).await?;
+            }
             tx.commit().await
         };
         self.with_reserve(revoke).await

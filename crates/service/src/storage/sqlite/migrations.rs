@@ -13,7 +13,7 @@ macro_rules! files {
     };
 }
 
-const FILES: [(&str, &str); 12] = files![
+const FILES: [(&str, &str); 15] = files![
     "0001_first",
     "0002_base_model",
     "0003_standards",
@@ -25,7 +25,10 @@ const FILES: [(&str, &str); 12] = files![
     "0009_surfaces",
     "0010_keys",
     "0011_expiry",
-    "0012_segments",
+    "0012_webhooks",
+    "0013_clients",
+    "0014_uploads",
+    "0015_segments",
 ];
 
 /// All of them.

@@ -18,6 +18,7 @@ mod keys;
 mod matches;
 mod migrations;
 mod models;
+mod outbox;
 mod queue;
 mod replays;
 mod rows;
@@ -26,6 +27,9 @@ mod segments;
 mod signatures;
 mod standards;
 mod upkeep;
+mod uploads;
+mod webhooks;
+mod words;
 mod writing;
 
 use std::path::Path;

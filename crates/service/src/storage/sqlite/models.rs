@@ -3,11 +3,16 @@
 use sqlx::SqliteConnection;
 
 use super::rows::row;
-use super::{SqliteDatabase, damaged, evaluations, files, replays, signatures, sql_limit, stored_id, to_i64, to_u64};
+use super::{
+    SqliteDatabase, damaged, evaluations, files, outbox, replays, signatures, sql_limit, stored_id, to_i64, to_u64,
+    words,
+};
 use crate::storage::database::Models;
 use crate::storage::{DatabaseError, Deleted, Unseen};
 use async_trait::async_trait;
-use visage_domain::{AssetRecord, ModelFilter, ModelId, ModelRecord, NewModel, Page, PageRequest, Replay, StoredFile};
+use visage_domain::{
+    AssetRecord, Event, ModelFilter, ModelId, ModelRecord, NewModel, Page, PageRequest, Replay, StoredFile,
+};
 
 row! {
     struct ModelRow {
@@ -79,11 +84,14 @@ impl Models for SqliteDatabase {
              WHERE (?1 IS NULL OR model.id < ?1)
                AND (?2 IS NULL OR model.label = ?2)
                AND (?3 IS NULL OR model.scan_set_id = ?3)
-             ORDER BY model.id DESC LIMIT ?4",
+               AND NOT EXISTS (SELECT 1 FROM json_each(?4) WHERE NOT (model.name GLOB value
+                                                                     OR ifnull(model.label, '') GLOB value))
+             ORDER BY model.id DESC LIMIT ?5",
         )
         .bind(page.before.as_deref())
         .bind(filter.label.as_deref())
         .bind(filter.scan_set_id.map(|id| id.to_string()))
+        .bind(words::patterns(&filter.words))
         .bind(sql_limit(page))
         .fetch_all(&self.readers)
         .await?;
@@ -111,7 +119,7 @@ impl Models for SqliteDatabase {
             if done.rows_affected() == 0 {
                 return Err(not_found(id));
             }
-            files::leave(&mut tx, StoredFile::Model(id)).await?;
+            leave(&mut tx, &[id]).await?;
             Ok(Deleted { models: vec![id], unseen: tx.commit_unseen(self).await? })
         };
         self.with_reserve(delete).await
@@ -153,10 +161,20 @@ pub(super) async fn insert(db: &mut SqliteConnection, model: &NewModel) -> Resul
         signatures::insert(db, &id, signature).await?;
     }
     files::settle(db, StoredFile::Model(model.id)).await?;
+    outbox::tell(db, &Event::ModelAdded(model.id)).await?;
     let is_to_be_judged: bool =
         sqlx::query_scalar("SELECT EXISTS (SELECT 1 FROM standard)").fetch_one(&mut *db).await?;
     if is_to_be_judged {
         evaluations::queue(db).await?;
+    }
+    Ok(())
+}
+
+/// Models have no rows any more; part of the transaction that deletes those.
+pub(super) async fn leave(db: &mut SqliteConnection, models: &[ModelId]) -> Result<(), DatabaseError> {
+    for model in models {
+        files::leave(db, StoredFile::Model(*model)).await?;
+        outbox::tell(db, &Event::ModelDeleted(*model)).await?;
     }
     Ok(())
 }

@@ -9,11 +9,11 @@ use std::time::Duration;
 use sqlx::SqliteConnection;
 
 use super::jobs::JobRow;
-use super::{SqliteDatabase, damaged, models, now_ms, to_i64, to_u64};
+use super::{SqliteDatabase, damaged, models, now_ms, outbox, to_i64, to_u64};
 use crate::storage::database::JobQueue;
 use crate::storage::{DatabaseError, Unseen};
 use async_trait::async_trait;
-use visage_domain::{Claimant, Finish, JobClaim, JobError, Room, WorkerId};
+use visage_domain::{Claimant, Event, Finish, JobClaim, JobError, JobStatus, Room, WorkerId};
 
 #[async_trait]
 impl JobQueue for SqliteDatabase {
@@ -102,10 +102,10 @@ impl JobQueue for SqliteDatabase {
 
 impl SqliteDatabase {
     async fn finish_once(&self, claim: &JobClaim, finish: &Finish) -> Result<Option<Unseen>, DatabaseError> {
-        let (status, error) = match finish {
-            Finish::Succeeded(_) => ("succeeded", None),
-            Finish::Failed(error) => ("failed", Some(error)),
-            Finish::Canceled => ("canceled", None),
+        let (status, error, model) = match finish {
+            Finish::Succeeded(model) => (JobStatus::Succeeded, None, model.as_ref()),
+            Finish::Failed(error) => (JobStatus::Failed, Some(error), None),
+            Finish::Canceled => (JobStatus::Canceled, None, None),
         };
         let error = error.map(serde_json::to_string).transpose().map_err(|error| damaged("a job's error", error))?;
         let mut tx = self.begin_any().await?;
@@ -114,7 +114,7 @@ impl SqliteDatabase {
                             progress = CASE WHEN ?1 = 'succeeded' THEN 1 ELSE progress END
              WHERE id = ?4 AND worker = ?5 AND status = 'running' AND NOT (?1 = 'succeeded' AND cancel_asked)",
         )
-        .bind(status)
+        .bind(status.name())
         .bind(error)
         .bind(now_ms())
         .bind(claim.job.id.to_string())
@@ -124,26 +124,34 @@ impl SqliteDatabase {
         if done.rows_affected() == 0 {
             return Ok(None);
         }
-        if let Finish::Succeeded(Some(model)) = finish {
+        if let Some(model) = model {
             models::insert(&mut tx, model).await?;
         }
+        let (id, kind, model) = (claim.job.id, claim.job.kind, model.map(|model| model.id));
+        outbox::tell(&mut tx, &Event::JobEnded { id, kind, status, model }).await?;
         tx.commit_unseen(self).await.map(Some)
     }
 
     async fn give_back_once(&self, claim: &JobClaim) -> Result<bool, DatabaseError> {
-        let done = sqlx::query(
+        let mut tx = self.begin_any().await?;
+        let given_back: Vec<(String, String, String)> = sqlx::query_as(
             "UPDATE job SET status = CASE WHEN cancel_asked THEN 'canceled' ELSE 'queued' END,
                             finished_at = CASE WHEN cancel_asked THEN ?1 END,
                             worker = NULL, leased_until = NULL, attempts = max(attempts - 1, 0),
                             stage = NULL, progress = 0, stage_seconds = '{}'
-             WHERE id = ?2 AND worker = ?3 AND status = 'running'",
+             WHERE id = ?2 AND worker = ?3 AND status = 'running' RETURNING id, kind, status",
         )
         .bind(now_ms())
         .bind(claim.job.id.to_string())
         .bind(claim.worker.to_string())
-        .execute(&self.writer)
+        .fetch_all(&mut *tx)
         .await?;
-        Ok(done.rows_affected() == 1)
+        let is_given_back = !given_back.is_empty();
+        let canceled = given_back.into_iter().filter(|(_, _, status)| status == JobStatus::Canceled.name());
+        let canceled: Vec<_> = canceled.map(|(id, kind, _)| (id, kind)).collect();
+        outbox::tell_ends(&mut tx, &canceled, JobStatus::Canceled).await?;
+        tx.commit().await?;
+        Ok(is_given_back)
     }
 
     async fn reclaim_once(&self, max_attempts: u32) -> Result<u64, DatabaseError> {
@@ -158,13 +166,14 @@ impl SqliteDatabase {
             .bind(self.owner.process.to_string())
             .execute(&mut *tx)
             .await?;
-        sqlx::query(
+        let canceled = sqlx::query_as(
             "UPDATE job SET status = 'canceled', worker = NULL, leased_until = NULL, finished_at = ?
-             WHERE status = 'running' AND leased_until = 0 AND cancel_asked",
+             WHERE status = 'running' AND leased_until = 0 AND cancel_asked RETURNING id, kind",
         )
         .bind(now_ms())
-        .execute(&mut *tx)
+        .fetch_all(&mut *tx)
         .await?;
+        outbox::tell_ends(&mut tx, &canceled, JobStatus::Canceled).await?;
         fail_exhausted(&mut tx, max_attempts, "[]").await?;
         sqlx::query(
             "UPDATE job SET status = 'queued', worker = NULL, leased_until = NULL, stage = NULL, progress = 0,
@@ -173,6 +182,7 @@ impl SqliteDatabase {
         )
         .execute(&mut *tx)
         .await?;
+        outbox::take_back(&mut tx, self.owner.seat).await?;
         tx.commit().await?;
         Ok(running.rows_affected())
     }
@@ -194,16 +204,17 @@ async fn fail_exhausted(db: &mut SqliteConnection, max_attempts: u32, living: &s
             .to_owned(),
     };
     let error = serde_json::to_string(&error).map_err(|error| damaged("a job's error", error))?;
-    sqlx::query(
+    let failed = sqlx::query_as(
         "UPDATE job SET status = 'failed', error = ?1, worker = NULL, leased_until = NULL, finished_at = ?2
          WHERE status = 'running' AND leased_until < ?2 AND attempts >= ?3
-           AND worker NOT IN (SELECT value FROM json_each(?4))",
+           AND worker NOT IN (SELECT value FROM json_each(?4))
+         RETURNING id, kind",
     )
     .bind(error)
     .bind(now_ms())
     .bind(max_attempts)
     .bind(living)
-    .execute(db)
+    .fetch_all(&mut *db)
     .await?;
-    Ok(())
+    outbox::tell_ends(db, &failed, JobStatus::Failed).await
 }

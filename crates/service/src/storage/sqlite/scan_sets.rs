@@ -224,9 +224,7 @@ impl SqliteDatabase {
         // jobs, models, assets and signatures go by foreign keys
         sqlx::query("DELETE FROM scan_set WHERE id = ?").bind(&text).execute(&mut *tx).await?;
         files::leave(&mut tx, StoredFile::ScanSet(id)).await?;
-        for model in &models {
-            files::leave(&mut tx, StoredFile::Model(*model)).await?;
-        }
+        models::leave(&mut tx, &models).await?;
         Ok(Deleted { models, unseen: tx.commit_unseen(self).await? })
     }
 }

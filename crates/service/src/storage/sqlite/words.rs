@@ -1,0 +1,50 @@
+//! Words that are sought in texts, as patterns of SQLite.
+//!
+//! `LIKE` knows large and small letters of English alone, and functions of our own can't be given to SQLite without unsafe code. So a
+//! letter becomes a class of its forms in a pattern of `GLOB`, which takes every other sign as it is.
+
+use std::collections::BTreeSet;
+
+/// The patterns of texts that hold these words, in large letters or small, as a JSON array; a word that is named twice once.
+pub(super) fn patterns(words: &[String]) -> String {
+    let patterns: BTreeSet<String> = words.iter().map(|word| pattern(word)).collect();
+    serde_json::Value::from_iter(patterns).to_string()
+}
+
+fn pattern(word: &str) -> String {
+    let mut pattern = String::from("*");
+    for letter in word.chars() {
+        let (small, large) = (single(letter.to_lowercase()), single(letter.to_uppercase()));
+        let forms = [Some(letter), small, large, large.and_then(|large| single(large.to_lowercase()))];
+        let forms: BTreeSet<char> = forms.into_iter().flatten().collect();
+        if forms.len() > 1 || matches!(letter, '*' | '?' | '[') {
+            pattern.push('[');
+            pattern.extend(forms);
+            pattern.push(']');
+        } else {
+            pattern.push(letter);
+        }
+    }
+    pattern.push('*');
+    pattern
+}
+
+/// The form of a letter, if it is one sign too.
+fn single(mut form: impl ExactSizeIterator<Item = char>) -> Option<char> {
+    (form.len() == 1).then(|| form.next()).flatten()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn letters_are_met_in_all_their_forms_and_signs_as_they_are() {
+        assert_eq!(pattern("aÄ-1"), "*[Aa][Ää]-1*");
+        assert_eq!(pattern("*?[x]^"), "*[*][?][[][Xx]]^*");
+        assert_eq!(pattern("ς"), "*[Σςσ]*");
+        // its large form is two letters
+        assert_eq!(pattern("ß"), "*ß*");
+        assert_eq!(patterns(&["b".to_owned(), "1".to_owned(), "B".to_owned()]), r#"["*1*","*[Bb]*"]"#);
+    }
+}
