@@ -6,6 +6,7 @@ use std::time::Duration;
 use anyhow::{Context, bail, ensure};
 use clap::Args;
 
+use crate::app::live_gallery::files::damaged_files;
 use crate::storage::checkup::{self, Findings};
 use crate::storage::data_folder::DataFolder;
 
@@ -36,6 +37,7 @@ pub fn run(args: DoctorArgs) -> anyhow::Result<()> {
             error => error.into(),
         })?;
         let mut findings = checkup::examine(&data.storage).await?;
+        findings.damaged_segments = damaged_files(&data.storage).await?;
         print(&findings);
         if args.set_aside && !findings.unknown.is_empty() {
             let trash = checkup::set_aside(&data.storage, &mut findings).await?;
@@ -61,6 +63,10 @@ fn print(found: &Findings) {
     list(
         "models whose signature is damaged: the next start has them made anew",
         &found.damaged_signatures.iter().map(ToString::to_string).collect::<Vec<_>>(),
+    );
+    list(
+        "files of the index that are damaged: the next start makes them anew from signatures",
+        &found.damaged_segments,
     );
     if found.left_over > 0 {
         println!("{} file(s) of a crash or a deletion: the next start takes care of them", found.left_over);

@@ -32,12 +32,13 @@ const LAYERS: &[(&str, &[&str])] = &[
         &["geometry", "registration", "reconstruction", "saliency", "descriptor", "formats", "faces", "domain"],
     ),
     // around them
-    // what the machine has
+    // what the machine has, and files as memory
     ("machine", &[]),
+    ("mapping", &[]),
     ("config", &["formats", "machine"]),
     ("panics", &[]),
     // records go in and come out; of the algorithms only which versions are current
-    ("storage", &["geometry", "faces", "standards", "domain"]),
+    ("storage", &["geometry", "faces", "standards", "domain", "mapping"]),
     // use cases, the gallery index kept current, and what runs now
     (
         "app",
@@ -167,7 +168,7 @@ const ONLY_IN: &[(&str, &[&str])] = &[
     ("reqwest", &["cli"]),
     ("indicatif", &["cli"]),
     // `storage` keeps the service's files; `cli` reads and writes the folders that its user names; `machine` asks the system
-    ("std::fs", &["storage", "cli", "machine"]),
+    ("std::fs", &["storage", "cli", "machine", "mapping"]),
     ("tokio::fs", &["storage", "cli"]),
     // where things are is between `config`, which is told, and `storage`; the service sees records
     ("std::path", &["config", "storage", "cli"]),
@@ -194,6 +195,7 @@ const CRATES: &[(&str, Option<&str>)] = &[
     ("pipeline", Some("pipeline")),
     ("service", None),
     ("http", Some("http")),
+    ("mapping", Some("mapping")),
 ];
 
 /// The room that a path leads to, if it starts from the root of a crate. `depth` is the number of names in the module path

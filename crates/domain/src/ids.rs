@@ -88,6 +88,10 @@ id_type!(
 );
 
 id_type!(
+    /// Names a file of the index: a segment of the gallery.
+    SegmentId
+);
+id_type!(
     /// Names a process for as long as it runs.
     ProcessId
 );

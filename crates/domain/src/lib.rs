@@ -5,6 +5,7 @@
 //! - `ids`: what everything is called by; `owner`: who holds leases and files in the making
 //! - `scan_set`, `job`, `model`, `signature`, `standard`, `evaluation`, `replay`: records, as they are stored and given back
 //! - `job_kind`, `job_status`, `queue`: what jobs are for, where they stand, and how workers take and end them
+//! - `segment`: files of the index, and what they don't tell
 //! - `key`, `audit`: who may ask, and for what; who did what; `webhook`: whom the service tells by itself, and of what
 //! - `upload`: files that come piece by piece
 //! - `stored_file`: what is kept as files; `census`: how much; `page`: lists, page by page
@@ -27,6 +28,7 @@ mod page;
 mod queue;
 mod replay;
 mod scan_set;
+mod segment;
 mod signature;
 mod standard;
 mod stored_file;
@@ -37,8 +39,8 @@ pub use audit::{AuditEntry, AuditFilter};
 pub use census::Census;
 pub use evaluation::{Backlog, Outdated, StoredVerdict};
 pub use ids::{
-    AuditId, DeliveryId, FileId, FolderId, JobId, KeyId, ModelId, ProcessId, ScanSetId, SeatId, SessionId, StandardId,
-    UploadId, WebhookId,
+    AuditId, DeliveryId, FileId, FolderId, JobId, KeyId, ModelId, ProcessId, ScanSetId, SeatId, SegmentId, SessionId,
+    StandardId, UploadId, WebhookId,
 };
 pub use job::{CancelAnswer, JobBase, JobError, JobFilter, JobRecord, NewJob, NewSurfaceJob};
 pub use job_kind::JobKind;
@@ -50,6 +52,7 @@ pub use page::{Page, PageRequest};
 pub use queue::{Claimant, Finish, JobClaim, Room};
 pub use replay::{Replay, ReplayKey};
 pub use scan_set::{NewScanSet, PassedOver, PoseFile, PutScan, ScanRecord, ScanSetRecord, sort_naturally};
+pub use segment::{SegmentRecord, Unfiled};
 pub use signature::{StoredContent, StoredSignature};
 pub use standard::{Examples, NewStandard, StandardRecord};
 pub use stored_file::{KnownFiles, LooseFile, StoredFile};

@@ -2,6 +2,8 @@
 
 use rayon::prelude::*;
 
+use super::column::Column;
+use super::columns::stored;
 use super::likeness::as_views;
 use super::live_segment::LiveSegment;
 use super::probe::{Found, Probe};
@@ -11,15 +13,17 @@ use visage_shape::descriptor::{ViewCode, view_distance};
 /// The views of a list of models, one model's after the other's.
 #[derive(Debug, Default)]
 pub(super) struct ViewRows {
-    views: Vec<ViewCode>,
+    views: Column<ViewCode>,
     /// Where each model's end.
-    ends: Vec<u32>,
+    ends: Column<u32>,
 }
+
+stored!(ViewRows { views, ends });
 
 impl ViewRows {
     /// Adds a model's.
     pub fn push(&mut self, views: &[ViewCode]) {
-        self.views.extend(views);
+        self.views.extend(views.iter().copied());
         self.ends.push(self.views.len() as u32);
     }
 
@@ -30,8 +34,14 @@ impl ViewRows {
 
     /// Gives back what is not needed.
     pub fn shrink(&mut self) {
-        self.views.shrink_to_fit();
-        self.ends.shrink_to_fit();
+        self.views.shrink();
+        self.ends.shrink();
+    }
+
+    /// Whether there are some, or none, for each of so many models.
+    pub fn are_of(&self, models: usize) -> bool {
+        let last = self.ends.last().map_or(0, |end| *end as usize);
+        self.ends.len() == models && self.ends.is_sorted() && last == self.views.len()
     }
 
     /// A model's.

@@ -6,17 +6,18 @@ use super::ModelId;
 use visage_geometry::Unit;
 
 /// How a model came into the gallery.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Source {
     /// As a finished mesh or cloud.
+    #[default]
     Uploaded,
     /// By registration of its scans.
     Registered,
 }
 
 /// What filters ask of a model. The time of its creation is in its id.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Facets {
     /// Its class, if it has one.
     pub label: Option<Box<str>>,
@@ -73,10 +74,25 @@ pub struct Catalogue {
     facets: HashMap<ModelId, Facets>,
 }
 
+impl Extend<(ModelId, Facets)> for Catalogue {
+    fn extend<I: IntoIterator<Item = (ModelId, Facets)>>(&mut self, models: I) {
+        self.facets.extend(models);
+    }
+}
+
 impl Catalogue {
     /// Adds or replaces a model.
     pub fn insert(&mut self, id: ModelId, facets: Facets) {
         self.facets.insert(id, facets);
+    }
+
+    /// Takes over what another one knows.
+    pub fn append(&mut self, other: Catalogue) {
+        if self.facets.is_empty() {
+            *self = other;
+        } else {
+            self.facets.extend(other.facets);
+        }
     }
 
     /// Forgets a model.

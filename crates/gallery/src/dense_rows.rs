@@ -1,6 +1,10 @@
 //! The dense signatures of many models in one flat array, and a bound that rules most of them out in one pass of
 //! integers ([`super::trimmed_lower_bound`]).
 
+use bytemuck::{Pod, Zeroable};
+
+use super::column::Column;
+use super::columns::stored;
 use super::trimmed_lower_bound::{LANES, Reach, Shift, capped_square, capped_squares};
 use visage_shape::faces::dense_signature::{DenseSignature, KEPT_SHARE, LEAST_COMMON, STEP_MM, UNSEEN};
 use visage_shape::faces::template::TEMPLATE_POINTS;
@@ -19,12 +23,13 @@ type Points = [u64; TEMPLATE_POINTS.div_ceil(64)];
 const CEILING: f64 = 2.08;
 
 /// What is known of a row beside its heights.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
 struct Seen {
     sum: i32,
     points: u16,
-    /// Whether there is a signature at all.
-    there: bool,
+    /// 1 if there is a signature at all.
+    there: u16,
 }
 
 impl Seen {
@@ -34,25 +39,31 @@ impl Seen {
 }
 
 /// What a bound reads, in five lines of cache.
-#[derive(Debug, Clone, Copy)]
-#[repr(align(64))]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+#[repr(C, align(64))]
 struct Row {
     heights: Heights,
     seen: Seen,
+    rest: [u8; REST],
 }
+
+/// Bytes up to the next line of cache.
+const REST: usize = (WIDTH + size_of::<Seen>()).next_multiple_of(64) - WIDTH - size_of::<Seen>();
 
 /// The dense signatures of a list of models, some of which have none.
 #[derive(Debug, Default)]
 pub(super) struct DenseRows {
-    rows: Vec<Row>,
-    unseen: Vec<Points>,
+    rows: Column<Row>,
+    unseen: Column<Points>,
 }
+
+stored!(DenseRows { rows, unseen });
 
 impl DenseRows {
     /// Adds a model's.
     pub fn push(&mut self, signature: Option<&DenseSignature>) {
         let (mut heights, mut seen, mut unseen) = ([LEVEL; WIDTH], Seen::default(), Points::default());
-        seen.there = signature.is_some();
+        seen.there = signature.is_some().into();
         let signed = signature.map(|signature| signature.to_bytes().map(|byte| byte as i8));
         for (point, height) in signed.iter().flatten().enumerate() {
             if *height == UNSEEN {
@@ -63,7 +74,7 @@ impl DenseRows {
             seen.sum += i32::from(*height);
             seen.points += 1;
         }
-        self.rows.push(Row { heights, seen });
+        self.rows.push(Row { heights, seen, rest: [0; REST] });
         self.unseen.push(unseen);
     }
 
@@ -82,30 +93,35 @@ impl DenseRows {
             1 => UNSEEN as u8,
             _ => row.heights[point].wrapping_sub(LEVEL),
         };
-        row.seen.there.then(|| DenseSignature::from_bytes(std::array::from_fn(byte)))
+        (row.seen.there == 1).then(|| DenseSignature::from_bytes(std::array::from_fn(byte)))
     }
 
     /// How many points of the one at a place are seen.
     pub fn seen_points(&self, place: u32) -> usize {
-        usize::from(self.rows[place as usize].seen.points)
+        usize::from(self.rows[place as usize].seen.points).min(TEMPLATE_POINTS)
     }
 
     /// Whether the model at a place has none.
     pub fn is_missing(&self, place: u32) -> bool {
-        !self.rows[place as usize].seen.there
+        self.rows[place as usize].seen.there != 1
     }
 
     /// Reads those at some places, so that their lines of cache are fetched side by side and not one after the other.
     pub fn fetch(&self, places: impl Iterator<Item = u32>) {
-        let lines =
-            places.map(|place| self.rows[place as usize].heights.iter().step_by(64).fold(0, |all, byte| all ^ byte));
+        let rows = &*self.rows;
+        let lines = places.map(|place| rows[place as usize].heights.iter().step_by(64).fold(0, |all, byte| all ^ byte));
         std::hint::black_box(lines.fold(0, |all, byte| all ^ byte));
     }
 
     /// Gives back what was reserved but not used.
     pub fn shrink(&mut self) {
-        self.rows.shrink_to_fit();
-        self.unseen.shrink_to_fit();
+        self.rows.shrink();
+        self.unseen.shrink();
+    }
+
+    /// Whether there is one for each of so many models.
+    pub fn are_of(&self, models: usize) -> bool {
+        (self.rows.len(), self.unseen.len()) == (models, models)
     }
 }
 
@@ -162,9 +178,9 @@ impl DenseProbe {
     /// Whether the distance to the model at a place is surely greater than `reach`. A no says nothing.
     pub fn is_beyond(&self, rows: &DenseRows, place: u32, reach: &Reach) -> bool {
         let place = place as usize;
-        let (Row { heights: probe, seen: probe_seen }, Row { heights: row, seen }) =
+        let (Row { heights: probe, seen: probe_seen, .. }, Row { heights: row, seen, .. }) =
             (&self.own.rows[0], &rows.rows[place]);
-        let (mut sum, mut points) = (seen.sum - probe_seen.sum, TEMPLATE_POINTS);
+        let (mut sum, mut points) = (seen.sum.wrapping_sub(probe_seen.sum), TEMPLATE_POINTS);
         let mut gaps = Points::default();
         if !(seen.whole() && probe_seen.whole()) {
             gaps = std::array::from_fn(|k| rows.unseen[place][k] | self.own.unseen[0][k]);
@@ -212,14 +228,18 @@ fn least_squares(counts: &[u16], mean: f64, kept: usize) -> f64 {
 
 /// The points whose bits are set.
 fn each(points: &Points) -> impl Iterator<Item = usize> {
-    points.iter().enumerate().flat_map(|(word, bits)| {
-        let mut bits = *bits;
-        std::iter::from_fn(move || {
-            let bit = bits.trailing_zeros() as usize;
-            bits &= bits.checked_sub(1)?;
-            Some(64 * word + bit)
+    points
+        .iter()
+        .enumerate()
+        .flat_map(|(word, bits)| {
+            let mut bits = *bits;
+            std::iter::from_fn(move || {
+                let bit = bits.trailing_zeros() as usize;
+                bits &= bits.checked_sub(1)?;
+                Some(64 * word + bit)
+            })
         })
-    })
+        .filter(|point| *point < TEMPLATE_POINTS)
 }
 
 #[cfg(test)]

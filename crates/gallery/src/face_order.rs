@@ -3,6 +3,8 @@
 
 use std::ops::Range;
 
+use super::column::Column;
+use super::columns::stored;
 use super::dense_rows::{DenseProbe, DenseRows};
 use super::partial_distance::{PartialDistances, PartialProbe};
 use super::pca_code::{GistProbe, PcaCodes};
@@ -13,12 +15,14 @@ use visage_shape::faces::dense_signature::DenseSignature;
 #[derive(Debug, Default)]
 pub(super) struct FaceOrder {
     /// Where each is.
-    pub places: Vec<u32>,
+    pub places: Column<u32>,
     /// Where the models without a dense signature are, surest face first.
-    pub others: Vec<u32>,
+    pub others: Column<u32>,
     pca_codes: PcaCodes,
     partial_distance: PartialDistances,
 }
+
+stored!(FaceOrder { places, others, pca_codes, partial_distance });
 
 /// A probe held against them.
 pub(super) struct FaceProbe<'a> {
@@ -40,9 +44,18 @@ impl FaceOrder {
         FaceOrder {
             pca_codes: PcaCodes::of(rows, &places),
             partial_distance: PartialDistances::of(rows, &places),
-            places,
-            others,
+            places: places.into(),
+            others: others.into(),
         }
+    }
+
+    /// Whether it is one of so many models.
+    pub fn is_of(&self, models: usize) -> bool {
+        let signatures = self.places.len();
+        signatures + self.others.len() == models
+            && self.places.iter().chain(&*self.others).all(|place| (*place as usize) < models)
+            && self.pca_codes.are_of(signatures)
+            && self.partial_distance.are_of(signatures)
     }
 
     /// A probe held against all of them.

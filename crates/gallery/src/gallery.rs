@@ -58,8 +58,7 @@ impl Gallery {
     /// [`Gallery::insert`] of a model that was made ready elsewhere.
     pub fn put(&mut self, entry: &IndexedModel) {
         self.remove(entry.id());
-        let young =
-            self.segments.pop_if(|live| live.models < YOUNG_SEGMENT && live.segment.ids.len() < 2 * YOUNG_SEGMENT);
+        let young = self.segments.pop_if(|live| live.is_young() && live.segment.ids.len() < 2 * YOUNG_SEGMENT);
         let kept: Vec<Kept> = young.iter().map(LiveSegment::kept).collect();
         let segment = Segment::build(&kept, std::slice::from_ref(entry));
         self.segments.push(LiveSegment::new(segment));

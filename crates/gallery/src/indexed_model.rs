@@ -1,6 +1,8 @@
 //! One model made ready for a segment: what costs time is done here, once.
 
-use super::{Match, MatchMethod, ModelId};
+use bytemuck::{Pod, Zeroable};
+
+use super::{Facets, Match, MatchMethod, ModelId};
 use visage_geometry::Point3;
 use visage_shape::faces::{self, Signature, Verdict, standard};
 
@@ -17,7 +19,8 @@ pub(super) fn slot(method: MatchMethod) -> usize {
 }
 
 /// What is kept of a verdict: all that an answer shows.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
 pub(super) struct Standing {
     pub score: f64,
     matching_error_mm: f64,
@@ -56,6 +59,8 @@ pub struct IndexedModel {
     pub(super) id: ModelId,
     pub(super) signature: Signature,
     pub(super) standings: [Standing; 3],
+    pub(super) facets: Facets,
+    pub(super) revision: u128,
 }
 
 impl IndexedModel {
@@ -63,7 +68,13 @@ impl IndexedModel {
     pub fn new(id: ModelId, signature: Signature) -> IndexedModel {
         let face = standard::face();
         let standings = METHODS.map(|method| Standing::of(&faces::judge(&signature, &face, method)));
-        IndexedModel { id, signature, standings }
+        IndexedModel { id, signature, standings, facets: Facets::default(), revision: 0 }
+    }
+
+    /// The same with what filters ask, and with a number that tells this signature from others of the model.
+    #[must_use]
+    pub fn described_by(self, facets: Facets, revision: u128) -> IndexedModel {
+        IndexedModel { facets, revision, ..self }
     }
 
     /// The model.

@@ -24,15 +24,20 @@
 //! - `near_shapes`: what may be the same thing as a stored model
 //! - `region_likeness`, `by_regions`: the paper's likeness, by triangles; `by_view`: that of single scans
 //! - `best`: the best few so far
+//! - [`segment_handle`]: segments to and from bytes; `column`, `columns`: arrays that are owned or lent by a file, and where they lie in it;
+//!   `facet_rows`: what filters ask, packed
 //! - [`measures`]: how well a ranking tells two classes apart
 
 mod best;
 mod by_regions;
 mod by_view;
 pub mod catalogue;
+mod column;
+pub mod columns;
 mod dense_rows;
 pub mod evidence;
 mod face_order;
+mod facet_rows;
 pub mod gallery;
 mod indexed_model;
 mod likeness;
@@ -49,6 +54,7 @@ mod probe;
 mod probe_pass;
 mod region_likeness;
 mod segment;
+pub mod segment_handle;
 mod shape_rows;
 mod top_k;
 pub mod triangle_index;
@@ -57,11 +63,13 @@ pub mod triangles;
 mod trimmed_lower_bound;
 
 pub use catalogue::{Catalogue, Facets, Filter, Source};
+pub use columns::{SegmentError, SegmentImage};
 pub use evidence::{Evidence, Reason};
 pub use gallery::Gallery;
 pub use indexed_model::IndexedModel;
 pub use likeness::SAME_PERSON_MM;
 pub use probe::{Comparison, Likeness, PROBE_MATCH_SCORE, compare, likenesses};
+pub use segment_handle::SegmentHandle;
 pub use top_k::{Rank, TopK};
 pub use visage_shape::faces::MatchMethod;
 

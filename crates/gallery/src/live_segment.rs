@@ -3,21 +3,48 @@
 use std::sync::Arc;
 
 use super::ModelId;
+use super::gallery::YOUNG_SEGMENT;
 use super::segment::{Kept, Segment};
 use super::triangle_query::{TriangleQuery, score};
+
+/// Where a segment is kept besides memory.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Home {
+    /// Nowhere: all of its models came after the files.
+    Memory,
+    /// Nowhere yet, but some of its models were in a file that it takes the place of.
+    Owed,
+    /// In the file of this name.
+    File(u128),
+}
 
 /// A segment and which of its models are still there.
 #[derive(Debug, Clone)]
 pub(super) struct LiveSegment {
     pub segment: Arc<Segment>,
+    pub home: Home,
     alive: Arc<Vec<u64>>,
     pub models: usize,
 }
 
 impl LiveSegment {
     pub fn new(segment: Segment) -> LiveSegment {
+        LiveSegment::at(Arc::new(segment), Home::Memory)
+    }
+
+    pub fn at(segment: Arc<Segment>, home: Home) -> LiveSegment {
         let models = segment.ids.len();
-        LiveSegment { segment: Arc::new(segment), alive: Arc::new(vec![u64::MAX; models.div_ceil(64)]), models }
+        LiveSegment { segment, home, alive: Arc::new(vec![u64::MAX; models.div_ceil(64)]), models }
+    }
+
+    /// The same models in another place.
+    pub fn moved(&self, segment: Arc<Segment>, home: Home) -> LiveSegment {
+        LiveSegment { segment, home, ..self.clone() }
+    }
+
+    /// Whether the next addition may take its place.
+    pub fn is_young(&self) -> bool {
+        self.models < YOUNG_SEGMENT && self.home == Home::Memory
     }
 
     pub fn is_alive(&self, place: u32) -> bool {
@@ -44,7 +71,8 @@ impl LiveSegment {
 
     /// A model's id and the score of one of its triangles; `None` if the model is gone.
     pub fn score(&self, query: &TriangleQuery, place: u32, number: u16) -> Option<(ModelId, f64)> {
+        let id = *self.segment.ids.get(place as usize)?;
         let triangle = self.is_alive(place).then(|| self.segment.outlines.outline(place).triangle(number))??;
-        Some((self.segment.ids[place as usize], score(query.chord(&triangle.shape))))
+        Some((id, score(query.chord(&triangle.shape))))
     }
 }

@@ -4,8 +4,9 @@
 use std::sync::Arc;
 
 use super::gallery::{FULL_SEGMENT, Gallery, YOUNG_SEGMENT};
-use super::live_segment::LiveSegment;
+use super::live_segment::{Home, LiveSegment};
 use super::segment::{Kept, Segment};
+use super::segment_handle::SegmentHandle;
 
 /// So many segments of one level become one. Each level holds so many times the models of the one below.
 const FAN: usize = 8;
@@ -20,7 +21,7 @@ pub struct Merge {
 #[derive(Debug)]
 pub struct Merged {
     sources: Vec<LiveSegment>,
-    segment: Segment,
+    segment: LiveSegment,
 }
 
 /// The level of a segment by its number of models; full ones have none.
@@ -49,7 +50,7 @@ impl Gallery {
     pub fn due(&self) -> Option<Merge> {
         // the last is built anew by the next addition, unless it has grown up
         let grown_up = match self.segments.split_last() {
-            Some((last, others)) if last.models < YOUNG_SEGMENT => others,
+            Some((last, others)) if last.is_young() => others,
             _ => self.segments.as_slice(),
         };
         let of_level = |top_k: usize| {
@@ -63,6 +64,12 @@ impl Gallery {
         Some(Merge { sources })
     }
 
+    /// A segment to be built anew without its models that are gone, however few: nothing is kept of them then.
+    pub fn due_to_forget(&self) -> Option<Merge> {
+        let found = self.segments.iter().find(|live| live.models < live.segment.ids.len());
+        found.map(|live| Merge { sources: vec![live.clone()] })
+    }
+
     /// Puts a merged segment in the place of those it came from, without the models that went in the meantime.
     /// False if those are not all there any more: then nothing is changed.
     pub fn adopt(&mut self, merged: Merged) -> bool {
@@ -73,7 +80,7 @@ impl Gallery {
         if now.len() < sources.len() {
             return false;
         }
-        let mut live = LiveSegment::new(segment);
+        let mut live = segment;
         // both lists have the gallery's order
         for (before, now) in sources.iter().zip(&now) {
             for place in before.places().filter(|place| !now.is_alive(*place)) {
@@ -107,12 +114,32 @@ fn within_full(mut segments: Vec<LiveSegment>) -> Vec<LiveSegment> {
 }
 
 impl Merge {
+    /// The names of the files that it reads from.
+    pub fn files(&self) -> impl Iterator<Item = u128> + '_ {
+        self.sources.iter().filter_map(|source| SegmentHandle::of(source).file())
+    }
+
     /// Builds the segment. Takes seconds for full ones; runs inside the caller's rayon pool.
     pub fn run(self) -> Merged {
         let kept: Vec<Kept> = self.sources.iter().map(LiveSegment::kept).collect();
         let segment = Segment::build(&kept, &[]);
         drop(kept);
-        Merged { sources: self.sources, segment }
+        let is_owed = self.sources.iter().any(|source| source.home != Home::Memory);
+        let home = if is_owed { Home::Owed } else { Home::Memory };
+        Merged { sources: self.sources, segment: LiveSegment::at(Arc::new(segment), home) }
+    }
+}
+
+impl Merged {
+    /// The segment, to be stored.
+    pub fn segment(&self) -> SegmentHandle {
+        SegmentHandle::of(&self.segment)
+    }
+
+    /// The same with the segment as it is in its file.
+    #[must_use]
+    pub fn stored_as(self, stored: SegmentHandle) -> Merged {
+        Merged { segment: stored.into_live(), ..self }
     }
 }
 
@@ -180,6 +207,20 @@ mod tests {
         assert!(gallery.remove(3));
         assert!(!gallery.adopt(merged));
         assert_eq!(ids(&gallery), [0, 1, 2, 4, 5, 6, 7, 8]);
+    }
+
+    #[test]
+    fn what_is_gone_is_forgotten_altogether_when_that_is_asked() {
+        let mut gallery = Gallery::default();
+        (0..3).for_each(|k| gallery.append(&(100 * k..100 * k + 80).map(entry).collect::<Vec<_>>()));
+        assert!(gallery.remove(5) && gallery.remove(207));
+        assert!(gallery.due().is_none(), "they are few");
+        let before = ids(&gallery);
+        while let Some(merge) = gallery.due_to_forget() {
+            assert!(gallery.adopt(merge.run()));
+        }
+        assert_eq!(ids(&gallery), before);
+        assert!(gallery.segments().all(|segment| !segment.contains(5) && !segment.contains(207)));
     }
 
     #[test]

@@ -3,7 +3,10 @@
 //! A model with N salient regions has C(N, 3) triangles of them, and facial ones. Only the corners are kept; a
 //! triangle is known by its number, first those of the regions in lexicographic order, then the facial ones.
 
+use super::column::Column;
+use super::columns::stored;
 use super::triangles::{IndexedTriangle, Origin, canonical};
+use bytemuck::{Pod, Zeroable};
 use visage_geometry::{Point3, Vector3};
 use visage_shape::faces::Signature;
 
@@ -13,43 +16,47 @@ const MOST_REGIONS: usize = 64;
 const MOST_FACIAL: usize = 4096;
 
 /// A place on a model.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
 struct Corner {
     point: [f64; 3],
     /// Kept as signatures keep it.
     normal: [f32; 3],
-    convex: bool,
+    convex: u32,
 }
 
 impl Corner {
     fn new(point: &Point3, normal: &Vector3, convex: bool) -> Corner {
-        Corner { point: (*point).into(), normal: normal.cast::<f32>().into(), convex }
+        Corner { point: (*point).into(), normal: normal.cast::<f32>().into(), convex: convex.into() }
     }
 
     fn segments(&self) -> (Point3, Vector3, bool) {
-        (self.point.into(), Vector3::from(self.normal.map(f64::from)), self.convex)
+        (self.point.into(), Vector3::from(self.normal.map(f64::from)), self.convex == 1)
     }
 }
 
 /// What one model's outline holds beside its corners.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
 struct Header {
     /// Where its corners begin; the regions come first.
-    corners: usize,
+    corners: u64,
     /// Where its facial triangles begin.
-    facial: usize,
-    regions: u32,
+    facial: u64,
+    regions: u64,
     radius: f64,
 }
 
 /// The outlines of a list of models.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Default)]
 pub(super) struct Outlines {
-    headers: Vec<Header>,
-    corners: Vec<Corner>,
+    headers: Column<Header>,
+    corners: Column<Corner>,
     /// Corners by place among the model's, of every facial triangle.
-    facial: Vec<[u16; 3]>,
+    facial: Column<[u16; 3]>,
 }
+
+stored!(Outlines { headers, corners, facial });
 
 impl Outlines {
     /// Adds a model's.
@@ -57,8 +64,9 @@ impl Outlines {
         let (first, facial) = (self.corners.len(), self.facial.len());
         let regions = signature.regions().take(MOST_REGIONS);
         self.corners.extend(regions.map(|r| Corner::new(&r.center, &r.normal, r.mean_curvature > 0.0)));
-        let regions = (self.corners.len() - first) as u32;
-        self.headers.push(Header { corners: first, facial, regions, radius: signature.radius() });
+        let regions = (self.corners.len() - first) as u64;
+        let (corners, facial) = (first as u64, facial as u64);
+        self.headers.push(Header { corners, facial, regions, radius: signature.radius() });
         let shared = self.corners.len();
         for candidate in signature.candidates().take(MOST_FACIAL) {
             let triangle = [0, 1, 2].map(|k| Corner::new(&candidate.corners[k], &candidate.normals[k], k == 2));
@@ -77,15 +85,14 @@ impl Outlines {
     /// Adds one from another list.
     pub fn push_from(&mut self, others: &Outlines, place: u32) {
         let other = others.outline(place);
-        let regions = other.regions as u32;
         self.headers.push(Header {
-            corners: self.corners.len(),
-            facial: self.facial.len(),
-            regions,
+            corners: self.corners.len() as u64,
+            facial: self.facial.len() as u64,
+            regions: other.regions as u64,
             radius: other.radius,
         });
-        self.corners.extend(other.corners);
-        self.facial.extend(other.facial);
+        self.corners.extend(other.corners.iter().copied());
+        self.facial.extend(other.facial.iter().copied());
     }
 
     /// How many there are.
@@ -98,12 +105,12 @@ impl Outlines {
         let place = place as usize;
         let header = self.headers[place];
         let (corners, facial) = match self.headers.get(place + 1) {
-            Some(next) => (next.corners, next.facial),
+            Some(next) => (next.corners as usize, next.facial as usize),
             None => (self.corners.len(), self.facial.len()),
         };
         Outline {
-            corners: &self.corners[header.corners..corners],
-            facial: &self.facial[header.facial..facial],
+            corners: &self.corners[header.corners as usize..corners],
+            facial: &self.facial[header.facial as usize..facial],
             regions: header.regions as usize,
             radius: header.radius,
         }
@@ -111,9 +118,24 @@ impl Outlines {
 
     /// Gives back what was reserved but not used.
     pub fn shrink(&mut self) {
-        self.headers.shrink_to_fit();
-        self.corners.shrink_to_fit();
-        self.facial.shrink_to_fit();
+        self.headers.shrink();
+        self.corners.shrink();
+        self.facial.shrink();
+    }
+
+    /// Whether each model's part is one, and the parts lie one after the other.
+    pub fn is_sound(&self) -> bool {
+        let end = (self.corners.len() as u64, self.facial.len() as u64, 0);
+        let starts = self.headers.iter().map(|h| (h.corners, h.facial, h.regions)).chain([end]);
+        let mut before: Option<(u64, u64, u64)> = None;
+        starts.into_iter().all(|(corners, facial, regions)| {
+            let (first_corner, first_facial, of_regions) =
+                before.replace((corners, facial, regions)).unwrap_or_default();
+            let corners = corners.checked_sub(first_corner);
+            facial >= first_facial
+                && of_regions <= MOST_REGIONS as u64
+                && corners.is_some_and(|count| of_regions <= count)
+        })
     }
 }
 
@@ -158,7 +180,8 @@ impl Outline<'_> {
     }
 
     fn canonical(&self, corners: [usize; 3], origin: Origin) -> Option<IndexedTriangle> {
-        canonical(corners.map(|corner| self.corners[corner].segments()), self.radius, origin)
+        let [a, b, c] = corners.map(|corner| self.corners.get(corner).map(Corner::segments));
+        canonical([a?, b?, c?], self.radius, origin)
     }
 }
 

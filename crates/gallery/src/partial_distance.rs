@@ -3,8 +3,11 @@
 
 use std::cmp::Reverse;
 
+use bytemuck::{Pod, Zeroable};
 use rayon::prelude::*;
 
+use super::column::Column;
+use super::columns::stored;
 use super::dense_rows::DenseRows;
 use super::pca_code::SAMPLE;
 use super::trimmed_lower_bound::{Reach, Shift, capped_squares};
@@ -18,24 +21,30 @@ const COUNT: usize = 128;
 const CEILING: f64 = 3.2;
 
 /// Heights at the points at which faces differ most, made positive.
-#[derive(Debug, Clone, Copy)]
-#[repr(align(64))]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+#[repr(C, align(64))]
 struct Heights([u8; COUNT]);
 
 /// The points at which faces differ most, of a list of dense signatures.
 #[derive(Debug, Default)]
 pub(super) struct PartialDistances {
     /// Which of the template's points they are.
-    points: Vec<u16>,
-    heights: Vec<Heights>,
-    /// Of all heights of each signature; `None` if points are unseen.
-    sums: Vec<Option<i32>>,
+    points: Column<u16>,
+    heights: Column<Heights>,
+    /// Of all heights of each signature; [`HAS_GAPS`] if points are unseen.
+    sums: Column<i32>,
 }
+
+stored!(PartialDistances { points, heights, sums });
+
+/// No sum of heights is as small.
+const HAS_GAPS: i32 = i32::MIN;
 
 /// A probe held against them.
 #[derive(Debug)]
 pub(super) struct PartialProbe<'a> {
-    of: &'a PartialDistances,
+    rows: &'a [Heights],
+    sums: &'a [i32],
     heights: Heights,
     sum: i32,
 }
@@ -45,17 +54,24 @@ impl PartialDistances {
     pub fn of(rows: &DenseRows, places: &[u32]) -> PartialDistances {
         let points = most_varied(rows, places);
         let taken = |place: &u32| match rows.signature(*place).and_then(|signature| whole(&signature)) {
-            Some(heights) => (partial_distance(&heights, &points), Some(sum(&heights))),
-            None => (Heights([0; COUNT]), None),
+            Some(heights) => (partial_distance(&heights, &points), sum(&heights)),
+            None => (Heights([0; COUNT]), HAS_GAPS),
         };
-        let (heights, sums) = places.par_iter().map(taken).unzip();
-        PartialDistances { points, heights, sums }
+        let (heights, sums): (Vec<Heights>, Vec<i32>) = places.par_iter().map(taken).unzip();
+        PartialDistances { points: points.into(), heights: heights.into(), sums: sums.into() }
+    }
+
+    /// Whether there is one for each of so many signatures.
+    pub fn are_of(&self, signatures: usize) -> bool {
+        (self.heights.len(), self.sums.len()) == (signatures, signatures)
+            && self.points.iter().all(|point| usize::from(*point) < TEMPLATE_POINTS)
     }
 
     /// A probe held against all of them; `None` if it has gaps.
     pub fn against(&self, probe: &DenseSignature) -> Option<PartialProbe<'_>> {
         let heights = whole(probe)?;
-        Some(PartialProbe { of: self, heights: partial_distance(&heights, &self.points), sum: sum(&heights) })
+        let (own, sum) = (partial_distance(&heights, &self.points), sum(&heights));
+        Some(PartialProbe { rows: &self.heights, sums: &self.sums, heights: own, sum })
     }
 }
 
@@ -67,15 +83,18 @@ impl PartialProbe<'_> {
 
     /// Reads those with these numbers, so that their lines of cache are fetched side by side and not one after the other.
     pub fn fetch(&self, numbers: &[usize]) {
-        let lines = numbers.iter().map(|&number| self.of.heights[number].0[0] ^ self.of.heights[number].0[COUNT / 2]);
+        let lines = numbers.iter().map(|&number| self.rows[number].0[0] ^ self.rows[number].0[COUNT / 2]);
         std::hint::black_box(lines.fold(0, |all, byte| all ^ byte));
     }
 
     /// Whether the distance to a signature, by its number, is surely greater than `reach`. A no says nothing.
     pub fn is_beyond(&self, number: usize, reach: &Reach) -> bool {
-        let Some(sum) = self.of.sums[number] else { return false };
-        let shift = Shift::new(sum - self.sum, TEMPLATE_POINTS);
-        let squares = capped_squares(&self.of.heights[number].0, &self.heights.0, shift.whole, reach.ceiling);
+        let sum = self.sums[number];
+        if sum == HAS_GAPS {
+            return false;
+        }
+        let shift = Shift::new(sum.wrapping_sub(self.sum), TEMPLATE_POINTS);
+        let squares = capped_squares(&self.rows[number].0, &self.heights.0, shift.whole, reach.ceiling);
         reach.is_exceeded(squares, COUNT, TEMPLATE_POINTS, shift.rest)
     }
 }

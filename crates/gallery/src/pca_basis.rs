@@ -6,6 +6,8 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
+use super::column::Column;
+use super::columns::stored;
 use visage_shape::faces::dense_signature::{DenseSignature, UNSEEN};
 use visage_shape::faces::template::TEMPLATE_POINTS;
 
@@ -24,14 +26,17 @@ pub(super) type Heights = [f32; TEMPLATE_POINTS];
 /// How PCA codes of a segment are made.
 #[derive(Debug)]
 pub(super) struct Frame {
-    mean: Vec<f32>,
+    mean: Column<f32>,
     pub radius: f32,
     /// For each coordinate of the circles what it adds to the numbers: cosines first, then sines.
-    axes: Vec<[f32; SIZE]>,
-    middle: [f32; SIZE],
+    axes: Column<[f32; SIZE]>,
+    /// One, of the codes.
+    middle: Column<[f32; SIZE]>,
     /// The length that 1 stands for.
     pub unit: f32,
 }
+
+stored!(Frame { mean, radius, axes, middle, unit });
 
 impl Frame {
     /// One that fits a sample.
@@ -44,17 +49,26 @@ impl Frame {
             }
         }
         let mean = sums.iter().zip(&counts).map(|(sum, count)| sum / count.max(1.0)).collect();
-        let mut frame = Frame { mean, radius: 1.0, axes: Vec::new(), middle: [0.0; SIZE], unit: 1.0 };
+        let mut frame =
+            Frame { mean, radius: 1.0, axes: Column::default(), middle: vec![[0.0; SIZE]].into(), unit: 1.0 };
         let heights: Vec<Heights> = sample.iter().map(|signature| frame.heights(signature)).collect();
         let squares: f64 = heights.iter().flatten().map(|height| f64::from(height * height)).sum();
         let points: f64 = counts.iter().map(|count| f64::from(*count)).sum();
         frame.radius = (RADIUS * (squares / points.max(1.0)).sqrt() as f32).max(1.0);
-        frame.axes = axes(&heights, frame.radius);
+        frame.axes = axes(&heights, frame.radius).into();
         let numbers: Vec<[f32; SIZE]> = heights.iter().map(|heights| frame.numbers(heights)).collect();
-        frame.middle = std::array::from_fn(|k| numbers.iter().map(|n| n[k]).sum::<f32>() / numbers.len().max(1) as f32);
-        let most = numbers.iter().flat_map(|n| n.iter().zip(&frame.middle)).map(|(n, m)| (n - m).abs());
+        let middle: [f32; SIZE] =
+            std::array::from_fn(|k| numbers.iter().map(|n| n[k]).sum::<f32>() / numbers.len().max(1) as f32);
+        frame.middle = vec![middle].into();
+        let most = numbers.iter().flat_map(|n| n.iter().zip(&middle)).map(|(n, m)| (n - m).abs());
         frame.unit = most.fold(f32::MIN_POSITIVE, f32::max) / 127.0;
         frame
+    }
+
+    /// Whether it has a number for each point.
+    pub fn is_sound(&self) -> bool {
+        let counts = (self.mean.len(), self.axes.len(), self.middle.len());
+        counts == (TEMPLATE_POINTS, 2 * TEMPLATE_POINTS, 1)
     }
 
     /// What a code is made from.
@@ -85,9 +99,8 @@ impl Frame {
 
     /// The code, and how far rounding moved it. Cutting off what is too great only brings codes nearer.
     pub fn code(&self, heights: &Heights) -> (Code, f32) {
-        let numbers = self.numbers(heights);
-        let cut: [f32; SIZE] =
-            std::array::from_fn(|k| ((numbers[k] - self.middle[k]) / self.unit).clamp(-127.0, 127.0));
+        let (numbers, middle) = (self.numbers(heights), &self.middle[0]);
+        let cut: [f32; SIZE] = std::array::from_fn(|k| ((numbers[k] - middle[k]) / self.unit).clamp(-127.0, 127.0));
         let rounding: f32 = cut.iter().map(|x| (x - x.round()).powi(2)).sum();
         (cut.map(|x| x.round() as i8), rounding.sqrt())
     }

@@ -14,6 +14,8 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
+use super::column::Column;
+use super::columns::stored;
 use super::dense_rows::DenseRows;
 use super::pca_basis::{Code, Frame, SIZE};
 use visage_shape::faces::dense_signature::{DenseSignature, KEPT_SHARE, LEAST_COMMON, STEP_MM, UNSEEN};
@@ -30,12 +32,14 @@ const SLACK: f64 = 1e-3;
 #[derive(Debug, Default)]
 pub(super) struct PcaCodes {
     frame: Option<Frame>,
-    codes: Vec<Code>,
+    codes: Column<Code>,
     /// Unseen points of each signature.
-    gaps: Vec<u16>,
+    gaps: Column<u16>,
     /// The most that rounding moved a code, in units of codes.
     rounding: f32,
 }
+
+stored!(PcaCodes { frame, codes, gaps, rounding });
 
 impl PcaCodes {
     /// Those of the signatures at some places, in that order. Runs inside the caller's rayon pool.
@@ -56,6 +60,18 @@ impl PcaCodes {
             rounding: coded.iter().map(|(_, rounding)| *rounding).fold(0.0, f32::max),
             gaps: places.iter().map(|place| (TEMPLATE_POINTS - rows.seen_points(*place)) as u16).collect(),
             codes: coded.into_iter().map(|(code, _)| code).collect(),
+        }
+    }
+
+    /// Whether there is one for each of so many signatures, or none at all.
+    pub fn are_of(&self, signatures: usize) -> bool {
+        match &self.frame {
+            None => true,
+            Some(frame) => {
+                frame.is_sound()
+                    && (self.codes.len(), self.gaps.len()) == (signatures, signatures)
+                    && self.gaps.iter().all(|gaps| usize::from(*gaps) <= TEMPLATE_POINTS)
+            }
         }
     }
 

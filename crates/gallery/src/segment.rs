@@ -3,8 +3,11 @@
 use rayon::prelude::*;
 
 use super::by_view::ViewRows;
+use super::column::Column;
+use super::columns::stored;
 use super::dense_rows::DenseRows;
 use super::face_order::FaceOrder;
+use super::facet_rows::FacetRows;
 use super::indexed_model::{self, IndexedModel, METHODS, Standing};
 use super::outline::Outlines;
 use super::shape_rows::ShapeRows;
@@ -14,19 +17,37 @@ use super::{MatchMethod, ModelId};
 /// A list of models, ascending by id. A model is known here by its place in it.
 #[derive(Debug, Default)]
 pub(super) struct Segment {
-    pub ids: Vec<ModelId>,
+    pub ids: Column<ModelId>,
+    /// For each model a number that tells the signature that it was made of from others of the model.
+    pub revisions: Column<u128>,
+    pub facets: FacetRows,
     pub outlines: Outlines,
     pub triangles: TriangleIndex,
-    pub standings: Vec<[Standing; 3]>,
+    pub standings: Column<[Standing; 3]>,
     /// How surely each is a face, apart from the other figures for searches that go over all.
-    pub face_scores: Vec<f64>,
+    pub face_scores: Column<f64>,
     /// For each method all places, best score first, ties by id.
-    pub rankings: [Vec<u32>; 3],
+    pub rankings: [Column<u32>; 3],
     pub shapes: ShapeRows,
     pub views: ViewRows,
     pub dense: DenseRows,
     pub faces: FaceOrder,
 }
+
+stored!(Segment {
+    ids,
+    revisions,
+    facets,
+    outlines,
+    triangles,
+    standings,
+    face_scores,
+    rankings,
+    shapes,
+    views,
+    dense,
+    faces,
+});
 
 /// Some models of another segment, by their places.
 pub(super) struct Kept<'a> {
@@ -59,6 +80,8 @@ impl Segment {
         self.ids.push(id);
         match source {
             Source::Kept(other, place) => {
+                self.revisions.push(other.revisions[place as usize]);
+                self.facets.push_from(&other.facets, place);
                 self.outlines.push_from(&other.outlines, place);
                 self.standings.push(other.standings[place as usize]);
                 self.shapes.push_from(&other.shapes, place);
@@ -66,6 +89,8 @@ impl Segment {
                 self.dense.push_from(&other.dense, place);
             }
             Source::Fresh(entry) => {
+                self.revisions.push(entry.revision);
+                self.facets.push(&entry.facets);
                 self.outlines.push(&entry.signature);
                 self.standings.push(entry.standings);
                 self.shapes.push(entry.signature.shape());
@@ -77,15 +102,17 @@ impl Segment {
 
     /// Indexes what was pushed.
     fn finish(mut self) -> Segment {
-        self.ids.shrink_to_fit();
+        self.ids.shrink();
+        self.revisions.shrink();
+        self.facets.shrink();
         self.outlines.shrink();
-        self.standings.shrink_to_fit();
+        self.standings.shrink();
         self.shapes.finish();
         self.views.shrink();
         self.dense.shrink();
         let verified = indexed_model::slot(MatchMethod::Verified);
         self.face_scores = self.standings.iter().map(|standings| standings[verified].score).collect();
-        self.rankings = [0, 1, 2].map(|slot| self.ranked(slot));
+        self.rankings = [0, 1, 2].map(|slot| self.ranked(slot).into());
         self.faces = FaceOrder::of(&self.dense, &self.rankings[verified]);
         let shapes: Vec<Vec<_>> = (0..self.outlines.len() as u32)
             .into_par_iter()
@@ -107,6 +134,24 @@ impl Segment {
     pub fn place(&self, id: ModelId) -> Option<u32> {
         self.ids.binary_search(&id).ok().map(|place| place as u32)
     }
+
+    /// Whether all of its columns are about the same models, and point to what is there: nothing that is read of it then can be
+    /// out of place.
+    pub fn is_sound(&self) -> bool {
+        let models = self.ids.len();
+        let are_places = |places: &[u32]| places.len() == models && places.iter().all(|p| (*p as usize) < models);
+        let counts = [self.revisions.len(), self.outlines.len(), self.standings.len(), self.face_scores.len()];
+        self.ids.is_sorted_by(|a, b| a < b)
+            && counts == [models; 4]
+            && self.facets.are_of(models)
+            && self.outlines.is_sound()
+            && self.triangles.is_sound()
+            && self.rankings.iter().all(|ranking| are_places(ranking))
+            && self.shapes.are_of(models)
+            && self.views.are_of(models)
+            && self.dense.are_of(models)
+            && self.faces.is_of(models)
+    }
 }
 
 #[cfg(test)]
@@ -125,7 +170,8 @@ mod tests {
             [Kept { segment: &second, places: vec![1, 3, 17] }, Kept { segment: &first, places: (5..30).collect() }];
         let moved = Segment::build(&kept, &[entry(100), entry(2)]);
         let ids: Vec<u128> = [2].into_iter().chain(5..30).chain([41, 43, 57, 100]).collect();
-        assert_eq!(moved.ids, ids);
+        assert_eq!(*moved.ids, ids);
+        assert!(moved.is_sound());
         let anew = built(&ids.iter().map(|&id| entry(id)).collect::<Vec<_>>());
         assert_eq!(moved.rankings, anew.rankings);
         assert_eq!(moved.triangles.len(), anew.triangles.len());

@@ -3,9 +3,12 @@
 //! The bound is made of codes: the numbers of a shape along the axes along which the segment's own shapes vary most, in small steps.
 //! A projection brings shapes nearer to each other only, so what is far apart there is far apart.
 
+use bytemuck::{Pod, Zeroable};
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 
+use super::column::Column;
+use super::columns::stored;
 use super::pca_basis::principal_axes;
 use visage_shape::descriptor::{self, FRAME_BYTES, PAIR_BYTES, ShapeDescriptor};
 
@@ -19,12 +22,9 @@ const SAMPLE: usize = 1024;
 /// What rounding in single precision may make of a length, at most.
 const SLACK: f64 = 1e-3;
 
-/// A shape, or none.
-type Row = Option<ShapeDescriptor>;
-
 /// What a bound reads.
-#[derive(Debug, Clone, Copy)]
-#[repr(align(64))]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+#[repr(C, align(64))]
 struct Code {
     frames: [[i8; OF_FRAME]; 2],
     pairs: [i8; OF_PAIRS],
@@ -33,28 +33,37 @@ struct Code {
 /// The shapes of a list of models, some of which have none.
 #[derive(Debug, Default)]
 pub(super) struct ShapeRows {
-    rows: Vec<Row>,
+    /// Zeros where there is none.
+    rows: Column<ShapeDescriptor>,
+    /// 1 where there is one.
+    there: Column<u8>,
     codes: Option<Codes>,
 }
+
+stored!(ShapeRows { rows, there, codes });
 
 #[derive(Debug)]
 struct Codes {
     frames: [Axes<FRAME_BYTES, OF_FRAME>; 2],
     pairs: Axes<PAIR_BYTES, OF_PAIRS>,
-    codes: Vec<Code>,
+    codes: Column<Code>,
     /// The most that rounding moved a code of a frame, and one of pairs, in steps of bytes.
     rounding: [f32; 2],
 }
 
+stored!(Codes { frames, pairs, codes, rounding });
+
 /// Some axes of a part of a shape.
 #[derive(Debug)]
 struct Axes<const BYTES: usize, const NUMBERS: usize> {
-    mean: Vec<f32>,
+    mean: Column<f32>,
     /// For each byte its share in each number.
-    shares: Vec<[f32; NUMBERS]>,
+    shares: Column<[f32; NUMBERS]>,
     /// Steps of bytes in one of a code.
     unit: f32,
 }
+
+stored!(impl[const BYTES: usize, const NUMBERS: usize] Axes<BYTES, NUMBERS> { mean, shares, unit });
 
 impl<const BYTES: usize, const NUMBERS: usize> Axes<BYTES, NUMBERS> {
     fn of(sample: &[&[u8; BYTES]]) -> Axes<BYTES, NUMBERS> {
@@ -65,7 +74,7 @@ impl<const BYTES: usize, const NUMBERS: usize> Axes<BYTES, NUMBERS> {
             DMatrix::from_fn(sample.len(), BYTES, |row, column| f32::from(sample[row][column]) - mean[column]);
         let shares =
             principal_axes(&centred, NUMBERS).row_iter().map(|row| std::array::from_fn(|k| row[k] as f32)).collect();
-        let mut axes = Axes { mean, shares, unit: 1.0 };
+        let mut axes = Axes { mean: mean.into(), shares, unit: 1.0 };
         let most =
             sample.iter().flat_map(|row| axes.numbers(row)).fold(1.0, |most: f32, number| most.max(number.abs()));
         axes.unit = most / 127.0;
@@ -74,7 +83,7 @@ impl<const BYTES: usize, const NUMBERS: usize> Axes<BYTES, NUMBERS> {
 
     fn numbers(&self, bytes: &[u8; BYTES]) -> [f32; NUMBERS] {
         let mut numbers = [0.0; NUMBERS];
-        for ((byte, mean), shares) in bytes.iter().zip(&self.mean).zip(&self.shares) {
+        for ((byte, mean), shares) in bytes.iter().zip(&*self.mean).zip(&*self.shares) {
             let offset = f32::from(*byte) - mean;
             numbers.iter_mut().zip(shares).for_each(|(number, share)| *number += offset * share);
         }
@@ -90,18 +99,19 @@ impl<const BYTES: usize, const NUMBERS: usize> Axes<BYTES, NUMBERS> {
 }
 
 impl Codes {
-    fn of(rows: &[Row]) -> Option<Codes> {
+    fn of(rows: &[Option<&ShapeDescriptor>]) -> Option<Codes> {
         if rows.len() < LEAST_ROWS {
             return None;
         }
-        let sample: Vec<&ShapeDescriptor> = rows.iter().step_by(rows.len().div_ceil(SAMPLE)).flatten().collect();
+        let sample: Vec<&ShapeDescriptor> =
+            rows.iter().step_by(rows.len().div_ceil(SAMPLE)).copied().flatten().collect();
         let frames =
             [0, 1].map(|frame| Axes::of(&sample.iter().map(|shape| &shape.frames()[frame]).collect::<Vec<_>>()));
         let pairs = Axes::of(&sample.iter().map(|shape| shape.pairs()).collect::<Vec<_>>());
-        let mut codes = Codes { frames, pairs, codes: Vec::new(), rounding: [0.0; 2] };
+        let mut codes = Codes { frames, pairs, codes: Column::default(), rounding: [0.0; 2] };
         let none = (Code { frames: [[0; OF_FRAME]; 2], pairs: [0; OF_PAIRS] }, [0.0; 2]);
         let coded: Vec<(Code, [f32; 2])> =
-            rows.par_iter().map(|row| row.as_ref().map_or(none, |shape| codes.code(shape))).collect();
+            rows.par_iter().map(|row| row.map_or(none, |shape| codes.code(shape))).collect();
         codes.rounding = coded.iter().fold([0.0; 2], |most, (_, one)| [most[0].max(one[0]), most[1].max(one[1])]);
         codes.codes = coded.into_iter().map(|(code, _)| code).collect();
         Some(codes)
@@ -117,23 +127,33 @@ impl Codes {
 impl ShapeRows {
     /// Adds a model's.
     pub fn push(&mut self, shape: Option<&ShapeDescriptor>) {
-        self.rows.push(shape.cloned());
+        self.rows.push(shape.copied().unwrap_or_else(Zeroable::zeroed));
+        self.there.push(shape.is_some().into());
     }
 
     /// Adds one from another list.
     pub fn push_from(&mut self, others: &ShapeRows, place: u32) {
-        self.rows.push(others.rows[place as usize].clone());
+        self.push(others.shape(place));
     }
 
     /// Indexes what was pushed. Runs inside the caller's rayon pool.
     pub fn finish(&mut self) {
-        self.rows.shrink_to_fit();
-        self.codes = Codes::of(&self.rows);
+        self.rows.shrink();
+        self.there.shrink();
+        let rows: Vec<_> = (0..self.rows.len() as u32).map(|place| self.shape(place)).collect();
+        self.codes = Codes::of(&rows);
     }
 
     /// The shape at a place.
     pub fn shape(&self, place: u32) -> Option<&ShapeDescriptor> {
-        self.rows[place as usize].as_ref()
+        let place = place as usize;
+        (self.there[place] == 1).then(|| &self.rows[place])
+    }
+
+    /// Whether there is one for each of so many models.
+    pub fn are_of(&self, models: usize) -> bool {
+        let codes = self.codes.as_ref();
+        (self.rows.len(), self.there.len()) == (models, models) && codes.is_none_or(|codes| codes.codes.len() == models)
     }
 
     /// A probe held against all of them.
@@ -149,13 +169,13 @@ impl ShapeRows {
                 rounding: [0, 1].map(|k| f64::from(rounding[k] + codes.rounding[k])),
             }
         });
-        ShapeBounds { rows: &self.rows, probe, coded }
+        ShapeBounds { rows: self, probe, coded }
     }
 }
 
 /// A probe's shape held against those of a segment.
 pub(super) struct ShapeBounds<'a> {
-    rows: &'a [Row],
+    rows: &'a ShapeRows,
     probe: &'a ShapeDescriptor,
     coded: Option<Coded<'a>>,
 }
@@ -191,7 +211,7 @@ impl ShapeBounds<'_> {
     pub fn least_within(&self, place: u32, reach: &ShapeReach) -> Option<f64> {
         let least = match &self.coded {
             Some(coded) => coded.least_within(&coded.codes[place as usize], reach)?,
-            None => self.probe.distance(self.rows[place as usize].as_ref()?),
+            None => self.probe.distance(self.rows.shape(place)?),
         };
         (least <= reach.distance).then_some(least)
     }
@@ -225,7 +245,7 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
 
     /// Shapes that differ along 7 directions and by a little noise; every tenth is none.
-    fn shapes(count: usize) -> Vec<Row> {
+    fn shapes(count: usize) -> Vec<Option<ShapeDescriptor>> {
         let mut rng = ChaCha8Rng::seed_from_u64(3);
         let mut shape = |number: usize| {
             let weights: [f64; 7] = std::array::from_fn(|_| rng.random_range(-1.0..1.0));

@@ -5,6 +5,10 @@
 //! rounding may have moved a point ([`SLACK`]), so whoever measures those it meets from their corners gets exactly
 //! what measuring all would give.
 
+use bytemuck::{Pod, Zeroable};
+
+use super::column::Column;
+use super::columns::stored;
 use visage_shape::faces::Shape;
 
 /// Steps of the grid that places are rounded to, along one axis of the sphere of radius 1/2.
@@ -19,7 +23,8 @@ const SHARED: usize = 1 << 16;
 type Place = [i16; 3];
 
 /// A triangle by its rounded place on the sphere.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
 struct Entry {
     place: Place,
     number: u16,
@@ -27,7 +32,8 @@ struct Entry {
 }
 
 /// The corners of the box around a node's triangles.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
 struct Cell {
     low: Place,
     high: Place,
@@ -38,12 +44,14 @@ struct Cell {
 #[derive(Debug, Default)]
 pub struct TriangleIndex {
     /// Leaf by leaf.
-    entries: Vec<Entry>,
+    entries: Column<Entry>,
     /// A node, all below its first half, all below its second half; the halves are those of the entries.
-    cells: Vec<Cell>,
+    cells: Column<Cell>,
     /// Levels below the root.
     depth: u32,
 }
+
+stored!(TriangleIndex { entries, cells, depth });
 
 impl TriangleIndex {
     /// An index over triangles, each given by model, number and shape. Runs inside the caller's rayon pool.
@@ -59,12 +67,18 @@ impl TriangleIndex {
         let mut cells = vec![Cell { low: [0; 3], high: [0; 3] }; 2 * leaves - 1];
         let depth = leaves.trailing_zeros();
         split(&mut entries, &mut cells, depth);
-        TriangleIndex { entries, cells, depth }
+        TriangleIndex { entries: entries.into(), cells: cells.into(), depth }
     }
 
     /// The number of triangles.
     pub fn len(&self) -> usize {
         self.entries.len()
+    }
+
+    /// Whether the tree has as many nodes as levels.
+    pub(super) fn is_sound(&self) -> bool {
+        let leaves = 1usize.checked_shl(self.depth).filter(|_| self.depth < u32::BITS);
+        leaves.is_some_and(|leaves| self.cells.len() == 2 * leaves - 1)
     }
 
     /// Whether there are none.

@@ -133,7 +133,7 @@ async fn chores(context: ServiceContext, stop: CancellationToken) {
     let storage = context.storage();
     let ServiceContext { database, gallery, monitor, .. } = context.clone();
     let work = async {
-        match gallery.load(database.as_ref()).await {
+        match gallery.load(&storage).await {
             Ok(models) => tracing::info!(models, "the gallery is loaded"),
             Err(error) => tracing::error!("the gallery can't be loaded, queries will not be answered: {error}"),
         }
@@ -145,8 +145,13 @@ async fn chores(context: ServiceContext, stop: CancellationToken) {
             Ok(None) => {}
             Err(error) => tracing::warn!("looking for what is out of date: {error}"),
         }
+        // files of the index are used from the first moment on; whether they are sound takes reading all of them
+        if let Err(error) = gallery.examine(&storage).await {
+            tracing::error!("a part of the gallery can't be made anew, queries will not be answered: {error}");
+        }
         loop {
             clean_up(&storage).await;
+            gallery.tidy_up();
             match retention::drop_old(&context, jiff::Timestamp::now()).await {
                 Ok(dropped) if dropped == Dropped::default() => {}
                 Ok(Dropped { scan_sets, models, audit }) => {

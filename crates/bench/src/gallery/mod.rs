@@ -3,6 +3,7 @@
 
 mod check;
 mod load;
+mod mapped;
 pub mod population;
 
 use std::time::Instant;
@@ -35,6 +36,9 @@ pub struct GalleryArgs {
     /// Queries of each kind whose answers are compared with those of brute force
     #[arg(long, default_value_t = 3)]
     checked: usize,
+    /// Asks everything a second time, of the same segments mapped from files, and compares the answers
+    #[arg(long)]
+    mapped: bool,
 }
 
 /// Builds the index, asks it, checks it, and prints a table.
@@ -47,6 +51,7 @@ pub fn run(args: GalleryArgs) -> anyhow::Result<()> {
     println!("| | |\n| --- | ---: |\n| models | {} |", gallery.len());
     println!("| build, CPU s | {:.1} |\n| build, wall s | {:.1} |", built.cpu_seconds, built.wall_seconds);
     println!("| index, MiB | {:.0} |\n| peak of the process, MiB | {:.0} |", after - before, peak_mib());
+    let mapped = args.mapped.then(|| mapped::of(&gallery)).transpose()?;
     println!(
         "\n| query | queries | p50 ms | p99 ms | most ms | CPU ms a query |\n| --- | ---: | ---: | ---: | ---: | ---: |"
     );
@@ -56,6 +61,10 @@ pub fn run(args: GalleryArgs) -> anyhow::Result<()> {
             .map(|k| Question::new(kind, &population, args.models, k as u64))
             .collect();
         println!("{}", load::answered(&gallery, kind, &questions, args.limit, args.rate));
+        if let Some((mapped, _folder)) = &mapped {
+            println!("{} mapped", load::answered(mapped, kind, &questions, args.limit, args.rate));
+            mapped::compare(&gallery, mapped, &questions, args.limit)?;
+        }
     }
     if args.checked > 0 {
         let compared = check::compare(&gallery, &population, args.models, args.checked, args.limit)?;
@@ -95,12 +104,12 @@ pub(super) fn cpu_seconds() -> f64 {
     seconds(usage.user_time()) + seconds(usage.system_time())
 }
 
-fn peak_mib() -> f64 {
+pub(super) fn peak_mib() -> f64 {
     visage::machine::peak_memory_bytes().map_or(f64::NAN, |bytes| bytes as f64 / f64::from(1 << 20))
 }
 
 /// Memory of this process now.
-fn resident_mib() -> f64 {
+pub(super) fn resident_mib() -> f64 {
     let pages = || -> anyhow::Result<f64> {
         let text = std::fs::read_to_string("/proc/self/statm")?;
         Ok(text.split_whitespace().nth(1).context("no second field")?.parse()?)

@@ -74,7 +74,7 @@ pub(crate) mod testing {
         let storage = Storage { database: place.open(SeatId::new()).await, objects };
         let config = ServerConfig::new(([127, 0, 0, 1], 0).into(), "");
         let context = ServiceContext::new(storage, Arc::new(PipelineEngine), Arc::new(config));
-        context.gallery.load(context.database.as_ref()).await.expect("loaded");
+        context.gallery.load(&context.storage()).await.expect("loaded");
         (context, place)
     }
 

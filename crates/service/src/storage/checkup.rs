@@ -22,6 +22,8 @@ pub struct Findings {
     pub damaged_files: Vec<String>,
     /// Models whose signature is not what was stored.
     pub damaged_signatures: Vec<ModelId>,
+    /// What is wrong with files of the index; whoever reads segments fills it in.
+    pub damaged_segments: Vec<String>,
     /// How many files were read.
     pub files_read: usize,
     /// How many signatures were read.
@@ -36,6 +38,7 @@ impl Findings {
             && self.unknown.is_empty()
             && self.damaged_files.is_empty()
             && self.damaged_signatures.is_empty()
+            && self.damaged_segments.is_empty()
     }
 }
 

@@ -19,8 +19,8 @@ use visage_domain::{
     JobFilter, JobId, JobRecord, KeyId, KeyRecord, KnownFiles, LooseFile, MatchedModel, ModelFacets, ModelFilter,
     ModelId, ModelRecord, NewJob, NewKey, NewModel, NewScanSet, NewSession, NewStandard, NewSurfaceJob, Outdated,
     Owner, Page, PageRequest, PoseFile, PutScan, Replay, ReplayKey, ScanRecord, ScanSetId, ScanSetRecord, SecretHash,
-    SessionId, StandardId, StandardRecord, StoredContent, StoredFile, StoredSignature, StoredVerdict, UploadId,
-    UploadRecord,
+    SegmentId, SegmentRecord, SessionId, StandardId, StandardRecord, StoredContent, StoredFile, StoredSignature,
+    StoredVerdict, Unfiled, UploadId, UploadRecord,
 };
 use visage_shape::standards::Standard;
 
@@ -34,6 +34,7 @@ pub trait Database:
     + JobQueue
     + Models
     + Signatures
+    + Segments
     + Matches
     + Standards
     + Evaluations
@@ -232,6 +233,32 @@ pub trait Signatures {
 
     /// Says that signatures are damaged: an evaluation makes them anew, from the models' files.
     async fn give_up_signatures(&self, ids: &[ModelId]) -> Result<(), DatabaseError>;
+}
+
+/// Which files of the index count, and of which models they don't tell what the signatures do. Both together are the whole index: a model
+/// is what the files say of it, unless it is unfiled; then it is what its signature says, or gone if it has none. Whoever stores, changes or
+/// deletes a signature makes its model unfiled in the same transaction.
+#[async_trait]
+pub trait Segments {
+    /// The files that count.
+    async fn segments(&self) -> Result<Vec<SegmentRecord>, DatabaseError>;
+
+    /// Up to `limit` unfiled models, in the order of their ids, those after the given one.
+    async fn unfiled_after(&self, after: Option<ModelId>, limit: usize) -> Result<Vec<Unfiled>, DatabaseError>;
+
+    /// From now on files count, and others no longer: at once.
+    async fn swap_segments(&self, new: &[SegmentRecord], old: &[SegmentId]) -> Result<(), DatabaseError>;
+
+    /// Says that the files tell these models, given with the first half of the checksum of the signature that they know. Those
+    /// with another signature by now stay unfiled.
+    async fn file_models(&self, models: &[(ModelId, u128)]) -> Result<(), DatabaseError>;
+
+    /// Says that no file tells anything of these models. Those that have a signature stay unfiled.
+    async fn forget_unfiled(&self, models: &[ModelId]) -> Result<(), DatabaseError>;
+
+    /// Files no longer count because they are damaged or gone: all models with a signature are unfiled but those that the other files
+    /// tell, given in the order of their ids.
+    async fn lose_segments(&self, lost: &[SegmentId], told: &[ModelId]) -> Result<(), DatabaseError>;
 }
 
 /// What queries need of models besides the index.

@@ -1,6 +1,7 @@
 //! Where the service keeps things: a database for everything that is small and an object store for files.
 //!
 //! - [`database`], [`object_store`]: the two traits; all that the rest of the service sees
+//! - `segment_store`: files of the index, which are lent as memory
 //! - `error`: what a database says when it can't; `reserve`: space for when a disk is full; `unseen`: what the index in
 //!   memory has yet to follow
 //! - [`sqlite`], [`local_files`]: a database in one file, files in a folder
@@ -24,6 +25,7 @@ pub mod inventory;
 pub mod local_files;
 pub mod object_store;
 mod reserve;
+mod segment_store;
 pub mod sqlite;
 mod unseen;
 
@@ -33,4 +35,5 @@ pub use object_store::{
     AssetReader, ObjectError, ObjectStore, PieceWriter, StagedFile, StagedModel, StagedWriter, Staging, TRASH_DAYS,
 };
 pub use reserve::{NoReserve, Reserve};
+pub use segment_store::SegmentStore;
 pub use unseen::{Changes, Deleted, Unseen};

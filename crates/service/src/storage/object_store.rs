@@ -14,6 +14,7 @@ use std::sync::Arc;
 use async_trait::async_trait;
 use tokio::io::{AsyncRead, AsyncSeek};
 
+use super::SegmentStore;
 use visage_domain::{AssetRecord, FileId, ModelId, ScanRecord, ScanSetId, StandardId, StoredFile, UploadId};
 
 /// How long what was set aside is kept.
@@ -57,7 +58,7 @@ impl ObjectError {
 
 /// A place that keeps files.
 #[async_trait]
-pub trait ObjectStore: Debug + Send + Sync + 'static {
+pub trait ObjectStore: SegmentStore + Debug + Send + Sync + 'static {
     /// A new file to receive an upload into.
     async fn receive(&self) -> Result<Box<dyn StagedWriter>, ObjectError>;
 

@@ -52,7 +52,8 @@ pub const FRAME_BYTES: usize = 3 * MAPS * spectrum::NUMBERS;
 pub const PAIR_BYTES: usize = pairs::CLASSES;
 
 /// What tells one shape from another.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
 pub struct ShapeDescriptor {
     /// In the frame of the principal axes, and in that of the normals.
     frames: [[u8; FRAME_BYTES]; 2],

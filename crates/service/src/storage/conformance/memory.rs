@@ -5,12 +5,14 @@ use std::io::{self, Cursor};
 use std::sync::{Arc, Mutex, MutexGuard, Weak};
 
 use async_trait::async_trait;
+use bytes::Bytes;
 
 use super::ObjectPlace;
 use crate::storage::{
-    AssetReader, ObjectError, ObjectStore, PieceWriter, StagedFile, StagedModel, StagedWriter, Staging, TRASH_DAYS,
+    AssetReader, ObjectError, ObjectStore, PieceWriter, SegmentStore, StagedFile, StagedModel, StagedWriter, Staging,
+    TRASH_DAYS,
 };
-use visage_domain::{AssetRecord, FileId, ModelId, ScanRecord, ScanSetId, StandardId, StoredFile, UploadId};
+use visage_domain::{AssetRecord, FileId, ModelId, ScanRecord, ScanSetId, SegmentId, StandardId, StoredFile, UploadId};
 
 /// The name of the one file of a scan, and of an upload.
 const ONLY: &str = "";
@@ -25,6 +27,7 @@ struct Content {
     published: BTreeMap<StoredFile, Group>,
     pieces: BTreeMap<UploadId, Vec<u8>>,
     trash: Vec<(jiff::Timestamp, StoredFile)>,
+    segments: BTreeMap<SegmentId, Bytes>,
 }
 
 #[derive(Debug, Default)]
@@ -102,6 +105,36 @@ impl StagedWriter for MemoryWriter {
         group.insert(ONLY.to_owned(), self.content);
         drop(content);
         Ok(self.staged)
+    }
+}
+
+impl SegmentStore for MemoryObjects {
+    fn keep_segment(
+        &self,
+        id: SegmentId,
+        write: &mut dyn FnMut(&mut dyn io::Write) -> io::Result<()>,
+    ) -> Result<(), ObjectError> {
+        let mut content = Vec::new();
+        write(&mut content).map_err(|source| ObjectError::Io { doing: "writing", source })?;
+        self.shared.lock().segments.insert(id, content.into());
+        Ok(())
+    }
+
+    fn map_segment(&self, id: SegmentId) -> Result<Option<Bytes>, ObjectError> {
+        Ok(self.shared.lock().segments.get(&id).cloned())
+    }
+
+    fn open_segment(&self, id: SegmentId) -> Result<Option<Box<dyn io::Read + Send>>, ObjectError> {
+        Ok(self.map_segment(id)?.map(|content| -> Box<dyn io::Read + Send> { Box::new(Cursor::new(content)) }))
+    }
+
+    fn remove_segment(&self, id: SegmentId) -> Result<(), ObjectError> {
+        self.shared.lock().segments.remove(&id);
+        Ok(())
+    }
+
+    fn segment_listing(&self) -> Result<Vec<SegmentId>, ObjectError> {
+        Ok(self.shared.lock().segments.keys().copied().collect())
     }
 }
 

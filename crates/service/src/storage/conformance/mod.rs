@@ -9,6 +9,8 @@ pub mod memory;
 pub mod objects;
 pub mod queue;
 pub mod records;
+pub mod segment_files;
+pub mod segments;
 
 use std::sync::{Arc, LazyLock};
 use std::time::Duration;
@@ -78,6 +80,10 @@ macro_rules! database_conformance {
                 a_query_waits_for_what_is_committed_but_not_in_the_index,
                 a_full_database_says_so_and_is_as_it_was,
             }
+            segments {
+                a_model_is_unfiled_until_a_file_tells_its_very_signature,
+                what_was_in_lost_files_is_unfiled,
+            }
             files {
                 everything_stored_is_known,
                 a_file_is_loose_before_it_has_a_row_and_after,
@@ -92,6 +98,9 @@ pub(crate) use database_conformance;
 macro_rules! object_conformance {
     ($place:ty) => {
         $crate::storage::conformance::checks! { <$place as $crate::storage::conformance::ObjectPlace>::new();
+            segment_files {
+                a_file_of_the_index_is_there_when_it_is_whole_and_lent_also_after_it_is_removed,
+            }
             objects {
                 a_scan_arrives_whole_and_goes_with_its_set,
                 what_is_given_up_leaves_nothing,

@@ -159,6 +159,8 @@ async fn snapshot(
     let copy = SqliteDatabase::open_with(&new, Arc::new(NoReserve)).await?;
     // a browser that is signed in here is not so there
     copy.forget_all_sessions().await?;
+    // the index is made anew from the signatures
+    copy.forget_all_segments().await?;
     let report = copy_files(&copy, data, backup, reread).await?;
     let (known, _) = copy.known_files().await?;
     copy.close().await;

@@ -7,7 +7,7 @@ use std::path::Path;
 use visage_domain::{FileId, ModelId, ScanSetId, StandardId, StoredFile};
 
 /// The folders that hold files under ids.
-pub(super) const FOLDERS: [&str; 6] = ["staging", "uploads", "scan-sets", "models", "standards", "trash"];
+pub(super) const FOLDERS: [&str; 7] = ["staging", "uploads", "scan-sets", "models", "standards", "segments", "trash"];
 
 /// Whether nothing is in a folder; what can't be read is not empty.
 pub(super) fn is_empty(folder: &Path) -> bool {

@@ -10,6 +10,7 @@
 //! DATA/scan-sets/{set}/{file}      scans, under ids of ours
 //! DATA/models/{model}/{asset}      files of models, under names of ours
 //! DATA/standards/{standard}/{asset} files that standards were made of
+//! DATA/segments/{segment}          the index, made of signatures: what is lost of it is made anew
 //! DATA/trash/{id}/...              what a start found without a row, for a while
 //! ```
 //! Files are written and synced under `staging` and then moved by one rename, so a file that is where it belongs is
@@ -20,6 +21,7 @@
 //! - `folder`: whose it is, lock and marker; `private`: who may read; `reserve`: space for when there is none
 //! - `files`: the folder as an [`ObjectStore`](crate::storage::ObjectStore); `staged`: files in the making; `verified`:
 //!   files are what was stored
+//! - `segments`: files of the index
 //! - `pieces`: files that come piece by piece
 //! - `listing`, `sweep`: what is there, the trash; [`copies`]: backups
 
@@ -30,6 +32,7 @@ mod listing;
 mod pieces;
 mod private;
 mod reserve;
+mod segments;
 mod staged;
 mod sweep;
 mod verified;
@@ -113,6 +116,10 @@ impl LocalFiles {
 
     fn models(&self) -> PathBuf {
         self.root.join("models")
+    }
+
+    fn segment_folder(&self) -> PathBuf {
+        self.root.join("segments")
     }
 
     fn standards(&self) -> PathBuf {

@@ -13,7 +13,7 @@ macro_rules! files {
     };
 }
 
-const FILES: [(&str, &str); 14] = files![
+const FILES: [(&str, &str); 15] = files![
     "0001_first",
     "0002_base_model",
     "0003_standards",
@@ -28,6 +28,7 @@ const FILES: [(&str, &str); 14] = files![
     "0012_webhooks",
     "0013_clients",
     "0014_uploads",
+    "0015_segments",
 ];
 
 /// All of them.

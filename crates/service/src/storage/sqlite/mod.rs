@@ -23,6 +23,7 @@ mod queue;
 mod replays;
 mod rows;
 mod scan_sets;
+mod segments;
 mod signatures;
 mod standards;
 mod upkeep;

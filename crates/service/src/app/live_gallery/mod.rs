@@ -1,22 +1,26 @@
-//! The stored signatures, searchable in memory: loaded in the background at start, then kept current.
+//! The stored signatures, searchable: mapped from files at start, then kept current.
+//!
+//! Segments are in files ([`files`]), which are lent as memory; what they don't tell is made of signatures at start (`loading`). Which
+//! models that is, the database knows: so a search after a start, be it after a crash, finds what it found before. Until everything is there,
+//! queries are refused: every answer is exact.
 //!
 //! A search takes the gallery as it is and works on that; a change makes the next one and puts it in its place. So
 //! nobody waits for anybody but changes for each other.
 
+pub mod files;
+mod loading;
+
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 
-use rayon::prelude::*;
-
+use crate::storage::inventory::Storage;
 use crate::storage::{Database, DatabaseError};
+use files::{FilingError, SegmentFiles};
+use loading::{Loading, not_stored, told};
 use visage_domain::asset::Origin;
-use visage_domain::{ModelFacets, ModelId, StoredContent};
-use visage_gallery::gallery::FULL_SEGMENT;
+use visage_domain::{ModelFacets, ModelId, SegmentId};
 use visage_gallery::{Catalogue, Facets, Gallery, IndexedModel, Source};
 use visage_shape::faces::Signature;
-
-/// Signatures that are read at once.
-const PAGE: usize = 4096;
 
 /// A change that came before the index was ready.
 #[derive(Debug)]
@@ -52,6 +56,12 @@ struct Shared {
     catalogue: RwLock<Catalogue>,
     /// Whether a thread merges segments.
     merging: AtomicBool,
+    /// Whether segments could not be put into files: then they wait for [`LiveGallery::tidy_up`].
+    is_stuck: AtomicBool,
+    /// Whether nothing is to be left of models that are gone.
+    is_to_forget: AtomicBool,
+    /// Where segments are kept, once it is loaded.
+    files: RwLock<Option<Arc<SegmentFiles>>>,
 }
 
 /// The index over all stored signatures. Cheap to clone; readers wait for nobody.
@@ -69,6 +79,9 @@ impl Default for LiveGallery {
                 changing: Mutex::new(()),
                 catalogue: RwLock::default(),
                 merging: AtomicBool::new(false),
+                is_stuck: AtomicBool::new(false),
+                is_to_forget: AtomicBool::new(false),
+                files: RwLock::default(),
             }),
         }
     }
@@ -80,32 +93,69 @@ impl Default for LiveGallery {
 pub struct NotReady;
 
 impl LiveGallery {
-    /// Reads all signatures, page by page, and builds the index. Models added or deleted meanwhile are seen
-    /// afterwards. Signatures of another version and damaged ones are left out: their models are kept, but not found
-    /// until described anew.
-    pub async fn load(&self, database: &dyn Database) -> Result<usize, DatabaseError> {
-        let mut loading = Loading::default();
-        let mut page = database.signatures_after(None, PAGE).await?;
-        while let Some((last, _)) = page.last() {
-            let next = database.signatures_after(Some(*last), PAGE);
-            let (next, taken) = tokio::join!(next, off_thread(move || loading.taking(page)));
-            (page, loading) = (next?, taken?);
-            tracing::debug!(models = loading.models(), "the gallery is being loaded");
-        }
-        database.give_up_signatures(&loading.damaged).await?;
-        let facets = database.facets().await?;
+    /// Maps the files that count, makes of signatures what they don't tell, and answers from then on; gives the number of models. Models
+    /// added or deleted meanwhile are seen afterwards. Signatures of another version and damaged ones are left out: their models are
+    /// kept, but not found until described anew.
+    pub async fn load(&self, storage: &Storage) -> Result<usize, DatabaseError> {
+        let files = Arc::new(SegmentFiles::of(storage));
+        *self.shared.files.write().unwrap_or_else(PoisonError::into_inner) = Some(files.clone());
+        let loading = Loading::mapped(storage, files).await?;
+        self.finish(storage, loading).await
+    }
+
+    async fn finish(&self, storage: &Storage, loading: Loading) -> Result<usize, DatabaseError> {
+        let loading = loading.filled(storage.database.as_ref()).await?;
         let live = self.clone();
-        off_thread(move || live.open(loading.finished(), facets)).await
+        off_thread(move || live.open(loading)).await
+    }
+
+    /// Reads all files of the index and holds them against their checksums. If one is damaged, nothing is answered until what it held is
+    /// made anew.
+    pub async fn examine(&self, storage: &Storage) -> Result<(), DatabaseError> {
+        let Some(files) = self.files() else { return Ok(()) };
+        for record in files.listed() {
+            let (examiner, id) = (files.clone(), record.id);
+            match off_thread(move || examiner.examine(record)).await? {
+                Ok(()) | Err(FilingError::Ended) => {}
+                // merged meanwhile
+                Err(FilingError::Missing) if !files.listed().iter().any(|listed| listed.id == id) => {}
+                Err(error) => {
+                    told(id, &error);
+                    self.do_without(storage, id).await?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    async fn do_without(&self, storage: &Storage, lost: SegmentId) -> Result<(), DatabaseError> {
+        let Some(files) = self.files() else { return Ok(()) };
+        let gallery = {
+            let _changing = self.changing();
+            let Some(gallery) = self.gallery() else { return Ok(()) };
+            *self.write() = State::Loading(Vec::new());
+            gallery
+        };
+        let loading = Loading::without(storage, files, gallery, lost).await?;
+        self.finish(storage, loading).await.map(drop)
+    }
+
+    /// Puts into files what could not be put there when it was due, and writes those anew that hold something of models that are gone. To
+    /// be called now and then.
+    pub fn tidy_up(&self) {
+        self.shared.is_stuck.store(false, Ordering::Release);
+        self.shared.is_to_forget.store(true, Ordering::Release);
+        self.merge_beside();
+    }
+
+    fn files(&self) -> Option<Arc<SegmentFiles>> {
+        self.shared.files.read().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
     /// Brings the loaded gallery up to date and answers queries from then on; gives the number of models.
-    fn open(&self, mut gallery: Gallery, facets: Vec<(ModelId, ModelFacets)>) -> usize {
-        {
-            let mut catalogue = self.write_catalogue();
-            for (id, facets) in facets {
-                catalogue.insert(id.number(), facets_of(&facets));
-            }
-        }
+    fn open(&self, loading: Loading) -> usize {
+        let Loading { mut gallery, catalogue, .. } = loading;
+        self.write_catalogue().append(catalogue);
         loop {
             let mut state = self.write();
             let changes = match &mut *state {
@@ -146,8 +196,11 @@ impl LiveGallery {
         signature: Signature,
     ) -> Result<(), DatabaseError> {
         let Some(model) = database.matched_models(&[id]).await?.pop() else { return Ok(()) };
-        self.write_catalogue().insert(id.number(), facets_of(&model.facets));
-        self.insert(id, signature);
+        let facets = facets_of(&model.facets);
+        self.write_catalogue().insert(id.number(), facets.clone());
+        let revision = revision(&signature.to_bytes());
+        let entry = IndexedModel::new(id.number(), signature).described_by(facets, revision);
+        self.change(Change::Put(Box::new(entry)));
         // a deletion between the reading and the insertions above has found nothing to remove
         if let Err(DatabaseError::NotFound { .. }) = database.model(id).await {
             self.remove(id);
@@ -195,7 +248,7 @@ impl LiveGallery {
             return;
         };
         change.make(&mut gallery);
-        let is_due = gallery.due().is_some();
+        let is_due = gallery.due().is_some() || (!self.is_stuck() && gallery.to_be_stored().is_some());
         self.replace(gallery);
         drop(changing);
         if is_due {
@@ -224,13 +277,71 @@ impl LiveGallery {
     }
 
     fn merge(&self) {
-        while let Some(merge) = self.gallery().and_then(|gallery| gallery.due()) {
-            let merged = merge.run();
-            let _changing = self.changing();
-            if let Some(mut gallery) = self.gallery() {
-                gallery.adopt(merged);
-                self.replace(gallery);
+        let files = self.files();
+        self.store(files.as_deref());
+        let forgets = self.shared.is_to_forget.swap(false, Ordering::AcqRel);
+        let next = |gallery: Gallery| {
+            gallery.due().or_else(|| gallery.due_to_forget().filter(|_| forgets && !self.is_stuck()))
+        };
+        while let Some(merge) = self.gallery().and_then(next) {
+            // what is merged gets checksums of its own: damage must not get into it
+            if let Some(files) = &files
+                && let Some((id, error)) = files.first_damaged(merge.files())
+            {
+                told(id, &error);
+                return self.do_without_beside(files, id);
             }
+            let mut merged = merge.run();
+            if let Some(files) = files.as_ref().filter(|_| !self.is_stuck()) {
+                match files.write(&merged.segment()) {
+                    Ok(stored) => merged = merged.stored_as(stored),
+                    Err(error) => self.stop_storing(&error),
+                }
+            }
+            self.update(|gallery| gallery.adopt(merged));
+            self.store(files.as_deref());
+        }
+    }
+
+    /// From a thread of its own.
+    fn do_without_beside(&self, files: &SegmentFiles, lost: SegmentId) {
+        let Some((storage, runtime)) = files.service() else { return };
+        if let Err(error) = runtime.block_on(self.do_without(&storage, lost)) {
+            tracing::error!("a part of the gallery can't be made anew, queries will not be answered: {error}");
+        }
+    }
+
+    /// Puts segments that have grown up into files, and has the files count that are used.
+    fn store(&self, files: Option<&SegmentFiles>) {
+        let Some(files) = files.filter(|_| !self.is_stuck()) else { return };
+        let store = || -> Result<(), FilingError> {
+            while let Some(memory) = self.gallery().and_then(|gallery| gallery.to_be_stored()) {
+                let stored = files.write(&memory)?;
+                self.update(|gallery| gallery.settle(&memory, stored));
+            }
+            self.gallery().map_or(Ok(()), |gallery| files.publish(&gallery))
+        };
+        if let Err(error) = store() {
+            self.stop_storing(&error);
+        }
+    }
+
+    fn stop_storing(&self, error: &FilingError) {
+        not_stored(error);
+        self.shared.is_stuck.store(true, Ordering::Release);
+    }
+
+    fn is_stuck(&self) -> bool {
+        self.shared.is_stuck.load(Ordering::Acquire)
+    }
+
+    /// Puts the gallery with a change in the place of the one before, if it is loaded.
+    fn update(&self, change: impl FnOnce(&mut Gallery) -> bool) {
+        let _changing = self.changing();
+        if let Some(mut gallery) = self.gallery()
+            && change(&mut gallery)
+        {
+            self.replace(gallery);
         }
     }
 
@@ -277,110 +388,11 @@ fn facets_of(facets: &ModelFacets) -> Facets {
     Facets { label: facets.label.as_deref().map(Box::from), unit: facets.unit, source }
 }
 
-/// A gallery that grows by full segments.
-#[derive(Debug, Default)]
-struct Loading {
-    gallery: Gallery,
-    waiting: Vec<IndexedModel>,
-    damaged: Vec<ModelId>,
-}
-
-impl Loading {
-    fn models(&self) -> usize {
-        self.gallery.len() + self.waiting.len()
-    }
-
-    fn taking(mut self, page: Vec<(ModelId, StoredContent)>) -> Loading {
-        let damaged = page.iter().filter(|(_, content)| *content == StoredContent::Damaged).map(|(id, _)| *id);
-        self.damaged.extend(damaged);
-        let entries: Vec<Option<IndexedModel>> =
-            page.into_par_iter().map(|(id, content)| entry(id, &content)).collect();
-        self.waiting.extend(entries.into_iter().flatten());
-        if self.waiting.len() >= FULL_SEGMENT {
-            self.append();
-            tracing::info!(models = self.models(), "the gallery is being loaded");
-        }
-        self
-    }
-
-    fn append(&mut self) {
-        self.gallery.append(&self.waiting);
-        self.waiting = Vec::new();
-    }
-
-    fn finished(mut self) -> Gallery {
-        self.append();
-        self.gallery
-    }
-}
-
-fn entry(id: ModelId, content: &StoredContent) -> Option<IndexedModel> {
-    let StoredContent::Whole(content) = content else {
-        tracing::error!(model.id = %id, "the stored signature is damaged: it is to be made anew");
-        return None;
-    };
-    match Signature::from_bytes(content) {
-        Ok(signature) => Some(IndexedModel::new(id.number(), signature)),
-        Err(error) => {
-            tracing::warn!(model.id = %id, "the signature is left out of the gallery: {error}");
-            None
-        }
-    }
+/// The first half of the checksum that is stored with a signature: what tells it from others of the model.
+fn revision(content: &[u8]) -> u128 {
+    let first = blake3::hash(content).as_bytes().first_chunk().copied().unwrap_or_default();
+    u128::from_be_bytes(first)
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::storage::database::Models;
-    use crate::storage::sqlite::testing;
-    use visage_domain::{NewModel, StoredSignature};
-    use visage_gallery::TopK;
-    use visage_shape::faces::signature::example::example;
-
-    #[tokio::test]
-    async fn it_is_ready_only_when_loaded() {
-        let (store, _folder) = testing::store().await;
-        let gallery = LiveGallery::default();
-        assert_eq!(gallery.ask(Gallery::len), Err(NotReady));
-        // deleting a model nobody knows is no trouble, before or after
-        gallery.remove(ModelId::new());
-        assert_eq!(gallery.load(&store).await.expect("loaded"), 0);
-        assert!(gallery.is_ready());
-        gallery.remove(ModelId::new());
-        assert_eq!(gallery.ask(Gallery::len), Ok(0));
-    }
-
-    /// Models whose signature is stored.
-    fn models(count: usize) -> Vec<NewModel> {
-        let signature = example(0.3, 5);
-        let stored = StoredSignature::from(&signature);
-        (0..count).map(|_| NewModel { signature: Some(stored.clone()), ..NewModel::example(None) }).collect()
-    }
-
-    #[tokio::test]
-    async fn all_pages_are_loaded_and_changes_meanwhile_are_not_lost() {
-        let (store, _folder) = testing::store().await;
-        let models = models(PAGE + 10);
-        store.create_models(&models).await.expect("stored");
-        let gallery = LiveGallery::default();
-        let (late, gone) = (ModelId::new(), models[17].id);
-        gallery.insert(late, example(0.9, 6));
-        gallery.remove(gone);
-        assert_eq!(gallery.load(&store).await.expect("loaded"), models.len());
-        let best = gallery.ask(|g| g.by_probe(&example(0.9, 6), None, &TopK::best(1))).expect("ready");
-        assert_eq!(best[0].model_id, late.number());
-        let all = gallery.ask(|g| g.by_probe(&example(0.3, 5), None, &TopK::best(5000))).expect("ready");
-        assert!(all.iter().all(|found| found.model_id != gone.number()));
-    }
-
-    #[tokio::test]
-    async fn additions_are_seen_at_once_while_segments_are_merged() {
-        let (store, _folder) = testing::store().await;
-        let gallery = LiveGallery::default();
-        gallery.load(&store).await.expect("loaded");
-        for count in 1..600 {
-            gallery.insert(ModelId::new(), example(0.01 * count as f64, 3));
-            assert_eq!(gallery.ask(Gallery::len), Ok(count));
-        }
-    }
-}
+mod tests;
