@@ -31,8 +31,7 @@ const LAYERS: &[(&str, &[&str])] = &[
         "pipeline",
         &["geometry", "registration", "reconstruction", "saliency", "descriptor", "formats", "faces", "domain"],
     ),
-    // around them
-    // what the machine has, and files as memory
+    // around them: what the machine has, and files as memory
     ("machine", &[]),
     ("mapping", &[]),
     ("config", &["formats", "machine"]),

@@ -27,7 +27,8 @@ for (const file of files(dist).filter((name) => !/\.(gz|br)$/.test(name))) {
 
 for (const page of ["index.html", "docs.html"]) {
     const text = readFileSync(join(dist, page), "utf8");
-    const named = [...text.matchAll(/(?:src|href)="\/([^"]+)"/g)].map((match) => join(dist, match[1]));
+    const named = [...text.matchAll(/(?:src|href)="\.\/([^"]+)"/g)].map((match) => join(dist, match[1]));
+    if (named.every((file) => !file.endsWith(".js"))) throw new Error(`${page} names no script: is it weighed whole?`);
     const bytes = [join(dist, page), ...new Set(named)].reduce((sum, file) => sum + (packed.get(file) ?? 0), 0);
     console.log(`${page}: ${bytes} bytes packed until something is shown`);
     if (bytes > mostBeforeAnythingShows) {
