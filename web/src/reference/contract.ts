@@ -63,7 +63,12 @@ export interface Call extends Operation {
     path: string;
 }
 
-const methods = ["get", "post", "put", "patch", "delete"];
+const methods = ["get", "head", "options", "post", "put", "patch", "delete"];
+
+/** Whether a call leaves everything as it is. */
+export function isSafe(call: Call): boolean {
+    return ["get", "head", "options"].includes(call.method);
+}
 
 /** Every operation, by its tag, in the order of the contract. */
 export function callsByTag(contract: Contract): [string, Call[]][] {
@@ -145,7 +150,9 @@ export function curl(
     origin: string,
 ): string {
     const parts = ["curl"];
-    if (call.method !== "get") parts.push("-X", call.method.toUpperCase());
+    // after `-X HEAD` curl would wait for a body that does not come
+    if (call.method === "head") parts.push("--head");
+    else if (call.method !== "get") parts.push("-X", call.method.toUpperCase());
     parts.push(quoted(origin + addressOf(call, values)));
     const [type, media] = Object.entries(call.requestBody?.content ?? {})[0] ?? [];
     if (type === "application/json" && body !== undefined) {

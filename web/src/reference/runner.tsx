@@ -4,7 +4,7 @@ import { at } from "../lib/address";
 import { bytes } from "../lib/format";
 import { t } from "../texts";
 import { Choice, Field, Trouble } from "../ui/pieces";
-import { addressOf, curl, exampleBodies, type Call, type Contract } from "./contract";
+import { addressOf, curl, exampleBodies, isSafe, type Call, type Contract } from "./contract";
 
 interface Outcome {
     status: string;
@@ -96,13 +96,13 @@ export function Runner({ contract, call }: { contract: Contract; call: Call }) {
                 <div class="row">
                     <button
                         type="submit"
-                        class={call.method === "get" ? "main" : "risky"}
+                        class={isSafe(call) ? "main" : "risky"}
                         disabled={isBusy}
                         aria-label={`${t.reference.run}: ${call.operationId}`}
                     >
                         {isBusy ? t.reference.running : t.reference.run}
                     </button>
-                    {call.method !== "get" && <span class="quiet small">{t.reference.changes}</span>}
+                    {!isSafe(call) && <span class="quiet small">{t.reference.changes}</span>}
                 </div>
             )}
             <Trouble error={error} />
