@@ -112,7 +112,7 @@ fn the_same_surface_finds_itself_however_it_is_meshed() {
     let stored: Vec<ShapeDescriptor> = things.par_iter().map(|(_, mesh)| descriptor(mesh)).collect();
     let of_cloud = |mesh: &Mesh| {
         let signature = visage::faces::describe(&cloud(mesh), Unit::Unknown, &Progress::silent()).expect("described");
-        signature.shape().expect("it has normals").clone()
+        *signature.shape().expect("it has normals")
     };
     type Variant<'a> = (&'a str, &'a (dyn Fn(&Mesh) -> ShapeDescriptor + Sync), f64);
     let variants: [Variant; 5] = [
