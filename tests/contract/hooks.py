@@ -23,6 +23,9 @@ from schemathesis.generation.meta import TestPhase
 
 import surfaces
 
+# pieces of files are bytes as any
+schemathesis.serializer.alias("application/offset+octet-stream", "application/octet-stream")
+
 URL = os.environ["VISAGE_URL"]
 ANSWERED = os.environ["VISAGE_ANSWERED"]
 

@@ -10,7 +10,7 @@ fn entry(k: u128) -> IndexedModel {
         of_no_shape if k % 11 == 3 => of_no_shape.with_shape(None),
         signature => signature,
     };
-    let label = (k % 3 == 0).then(|| format!("kind/{}", k % 7).into());
+    let label = (k.is_multiple_of(3)).then(|| format!("kind/{}", k % 7).into());
     let facets = Facets { label, unit: Unit::Cm, source: Source::Registered };
     IndexedModel::new(k, signature).described_by(facets, 7 * k)
 }

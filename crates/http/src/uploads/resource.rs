@@ -175,11 +175,15 @@ pub(super) async fn list(State(state): State<AppState>, Path(id): Path<String>) 
                  ("Tus-Extension" = String, description = "Extensions."),
                  ("Tus-Max-Size" = u64, description = "Bytes of the largest file."),
                  ("Tus-Checksum-Algorithm" = String, description = "Checksums of pieces that are known."))),
-        responses::Other,
+        responses::NotFound, responses::Other,
     )
 )]
-pub(super) async fn capabilities(State(state): State<AppState>) -> (StatusCode, HeaderMap) {
-    (StatusCode::NO_CONTENT, tus::capabilities(state.limits().file_bytes))
+pub(super) async fn capabilities(
+    State(state): State<AppState>,
+    Path(id): Path<String>,
+) -> Result<(StatusCode, HeaderMap), Problem> {
+    state.context.database.scan_set(scan_sets::parse_id(&id)?).await?;
+    Ok((StatusCode::NO_CONTENT, tus::capabilities(state.limits().file_bytes)))
 }
 
 /// How far an upload is.

@@ -238,14 +238,15 @@ async fn a_file_that_is_lost_damaged_or_of_another_version_is_made_anew() {
     drop(place.process().await);
     let ids: Vec<_> = place.storage.database.segments().await.expect("read").iter().map(|s| s.id).collect();
     assert_eq!(ids.len(), 2);
-    let change = |change: &dyn Fn(&mut Vec<u8>)| {
+    type Damage = dyn Fn(&mut Vec<u8>);
+    let change = |change: &Damage| {
         let objects = &place.storage.objects;
         let id = objects.segment_listing().expect("listed")[0];
         let mut content = objects.map_segment(id).expect("read").expect("there").to_vec();
         change(&mut content);
         objects.keep_segment(id, &mut |to| to.write_all(&content)).expect("written");
     };
-    let changes: [&dyn Fn(&mut Vec<u8>); 4] = [
+    let changes: [&Damage; 4] = [
         &|content| content.truncate(content.len() / 2),
         &|content| content[9] ^= 1,
         &|content| content[40] ^= 1,
