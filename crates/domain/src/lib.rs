@@ -6,7 +6,7 @@
 //! - `scan_set`, `job`, `model`, `signature`, `standard`, `evaluation`, `replay`: records, as they are stored and given back
 //! - `job_kind`, `job_status`, `queue`: what jobs are for, where they stand, and how workers take and end them
 //! - `segment`: files of the index, and what they don't tell
-//! - `key`, `audit`: who may ask, and for what; who did what; `webhook`: whom the service tells by itself, and of what
+//! - `key`, `audit`: who may ask, and for what; who did what; `webhook`: addresses that get messages, and of which events
 //! - `upload`: files that come piece by piece
 //! - `stored_file`: what is kept as files; `census`: how much; `page`: lists, page by page
 

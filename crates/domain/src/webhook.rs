@@ -1,4 +1,4 @@
-//! Webhooks: whom the service tells by itself of what happens, of which kinds of events, and what came of it.
+//! Webhooks: addresses that get messages, the kinds of events, and whether each message was delivered.
 
 use jiff::Timestamp;
 

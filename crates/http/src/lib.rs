@@ -8,7 +8,7 @@
 //!   `headers`: what browsers are told
 //! - `base`: served below a path; `forwarded`: who has sent a request, when proxies stand between
 //! - `access`: who may; `keys`, `session`, `audit`: keys, signing in, what was done
-//! - `webhooks`: who is told by the service itself; `outgoing`: the one place from which it asks somebody
+//! - `webhooks`: their routes; `outgoing`: the only HTTP client of the service
 //! - `schemas`: bounds of values that the contract tells and Rust types don't
 //! - `body`, `multipart`, `upload`, `digest`, `names`, `describe`: what comes in is hostile until it has passed here
 //! - `verdicts`: how models were judged, as queries and models show it

@@ -54,7 +54,7 @@ const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
         (name = "queries", description = "Which models are faces, and which are like a given one."),
         (name = "standards", description = "The classes that can be asked for: the built-in face, and those of users."),
         (name = "access", description = "Keys, and signing in by a browser."),
-        (name = "webhooks", description = "Whom the service tells by itself."),
+        (name = "webhooks", description = "Addresses that are sent a signed message when a job ends and when a model is added or deleted."),
         (name = "service", description = "Health, limits, versions."),
     )
 )]

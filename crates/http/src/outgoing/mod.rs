@@ -1,4 +1,4 @@
-//! The one place from which the service asks somebody: messages to webhooks, and `visage healthcheck`.
+//! The only HTTP client of the service: it sends messages to webhooks, and serves `visage healthcheck`.
 //!
 //! Names are looked up here, and only addresses that may be asked are connected to, so that a name which leads elsewhere
 //! a moment later (DNS rebinding) leads nowhere. No redirect is followed, no proxy of the environment is used, of an

@@ -1,4 +1,4 @@
-//! `/v1/webhooks`: whom the service tells by itself of jobs that end and of models that come and go.
+//! `/v1/webhooks`: addresses that are sent a message when a job ends and when a model is added or deleted.
 
 mod views;
 

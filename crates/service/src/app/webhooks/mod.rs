@@ -1,6 +1,6 @@
-//! Webhooks: whoever wants to know is told by the service, with a signature that shows who tells.
+//! Webhooks: signed messages to registered addresses when a job ends and when a model is added or deleted.
 //!
-//! What is to be told is queued by the storage with what has happened; here it is sent.
+//! Storage queues a message in the transaction of what it is about; here it is sent.
 //! - `address`: where messages may go
 //! - `signature`: how a message shows that it is from here (Standard Webhooks)
 //! - `sender`: sends what waits, again where it has to
