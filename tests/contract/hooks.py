@@ -10,8 +10,8 @@ import copy
 import hashlib
 import json
 import os
+import queue
 import threading
-import time
 import uuid
 from http.server import BaseHTTPRequestHandler, HTTPServer
 
@@ -114,6 +114,7 @@ class Gone(BaseHTTPRequestHandler):
     def do_POST(self):
         self.send_response(410)
         self.end_headers()
+        REFUSED.put(self.headers["webhook-id"])
 
     def log_message(self, *_):
         pass
@@ -121,6 +122,7 @@ class Gone(BaseHTTPRequestHandler):
 
 _receiver = HTTPServer(("127.0.0.1", 0), Gone)
 threading.Thread(target=_receiver.serve_forever, daemon=True).start()
+REFUSED = queue.SimpleQueue()
 GONE = f"http://127.0.0.1:{_receiver.server_port}/"
 ENDED = []
 
@@ -134,17 +136,17 @@ def new_webhook():
 def ended_delivery():
     """A message that a receiver has refused for good, so that it can be sent once more."""
     webhook = call("POST", "/v1/webhooks", 201, json={"name": "gone", "url": GONE, "events": ["webhook.ping"]})["id"]
-    call("POST", f"/v1/webhooks/{webhook}/ping", 202)
-    for _ in range(600):
-        dead = call("GET", f"/v1/webhooks/{webhook}/deliveries?status=dead", 200)["items"]
-        if dead:
-            # there is room for some of them only, and a message goes with its webhook
-            ENDED.append(webhook)
-            if len(ENDED) > 8:
-                call("DELETE", f"/v1/webhooks/{ENDED.pop(0)}", 204)
-            return {"id": webhook, "delivery_id": dead[0]["id"]}
-        time.sleep(0.1)
-    raise AssertionError("no message was refused")
+    delivery = call("POST", f"/v1/webhooks/{webhook}/ping", 202)["id"]
+    while REFUSED.get(timeout=60) != delivery:
+        pass
+    # the refusal was sent; each look takes as long as an answer, until the service has stored what it means
+    while not call("GET", f"/v1/webhooks/{webhook}/deliveries?status=dead", 200)["items"]:
+        pass
+    # there is room for some of them only, and a message goes with its webhook
+    ENDED.append(webhook)
+    if len(ENDED) > 8:
+        call("DELETE", f"/v1/webhooks/{ENDED.pop(0)}", 204)
+    return {"id": webhook, "delivery_id": delivery}
 
 
 class World:
