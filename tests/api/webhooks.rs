@@ -35,16 +35,21 @@ async fn deliveries(server: &TestServer, hook: &str, status: &str) -> Vec<Value>
 
 /// Waits until so many messages stand there.
 async fn until(server: &TestServer, hook: &str, status: &str, count: usize) -> Vec<Value> {
-    let look = async {
-        loop {
-            let found = deliveries(server, hook, status).await;
-            if found.len() == count {
-                return found;
-            }
-            tokio::time::sleep(Duration::from_millis(5)).await;
+    until_so(server, hook, status, |found| found.len() == count).await
+}
+
+/// Waits until the messages of a status are so: looks again whenever one has changed.
+async fn until_so(server: &TestServer, hook: &str, status: &str, is_so: impl Fn(&[Value]) -> bool) -> Vec<Value> {
+    let mut changes = server.handle.changes();
+    loop {
+        // what changes after the look rings again
+        changes.mark_unchanged();
+        let found = deliveries(server, hook, status).await;
+        if is_so(&found) {
+            return found;
         }
-    };
-    tokio::time::timeout(Duration::from_secs(60), look).await.unwrap_or_else(|_| panic!("never {count} {status}"))
+        changes.changed().await.expect("the server runs");
+    }
 }
 
 /// HMAC-SHA-256 (RFC 2104), written out: what the receiver computes does not come from what the service uses.
@@ -135,12 +140,7 @@ async fn a_receiver_that_was_down_gets_what_it_missed() {
     drop(receiver);
     let id = text(&hook(&server, &url, &["model.added"]).await, "/id");
     let (model, _) = server.model().await;
-    let waiting = async {
-        while deliveries(&server, &id, "pending").await.first().is_none_or(|one| one["attempts"] == 0) {
-            tokio::time::sleep(Duration::from_millis(5)).await;
-        }
-    };
-    tokio::time::timeout(Duration::from_secs(60), waiting).await.expect("it was tried");
+    until_so(&server, &id, "pending", |found| found.first().is_some_and(|one| one["attempts"] != 0)).await;
     let mut receiver = Receiver::start_at(addr, &[]).await;
     assert!(receiver.message().await.body.contains(&model));
     until(&server, &id, "delivered", 1).await;

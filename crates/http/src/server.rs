@@ -217,6 +217,11 @@ impl ServerHandle {
         self.addr
     }
 
+    /// Rings whenever some job, or a message to a webhook, has changed.
+    pub fn changes(&self) -> watch::Receiver<u64> {
+        self.context.monitor.changes()
+    }
+
     /// How many connections there are, and were: to be watched.
     pub fn connections(&self) -> watch::Receiver<Connections> {
         self.connections.clone()

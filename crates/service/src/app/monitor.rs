@@ -87,12 +87,12 @@ impl JobMonitor {
         self.announce_change();
     }
 
-    /// Tells everybody who waits that some job has changed.
+    /// Tells everybody who waits that some job, or a message to a webhook, has changed.
     pub fn announce_change(&self) {
         self.changes.send_modify(|count| *count = count.wrapping_add(1));
     }
 
-    /// Rings whenever some job has changed.
+    /// Rings whenever some job, or a message to a webhook, has changed.
     pub fn changes(&self) -> watch::Receiver<u64> {
         self.changes.subscribe()
     }

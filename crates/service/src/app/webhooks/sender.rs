@@ -111,6 +111,7 @@ impl Sender {
         if let Err(error) = self.database.end_attempt(&claim, &attempt).await {
             tracing::warn!(delivery.id = %claim.id, "what came of a message is not stored, it is sent again: {error}");
         }
+        self.monitor.announce_change();
     }
 
     async fn send(&self, claim: &DeliveryClaim) -> Result<u16, String> {
