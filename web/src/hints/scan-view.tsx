@@ -1,8 +1,8 @@
 import { useMemo, useState } from "preact/hooks";
 
-import { keepFile, keptFile } from "../scan-sets/kept-files";
+import { ScanFileField } from "../scan-sets/file-field";
+import { keptFile } from "../scan-sets/kept-files";
 import { t } from "../texts";
-import { Field } from "../ui/pieces";
 import { byAxis } from "../viewer/facing";
 import type { Markers, Place } from "../viewer/marker-types";
 import { readFile } from "../viewer/load";
@@ -27,10 +27,6 @@ interface Props {
 export function ScanView({ set, scan, places, isDropped, onLoaded, onPick }: Props) {
     const [given, setGiven] = useState<File>();
     const file = given ?? keptFile(set, scan);
-    const choose = (chosen: File | undefined) => {
-        if (chosen) keepFile(set, scan, chosen);
-        setGiven(chosen);
-    };
     const look = useMemo(
         () => ({ mode: "plain" as const, facing: byAxis[1], hidden: nothingHidden, isDropped }),
         [isDropped],
@@ -45,16 +41,7 @@ export function ScanView({ set, scan, places, isDropped, onLoaded, onPick }: Pro
     if (!file) {
         return (
             <div class="panel">
-                <Field label={t.hints.file(scan)} help={t.hints.fileHelp}>
-                    {(id, help) => (
-                        <input
-                            id={id}
-                            aria-describedby={help}
-                            type="file"
-                            onChange={(event) => choose(event.currentTarget.files?.[0])}
-                        />
-                    )}
-                </Field>
+                <ScanFileField set={set} scan={scan} onChoose={setGiven} />
             </div>
         );
     }

@@ -6,7 +6,8 @@ import { StartJob } from "../jobs/start";
 import { percent } from "../lib/format";
 import { useInfo } from "../lib/use-info";
 import { useLoad } from "../lib/use-load";
-import { keepFile, keptFile } from "../scan-sets/kept-files";
+import { ScanFileField } from "../scan-sets/file-field";
+import { keptFile } from "../scan-sets/kept-files";
 import { t } from "../texts";
 import { Field, Loading, Trouble } from "../ui/pieces";
 import { readFile } from "../viewer/load";
@@ -116,29 +117,22 @@ function Preview(props: {
     const { set, scan, isShown, onShow } = props;
     const [error, setError] = useState<unknown>();
     const kept = keptFile(set, scan);
-    const show = (file: File | undefined) => {
+    const show = (file: File) => {
         setError(undefined);
-        if (!file) return;
-        keepFile(set, scan, file);
         readFile(file).then(onShow, setError);
     };
     return (
         <>
             {isShown || kept ? (
-                <button type="button" aria-pressed={isShown} onClick={() => (isShown ? onShow(undefined) : show(kept))}>
+                <button
+                    type="button"
+                    aria-pressed={isShown}
+                    onClick={() => (isShown ? onShow(undefined) : kept && show(kept))}
+                >
                     {t.places.show}
                 </button>
             ) : (
-                <Field label={t.hints.file(scan)} help={t.hints.fileHelp}>
-                    {(id, help) => (
-                        <input
-                            id={id}
-                            aria-describedby={help}
-                            type="file"
-                            onChange={(event) => show(event.currentTarget.files?.[0])}
-                        />
-                    )}
-                </Field>
+                <ScanFileField set={set} scan={scan} onChoose={show} />
             )}
             <Trouble error={error} />
         </>
