@@ -9,7 +9,6 @@ use super::context::ServiceContext;
 use super::live_gallery::NotReady;
 use super::model_file::{ModelFile, ModelFileError};
 use super::placing::{Placed, PlacingError, known_scale, placeable};
-use crate::storage::DatabaseError;
 use visage_domain::ModelId;
 use visage_gallery::Gallery;
 use visage_geometry::progress::Progress;
@@ -147,7 +146,7 @@ impl Comparing<'_> {
         compared: &mut usize,
     ) -> Result<Option<Duplicate>, DuplicatesError> {
         let [model, of] = [model, other].map(ModelId::from_number);
-        let (Some(file), Some(other)) = (self.file(model).await?, there(ModelFile::find(self.context, of).await)?)
+        let (Some(file), Some(other)) = (self.file(model).await?, ModelFile::find_if_there(self.context, of).await?)
         else {
             return Ok(None);
         };
@@ -172,7 +171,7 @@ impl Comparing<'_> {
 
     async fn file(&mut self, model: ModelId) -> Result<Option<ModelFile>, DuplicatesError> {
         if self.model.is_none() {
-            self.model = there(ModelFile::find(self.context, model).await)?;
+            self.model = ModelFile::find_if_there(self.context, model).await?;
         }
         Ok(self.model.clone())
     }
@@ -184,15 +183,6 @@ impl Comparing<'_> {
             self.prepared = tokio::task::spawn_blocking(prepare).await??.map(Arc::new);
         }
         Ok(self.prepared.clone())
-    }
-}
-
-/// A model's file; `None` if it has none, or has gone.
-fn there(found: Result<ModelFile, ModelFileError>) -> Result<Option<ModelFile>, DuplicatesError> {
-    match found {
-        Ok(file) => Ok(Some(file)),
-        Err(ModelFileError::NoSurface(_) | ModelFileError::Database(DatabaseError::NotFound { .. })) => Ok(None),
-        Err(error) => Err(error.into()),
     }
 }
 

@@ -49,6 +49,15 @@ impl ModelFile {
         Ok(ModelFile { id, asset: asset.clone(), unit: model.unit })
     }
 
+    /// Looks it up; `None` if the model has none, or is gone.
+    pub async fn find_if_there(context: &ServiceContext, id: ModelId) -> Result<Option<ModelFile>, ModelFileError> {
+        match ModelFile::find(context, id).await {
+            Ok(file) => Ok(Some(file)),
+            Err(ModelFileError::NoSurface(_) | ModelFileError::Database(DatabaseError::NotFound { .. })) => Ok(None),
+            Err(error) => Err(error),
+        }
+    }
+
     /// Reads it. Blocks.
     pub fn read(&self, context: &ServiceContext) -> Result<Surface, ModelFileError> {
         let bytes = context.objects.read_asset(self.id, &self.asset)?.ok_or(ModelFileError::NoSurface(self.id))?;

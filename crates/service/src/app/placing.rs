@@ -2,7 +2,6 @@
 
 use super::context::ServiceContext;
 use super::model_file::{ModelFile, ModelFileError};
-use crate::storage::DatabaseError;
 use visage_domain::ModelId;
 use visage_geometry::progress::{Canceled, Progress};
 use visage_geometry::{Surface, Unit};
@@ -60,13 +59,7 @@ impl Placing {
         };
         let mut found = Vec::new();
         for id in models {
-            found.push(match ModelFile::find(context, id).await {
-                Ok(file) => Some(file),
-                Err(ModelFileError::NoSurface(_)) | Err(ModelFileError::Database(DatabaseError::NotFound { .. })) => {
-                    None
-                }
-                Err(error) => return Err(error),
-            });
+            found.push(ModelFile::find_if_there(context, id).await?);
         }
         Ok(Placing { probe, models: found })
     }
