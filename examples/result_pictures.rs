@@ -5,13 +5,13 @@
 use std::path::{Path, PathBuf};
 
 use visage::geometry::{Cloud, Point3, Surface, Unit};
+use visage::picture::camera::Side;
+use visage::picture::image::Image;
+use visage::picture::size::Size;
 use visage::pipeline::{self, NamedScan, Options, RegisteredModel};
-use visage::presentation::found::Found;
-use visage::presentation::{Kind, Made, Material, Wish, draw};
 use visage::progress::Progress;
-use visage::rendering::camera::Side;
-use visage::rendering::image::Image;
-use visage::rendering::size::Size;
+use visage::report::found::Found;
+use visage::report::{Kind, Made, Material, Wish, draw};
 use visage::synthetic::head::{Proportions, head};
 use visage::synthetic::scanner::{ScanSet, Scanner};
 use visage::synthetic::shapes::{ScanOptions, catalogue, scan_set};
@@ -158,7 +158,7 @@ fn picture(kind: Kind, of: &Material, wish: Wish) -> anyhow::Result<Image> {
 fn write(folder: &Path, name: &str, pictures: &[Image]) -> anyhow::Result<()> {
     let width: u32 = pictures.iter().map(|picture| picture.size().width()).sum();
     let height = pictures.iter().map(|picture| picture.size().height()).max().unwrap_or(0);
-    let mut sheet = Image::new(Size::clamped(width, height), visage::rendering::color::GROUND);
+    let mut sheet = Image::new(Size::clamped(width, height), visage::picture::color::GROUND);
     let mut left = 0;
     for picture in pictures {
         sheet.put(left, 0, picture);

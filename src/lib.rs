@@ -6,13 +6,13 @@
 //! Pure (no HTTP, SQL, files, clock or async; parallel inside the caller's rayon pool):
 //! - [`geometry`]: clouds, meshes, rigid motions, neighbours, normals, thinning
 //! - [`registration`]: from scans and initial poses to accurate poses and a verdict
-//! - [`reconstruction`]: one cloud from the posed views
+//! - [`surface`]: one cloud and a mesh from the posed views
 //! - [`descriptor`]: the shape of a surface as a whole
 //! - [`saliency`]: curvature, multi-scale saliency, salient regions
 //! - [`faces`]: facial triangles, standards, signatures
 //! - [`standards`]: standards made by users, for anything with caps and pits
-//! - [`retrieval`]: the in-memory gallery index and its queries
-//! - [`rendering`]: geometry to pixels; [`presentation`]: pictures of models, and the page of a report
+//! - [`gallery`]: the in-memory gallery index and its queries
+//! - [`picture`]: geometry to pixels; [`report`]: pictures of models, and the page of a report
 //! - [`synthetic`]: objects and scans made by code, for the demo and the tests
 //! - [`pipeline`]: scans to model to signature, stage by stage
 //! - [`progress`]: the progress sink and the cancel flag
@@ -33,15 +33,15 @@ pub mod telemetry;
 
 pub use visage_domain as domain;
 pub use visage_formats as formats;
-pub use visage_gallery as retrieval;
+pub use visage_gallery as gallery;
 pub use visage_geometry as geometry;
 pub use visage_geometry::progress;
 pub use visage_http as http;
-pub use visage_picture as rendering;
+pub use visage_picture as picture;
 pub use visage_pipeline as pipeline;
 pub use visage_registration as registration;
-pub use visage_report as presentation;
+pub use visage_report as report;
 pub use visage_service::{app, config, jobs, machine, storage};
 pub use visage_shape::{descriptor, faces, saliency, standards};
-pub use visage_surface as reconstruction;
+pub use visage_surface as surface;
 pub use visage_synthetic as synthetic;

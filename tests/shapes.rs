@@ -7,9 +7,9 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use visage::descriptor::{ShapeDescriptor, ViewCode, view_distance};
+use visage::gallery::measures::RankingMeasures;
 use visage::geometry::{Cloud, Mesh, Motion, Point3, Surface, Unit, Vector3};
 use visage::progress::Progress;
-use visage::retrieval::measures::RankingMeasures;
 use visage::synthetic::scanner::Scanner;
 use visage::synthetic::shapes;
 

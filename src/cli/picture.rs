@@ -11,11 +11,11 @@ use crate::domain::asset::Asset;
 use crate::faces::describe;
 use crate::formats::ply;
 use crate::geometry::Unit;
-use crate::presentation::found::Found;
-use crate::presentation::{Kind, Material, Plane, Source, Wish, draw};
+use crate::picture::camera::Side;
+use crate::picture::size::Size;
 use crate::progress::{Progress, Stage};
-use crate::rendering::camera::Side;
-use crate::rendering::size::Size;
+use crate::report::found::Found;
+use crate::report::{Kind, Material, Plane, Source, Wish, draw};
 
 /// Of what, and how.
 #[derive(Debug, Args)]
@@ -76,9 +76,9 @@ pub fn run(args: PictureArgs) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn with_remedy(error: crate::presentation::PictureError) -> anyhow::Error {
+fn with_remedy(error: crate::report::PictureError) -> anyhow::Error {
     match error {
-        crate::presentation::PictureError::Lacking { remedy, .. } => anyhow::anyhow!("{error}; {remedy}"),
+        crate::report::PictureError::Lacking { remedy, .. } => anyhow::anyhow!("{error}; {remedy}"),
         other => other.into(),
     }
 }

@@ -1,9 +1,9 @@
 //! Faces on code-made objects: every person has one, where it is known to be, and nothing else has.
 
 use visage::faces;
+use visage::gallery::{Match, MatchMethod, judge};
 use visage::geometry::{Cloud, Point3, Surface, Unit, Vector3};
 use visage::progress::Progress;
-use visage::retrieval::{Match, MatchMethod, judge};
 use visage::synthetic::head::{Proportions, head};
 use visage::synthetic::{Specimen, objects};
 

@@ -7,9 +7,9 @@ use std::process::Command;
 
 use visage::faces::{self, MatchMethod, standard};
 use visage::formats::{self, ReadLimits, Reading, poses};
+use visage::gallery::evidence::Evidence;
 use visage::geometry::{Motion, Unit};
 use visage::progress::Progress;
-use visage::retrieval::evidence::Evidence;
 
 use crate::{data, read};
 

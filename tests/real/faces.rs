@@ -9,9 +9,9 @@ use visage::faces::judgement::MATCH_SCORE;
 use visage::faces::modes::LANDMARKS;
 use visage::faces::{self, MatchMethod, Signature, standard};
 use visage::formats::{ReadLimits, read_surface};
+use visage::gallery::{Gallery, TopK, measures};
 use visage::geometry::{Cloud, Motion, Point3, Surface, Unit, Vector3};
 use visage::progress::Progress;
-use visage::retrieval::{Gallery, TopK, measures};
 
 use crate::{data, read};
 

@@ -10,8 +10,8 @@ use rayon::prelude::*;
 use super::gallery::population::Population;
 use visage::app::live_gallery::LiveGallery;
 use visage::domain::{ModelId, NewModel, StoredSignature};
+use visage::gallery::TopK;
 use visage::geometry::Unit;
-use visage::retrieval::TopK;
 use visage::storage::data_folder::DataFolder;
 use visage::storage::inventory::Storage;
 

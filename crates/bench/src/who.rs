@@ -16,9 +16,9 @@ use rayon::prelude::*;
 
 use super::faces::dataset;
 use visage::faces::{self, DenseSignature, Signature};
+use visage::gallery::{Gallery, ModelId, TopK};
 use visage::geometry::{Cloud, Mesh, Motion, Surface, Unit, Vector3};
 use visage::progress::Progress;
-use visage::retrieval::{Gallery, ModelId, TopK};
 use visage::synthetic::head::{Proportions, head};
 
 /// How many people there are.

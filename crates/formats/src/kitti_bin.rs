@@ -4,8 +4,8 @@
 //! beyond doubt.
 
 use super::colors::Channels;
+use super::format::{BYTES, Content, Format, Reader, Writers};
 use super::points::{INTENSITY, Layout, NORMAL, Points, SLOTS, X};
-use super::table::{BYTES, Content, Format, Reader, Writers};
 use super::{DeclaredUnit, FormatError, ReadLimits, Reading};
 
 /// Its line in the table of formats.

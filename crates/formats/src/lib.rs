@@ -26,9 +26,11 @@ mod colors;
 pub mod columns;
 pub mod depth_image;
 pub mod e57;
+mod format;
 pub mod gltf;
 mod guard;
 mod header_lines;
+mod image;
 pub mod kitti_bin;
 pub mod las;
 mod mesh_content;
@@ -39,7 +41,7 @@ pub mod obj_textures;
 pub mod off;
 pub mod packed;
 pub mod pcd;
-mod picture;
+
 pub mod ply;
 mod points;
 pub mod poses;
@@ -48,7 +50,6 @@ pub mod ptx;
 mod reading;
 mod several;
 pub mod stl;
-mod table;
 mod text;
 pub mod threemf;
 mod unite;
@@ -58,15 +59,15 @@ mod weld;
 pub mod written;
 
 pub use budget::ReadLimits;
+pub use format::{
+    Content, Format, Reader, ScansReader, SurfaceReader, TextWriters, Writers, is_common, markdown, scan_files,
+    shared_frame, surface_endings, surface_names,
+};
 pub use mesh_content::{MeshContent, MeshWriter, write_mesh_of};
 pub use number::{NoCoordinate, checked_coordinate};
 pub use poses::same_name;
 pub use reading::{DeclaredUnit, Dropped, Reading, ScanReading};
 pub use several::scan_names;
-pub use table::{
-    Content, Format, Reader, ScansReader, SurfaceReader, TextWriters, Writers, is_common, markdown, scan_files,
-    shared_frame, surface_endings, surface_names,
-};
 
 use visage_geometry::Surface;
 

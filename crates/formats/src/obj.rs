@@ -6,8 +6,8 @@ use std::fmt::Write;
 
 use super::budget::Budget;
 use super::colors::Channels;
+use super::format::{self, BYTES, Content, Format, Writers};
 use super::points::{COLOR, INTENSITY, Layout, NONE, NORMAL, Points, SLOTS, X};
-use super::table::{self, BYTES, Content, Format, Writers};
 use super::text::TextLines;
 use super::{FormatError, MeshContent, ReadLimits, Reading, number, quote, text_start};
 use visage_geometry::{Cloud, Mesh, Point3, Vector3};
@@ -18,7 +18,7 @@ pub const FORMAT: Format = Format {
     endings: &["obj"],
     media_type: BYTES,
     holds: &[Content::Points, Content::Mesh, Content::Normals, Content::Colors],
-    reader: table::Reader::Surface(read),
+    reader: format::Reader::Surface(read),
     writers: Writers { cloud: Some(write_cloud), mesh: Some(write_content), ..Writers::NONE },
 };
 

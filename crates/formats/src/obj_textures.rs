@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::collections::{HashMap, HashSet};
 
 use super::budget::Budget;
-use super::picture::{Picture, repeated};
+use super::image::{Image, repeated};
 use super::{FormatError, ReadLimits, Reading, number, obj, quote, text_start};
 
 /// Gives the bytes of a file beside the OBJ file, by its path from there (`/` between folders). They are not kept: one such
@@ -52,7 +52,7 @@ pub fn read(bytes: &[u8], limits: &ReadLimits, resolve: Resolve) -> Result<Readi
 /// What a material gives to the vertices of its faces.
 enum Material {
     Plain([u8; 3]),
-    Picture(Picture),
+    Image(Image),
 }
 
 #[derive(Default)]
@@ -121,9 +121,9 @@ impl Materials {
             return Ok(());
         }
         let found = resolve(path);
-        let problem = match found.as_deref().map(|bytes| Picture::read(bytes, budget)).transpose()? {
+        let problem = match found.as_deref().map(|bytes| Image::read(bytes, budget)).transpose()? {
             Some(Ok(picture)) => {
-                self.all.insert(name.to_vec(), Material::Picture(picture));
+                self.all.insert(name.to_vec(), Material::Image(picture));
                 return Ok(());
             }
             Some(Err(problem)) => problem,
@@ -165,7 +165,7 @@ fn color_vertices(
                     let Some(color @ None) = vertex else { continue };
                     *color = match material {
                         Material::Plain(plain) => Some(*plain),
-                        Material::Picture(picture) => {
+                        Material::Image(picture) => {
                             let place = index(parts.next(), coordinates.len()).and_then(|at| coordinates.get(at));
                             // v goes up
                             place.and_then(|[u, v]| {

@@ -5,8 +5,8 @@ use std::fmt::Write;
 
 use super::budget::Budget;
 use super::colors::Channels;
+use super::format::{BYTES, Content, Format, Reader, Writers};
 use super::points::{COLOR, INTENSITY, Layout, NORMAL, Points, SLOTS, Values, X};
-use super::table::{BYTES, Content, Format, Reader, Writers};
 use super::text::{TextLines, has_fraction, words};
 use super::{FormatError, MeshContent, ReadLimits, Reading, number, quote, text_start};
 use visage_geometry::{Cloud, Mesh};

@@ -4,8 +4,8 @@
 
 use super::budget::Budget;
 use super::colors::Channels;
+use super::format::{BYTES, Content, Format, Reader, Writers};
 use super::points::{COLOR, INTENSITY, Layout, NORMAL, Points, SLOTS, X};
-use super::table::{BYTES, Content, Format, Reader, Writers};
 use super::text::{TextLines, has_fraction, numbers, words};
 use super::{DeclaredUnit, FormatError, ReadLimits, ScanReading, checked_coordinate, quote, text_start};
 use visage_geometry::se3::nearest_motion;

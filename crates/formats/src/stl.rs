@@ -5,9 +5,9 @@
 //! corners say the same.
 
 use super::budget::Budget;
+use super::format::{self, BYTES, Content, Format, Writers};
 use super::header_lines::lines_of;
 use super::points::Points;
-use super::table::{self, BYTES, Content, Format, Writers};
 use super::weld::Weld;
 use super::{Dropped, FormatError, ReadLimits, Reading, checked_coordinate, number, quote, text_start};
 use visage_geometry::{Mesh, Vector3};
@@ -18,7 +18,7 @@ pub const FORMAT: Format = Format {
     endings: &["stl"],
     media_type: BYTES,
     holds: &[Content::Mesh],
-    reader: table::Reader::Surface(read),
+    reader: format::Reader::Surface(read),
     writers: Writers { mesh: Some(|content| write_mesh(content.mesh)), ..Writers::NONE },
 };
 

@@ -4,7 +4,7 @@
 //! Coordinates stay as they are. A left-handed frame shows a scan mirrored, which does not matter to scans of one kind among
 //! each other; it is said.
 
-use super::table::{BYTES, Content, Format, Reader, Writers};
+use super::format::{BYTES, Content, Format, Reader, Writers};
 use super::{DeclaredUnit, FormatError, ReadLimits, Reading, columns};
 
 /// Its line in the table of formats.

@@ -1,6 +1,6 @@
 //! What formats are to those who choose one to be written: by ending or by media type, and in which unit.
 
-use super::table::Format;
+use super::format::Format;
 use super::{DeclaredUnit, FORMATS, e57, gltf, las, obj, poses, stl, threemf};
 use visage_geometry::{Motion, Surface, Unit};
 

@@ -22,13 +22,11 @@ use super::scan_sets::{form_rules, from_form, parse_id as parse_scan_set_id};
 use super::state::{AppState, deleted, uninterrupted};
 use super::upload;
 use super::{cursor, events, extract, hint_views, job_views, models, names, responses};
-use visage_domain::asset::Asset;
 use visage_domain::options::{Declared, Options};
 use visage_domain::{
-    JobBase, JobFilter, JobId, JobKind, JobRecord, JobStatus, ModelId, NewJob, NewScanSet, NewSurfaceJob, PoseFile,
-    ScanRecord, ScanSetId,
+    JobFilter, JobId, JobKind, JobRecord, JobStatus, NewJob, NewScanSet, NewSurfaceJob, PoseFile, ScanRecord,
 };
-use visage_service::app::models::read_asset;
+use visage_service::app::models::base_for;
 use visage_service::app::orders;
 use visage_service::app::scan_sets::ReceivedScans;
 use visage_service::jobs::admission;
@@ -231,7 +229,7 @@ async fn order_of_json(state: &AppState, body: NewJobBody) -> Result<Order, Prob
     })?;
     let set = state.context.database.scan_set(parse_scan_set_id(&scan_set_id)?).await?;
     let base = match &body.base_model_id {
-        Some(id) => Some(base_of(state, models::parse_id(id)?, set.id).await?),
+        Some(id) => Some(base_for(&state.context, models::parse_id(id)?, set.id).await?),
         None => None,
     };
     let job = NewJob { id: JobId::new(), scan_set_id: set.id, label, options, base, hints };
@@ -259,30 +257,7 @@ async fn order_of_form(state: &AppState, form: upload::Form) -> Result<Order, Pr
 }
 
 fn admit(state: &AppState, scans: &[ScanRecord], poses: Option<&PoseFile>, job: &NewJob) -> Result<(), Problem> {
-    let names: Vec<&str> = scans.iter().map(|scan| scan.name.as_str()).collect();
-    let base = job.base.as_ref().map(|base| base.poses.as_slice());
-    admission::plan(&names, poses, base, &job.options, &job.hints)?;
-    Budget(state.context.config.job_memory_bytes).admit(scans.iter().map(|scan| scan.points).sum())?;
-    Ok(())
-}
-
-/// The finished model of a scan set that scans are added to.
-async fn base_of(state: &AppState, id: ModelId, set: ScanSetId) -> Result<JobBase, Problem> {
-    let model = state.context.database.model(id).await?;
-    if model.scan_set_id != Some(set) {
-        let hint = "name a model that was made from this scan set, or register without a base model";
-        return Err(Problem::new(Code::WrongBase, format!("the model {id} was not made from this scan set"), hint));
-    }
-    let assets = state.context.database.assets(id).await?;
-    let poses = match assets.iter().find(|asset| asset.name == Asset::Poses.name()) {
-        Some(asset) => read_asset(&state.context, id, asset).await?,
-        None => None,
-    };
-    let poses = poses.ok_or_else(|| {
-        let hint = "name a model that was registered from scans";
-        Problem::new(Code::WrongBase, format!("the model {id} has no poses"), hint)
-    })?;
-    Ok(JobBase { model_id: id, poses })
+    Ok(admission::admit_job(scans, poses, job, Budget(state.context.config.job_memory_bytes))?)
 }
 
 /// Which jobs to list.

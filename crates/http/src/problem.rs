@@ -11,6 +11,7 @@ use visage_domain::options::OptionError;
 use visage_formats::{FormatError, poses, surface_names};
 use visage_pipeline::PipelineError;
 use visage_service::app::live_gallery::NotReady;
+use visage_service::app::models::BaseError;
 use visage_service::jobs::admission::AdmissionError;
 use visage_shape::faces::DescribeError;
 use visage_shape::standards::StandardError;
@@ -306,6 +307,24 @@ impl From<AdmissionError> for Problem {
                 "name the poses after the scans' files, or send the scans first",
             ),
             AdmissionError::Unfit(error) => error.into(),
+            AdmissionError::TooLarge(error) => error.into(),
+        }
+    }
+}
+
+impl From<BaseError> for Problem {
+    fn from(error: BaseError) -> Self {
+        let detail = error.to_string();
+        match error {
+            BaseError::OtherScanSet(_) => Problem::new(
+                Code::WrongBase,
+                detail,
+                "name a model that was made from this scan set, or register without a base model",
+            ),
+            BaseError::NoPoses(_) => {
+                Problem::new(Code::WrongBase, detail, "name a model that was registered from scans")
+            }
+            BaseError::Storage(error) => error.into(),
         }
     }
 }

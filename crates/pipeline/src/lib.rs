@@ -1,6 +1,6 @@
 //! Scans to model to signature, stage by stage: the whole path, free of files, clocks and HTTP. [`run_from`] is the order of stages.
 //!
-//! - before registration: `ready` (scans as the registration wants them), `copies` of one scan, `cleaning`, `still` (scans that
+//! - before registration: `preparation` (scans as the registration wants them), `copies` of one scan, `cleaning`, `static_background` (scans that
 //!   were all taken from one place), `start` (what is known of poses), [`units`] (of the set, and who
 //!   seems to be in another), `convention` (how they are meant), `hints`
 //! - after it: `supports` (what was cleaned away votes), [`surface`] (mesh, coarser mesh, preview), `deface`, [`report`]
@@ -13,10 +13,10 @@ pub mod deviation;
 mod hints;
 pub mod orient;
 pub mod placing;
-mod ready;
+mod preparation;
 pub mod report;
 mod start;
-mod still;
+mod static_background;
 mod supports;
 pub mod surface;
 mod surface_report;
@@ -45,7 +45,7 @@ pub use visage_surface::reconstruct::SurfaceReport;
 use self::report::{ModelReport, ScanReport};
 use self::start::Setting;
 pub use self::start::{PoseMatrix, Start};
-use self::still::{Settled, Taken};
+use self::static_background::{Settled, Taken};
 pub use self::surface::MadeSurface;
 use self::surface::Merged;
 
@@ -124,9 +124,9 @@ pub fn run_from(
     let mut setting = Setting::new(start, &mut scans, options)?;
     check_input(&scans, options)?;
     let left_by_regions = hints::apply(&mut scans, &setting.hints)?;
-    let (mut views, mut readied) = ready::readied(&mut scans, options, progress)?;
-    readied.iter_mut().zip(left_by_regions).for_each(|(readied, count)| readied.regions = count);
-    let copied = copies::take_out(&mut scans, &mut views, &mut readied, &mut setting, progress)?;
+    let (mut views, mut prepared) = preparation::prepare(&mut scans, options, progress)?;
+    prepared.iter_mut().zip(left_by_regions).for_each(|(prepared, count)| prepared.regions = count);
+    let copied = copies::take_out(&mut scans, &mut views, &mut prepared, &mut setting, progress)?;
     let names: Vec<String> = scans.iter().map(|scan| scan.name.clone()).collect();
     let holders = visage_registration::cleaning::copies::holders(&views, progress)?;
     let whole = (!options.keep_all).then(|| views.clone());
@@ -140,13 +140,13 @@ pub fn run_from(
     let has_support = left_out.iter().flatten().any(|left_out| left_out.support > 0);
     let whole = whole.filter(|_| has_support && setting.may_be_refined(options));
     let taken = Taken { scans, views, sensors, registered };
-    let settled = still::settle(&setting, &names, taken, whole, options, progress)?;
+    let settled = static_background::settle(&setting, &names, taken, whole, options, progress)?;
     let Settled { taken: Taken { scans, views, sensors, mut registered }, held, still, moved } = settled;
-    readied.iter_mut().zip(still).for_each(|(readied, count)| readied.still = count);
-    let mut findings: Vec<Finding> = readied
+    prepared.iter_mut().zip(still).for_each(|(prepared, count)| prepared.still = count);
+    let mut findings: Vec<Finding> = prepared
         .iter()
         .zip(&names)
-        .filter_map(|(readied, name)| readied.doubt(name, unit.name()))
+        .filter_map(|(prepared, name)| prepared.doubt(name, unit.name()))
         .map(Finding::doubt)
         .collect();
     findings.extend(units::suspects(&views, &names, &registered.result.placed, unit));
@@ -186,9 +186,9 @@ pub fn run_from(
     let has_scales = options.scale != Scale::None;
     let registration = registration.with_rows(|(index, view)| ScanReport {
         normals_outward: merged.as_ref().map(|merged| merged.outward[index]),
-        left_out: readied[index].left_out(left_out.as_ref().map(|left_out| &left_out[index])),
+        left_out: prepared[index].left_out(left_out.as_ref().map(|left_out| &left_out[index])),
         copy_of: None,
-        viewpoint_is_pose: readied[index].sensor_is_pose,
+        viewpoint_is_pose: prepared[index].sensor_is_pose,
         scale: Some(views[index].scale).filter(|scale| has_scales || *scale != 1.0),
         fixed: setting.is_fixed(&names[index]),
         reading: None,

@@ -9,10 +9,10 @@ use crate::domain::options::Options;
 use crate::geometry::{Cloud, Surface, Unit};
 use crate::pipeline::RegisteredModel;
 use crate::pipeline::surface::SurfaceMesh;
-use crate::presentation::found::Found;
-use crate::presentation::page::{PICTURES, Subject, html, options_in_words, shown};
-use crate::presentation::{Kind, Material, PictureError, Source, Wish, draw};
 use crate::progress::Progress;
+use crate::report::found::Found;
+use crate::report::page::{PICTURES, Subject, html, options_in_words, shown};
+use crate::report::{Kind, Material, PictureError, Source, Wish, draw};
 
 /// The page, and the folder of the pictures.
 pub(super) const PAGE: &str = "report.html";

@@ -11,8 +11,8 @@ use visage::geometry::{Cloud, Mesh, Motion, Point3, Surface, Unit, se3};
 use visage::pipeline::report::ModelReport;
 use visage::pipeline::{MadeSurface, ModelCloud, NamedScan, Options, PipelineError, RegisteredModel, Start};
 use visage::progress::{Progress, Stage};
-use visage::reconstruction::SurfaceMesh;
 use visage::standards::{Found, Standard};
+use visage::surface::SurfaceMesh;
 
 /// What the next registration does.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]

@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use super::Judged;
 use super::tables::{METHODS, scores};
-use visage::retrieval::measures;
+use visage::gallery::measures;
 
 /// The edge of the plot, pixels, and the margin around it.
 const EDGE: f64 = 320.0;

@@ -6,7 +6,7 @@ use super::Judged;
 use visage::faces::judgement::MATCH_SCORE;
 use visage::faces::modes::LANDMARKS;
 use visage::faces::{self, MatchMethod, Verdict, standard};
-use visage::retrieval::measures;
+use visage::gallery::measures;
 
 /// The methods in the order in which they build on each other.
 pub const METHODS: [(MatchMethod, &str); 3] = [

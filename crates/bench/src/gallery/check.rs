@@ -7,8 +7,8 @@ use super::load::{Kind, Question};
 use super::population::Population;
 use visage::faces::judgement::triples;
 use visage::faces::{self, MatchMethod, Shape, Signature, Triangle, standard};
+use visage::gallery::{self, Gallery, ModelId};
 use visage::geometry::{Point3, Vector3};
-use visage::retrieval::{self, Gallery, ModelId};
 
 /// Compares the answers to some questions of each kind; fails at the first that differs. Gives the number compared.
 pub fn compare(
@@ -68,7 +68,7 @@ fn brute_force(questions: &[Question], population: &Population, models: u64, lim
 /// How like each model is to the probe of a question; nothing for other questions.
 fn likenesses(question: &Question, models: &[Signature]) -> Vec<f64> {
     match question {
-        Question::Probe(probe) => retrieval::likenesses(probe, models),
+        Question::Probe(probe) => gallery::likenesses(probe, models),
         Question::Triangle { .. } | Question::Standard(_) => Vec::new(),
     }
 }

@@ -11,8 +11,8 @@ use super::cpu_seconds;
 use super::population::Population;
 use visage::config::available_threads;
 use visage::faces::Signature;
+use visage::gallery::{Gallery, Match, MatchMethod, TopK};
 use visage::geometry::{Point3, Vector3};
-use visage::retrieval::{Gallery, Match, MatchMethod, TopK};
 
 /// A kind of question.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

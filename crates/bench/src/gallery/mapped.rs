@@ -6,7 +6,7 @@ use std::io::BufWriter;
 use anyhow::{Context, ensure};
 
 use super::load::Question;
-use visage::retrieval::{Gallery, SegmentHandle};
+use visage::gallery::{Gallery, SegmentHandle};
 
 /// Writes each segment into a file and uses it from there; the files go with the folder.
 pub fn of(gallery: &Gallery) -> anyhow::Result<(Gallery, tempfile::TempDir)> {

@@ -15,8 +15,8 @@ use rayon::prelude::*;
 
 use load::Question;
 use population::Population;
-use visage::retrieval::gallery::FULL_SEGMENT;
-use visage::retrieval::{Gallery, IndexedModel, ModelId};
+use visage::gallery::gallery::FULL_SEGMENT;
+use visage::gallery::{Gallery, IndexedModel, ModelId};
 
 /// How large the gallery is and what it is asked.
 #[derive(Debug, Args)]

@@ -12,7 +12,7 @@ mod writer;
 
 pub use writer::write_cloud;
 
-use super::table::{BYTES, Content, Format, Reader, Writers};
+use super::format::{BYTES, Content, Format, Reader, Writers};
 use super::{FormatError, ReadLimits, Reading};
 
 const HOLDS: &[Content] = &[Content::Points, Content::Normals, Content::Colors, Content::Intensities];

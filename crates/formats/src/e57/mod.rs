@@ -13,8 +13,8 @@ mod tests;
 
 use std::io::Cursor;
 
+use super::format::{BYTES, Content, Format, Reader, Writers};
 use super::guard::guarded;
-use super::table::{BYTES, Content, Format, Reader, Writers};
 use super::{DeclaredUnit, FormatError, ReadLimits, ScanReading};
 
 pub use writer::{WrittenScan, write_cloud, write_scans};

@@ -7,15 +7,15 @@
 
 mod accessor;
 mod document;
-mod picture;
 mod scene;
 mod shapes;
+mod texture;
 mod writer;
 
 #[cfg(test)]
 mod tests;
 
-use super::table::{BYTES, Content, Format, Reader, Writers};
+use super::format::{BYTES, Content, Format, Reader, Writers};
 use super::{DeclaredUnit, FormatError, ReadLimits, Reading, quote, text_start};
 
 use writer::write_content;

@@ -11,8 +11,8 @@ mod tests;
 
 use super::budget::Budget;
 use super::colors::Channels;
+use super::format::{BYTES, Content, Format, Reader, Writers};
 use super::points::{COLOR, INTENSITY, Layout, NORMAL, Points, SLOTS, X};
-use super::table::{BYTES, Content, Format, Reader, Writers};
 use super::{FormatError, ReadLimits, Reading};
 use header::Header;
 

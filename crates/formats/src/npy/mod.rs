@@ -6,7 +6,7 @@ mod reader;
 
 pub use reader::{read, read_npz};
 
-use super::table::{BYTES, Content, Format, Reader, Writers};
+use super::format::{BYTES, Content, Format, Reader, Writers};
 
 const HOLDS: &[Content] = &[Content::Points, Content::Mesh, Content::Normals, Content::Colors, Content::Intensities];
 

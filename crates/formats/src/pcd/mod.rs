@@ -11,7 +11,7 @@ mod writer;
 pub use reader::read;
 pub use writer::write_cloud;
 
-use super::table::{BYTES, Content, Format, Reader, Writers};
+use super::format::{BYTES, Content, Format, Reader, Writers};
 
 /// Its line in the table of formats.
 pub const FORMAT: Format = Format {

@@ -16,7 +16,7 @@ pub use views::{support, views};
 pub use writer::{VertexAttributes, write_cloud, write_cloud_text, write_mesh, write_surface};
 use writer::{write_content, write_content_text};
 
-use super::table::{BYTES, Content, Format, Reader, TextWriters, Writers};
+use super::format::{BYTES, Content, Format, Reader, TextWriters, Writers};
 
 /// Its line in the table of formats.
 pub const FORMAT: Format = Format {

@@ -19,7 +19,7 @@ mod uos;
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::table::{Content, Format, Reader, Writers};
+use super::format::{Content, Format, Reader, Writers};
 use super::{FormatError, checked_coordinate, quote};
 use visage_geometry::se3::{self, NearestMotion};
 use visage_geometry::{Motion, PoseConvention};

@@ -14,8 +14,8 @@ use nalgebra::Matrix4;
 
 use super::budget::Budget;
 use super::colors::Channels;
+use super::format::{BYTES, Content, Format, Reader, Writers};
 use super::points::{COLOR, INTENSITY, Layout, NORMAL, Points, SLOTS, X};
-use super::table::{BYTES, Content, Format, Reader, Writers};
 use super::{FormatError, ReadLimits, Reading};
 use model::{Model, Object, Part};
 use package::Package;

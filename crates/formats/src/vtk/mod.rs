@@ -7,7 +7,7 @@ mod reader;
 
 pub use reader::read;
 
-use super::table::{BYTES, Content, Format, Reader, Writers};
+use super::format::{BYTES, Content, Format, Reader, Writers};
 
 /// Its line in the table of formats.
 pub const FORMAT: Format = Format {

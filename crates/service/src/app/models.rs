@@ -3,7 +3,8 @@
 use super::context::ServiceContext;
 use crate::storage::inventory::StorageError;
 use crate::storage::{Deleted, ObjectStore, StagedFile};
-use visage_domain::{AssetRecord, ModelId, NewModel, Replay, StoredFile};
+use visage_domain::asset::Asset;
+use visage_domain::{AssetRecord, JobBase, ModelId, NewModel, Replay, ScanSetId, StoredFile};
 use visage_shape::faces::Signature;
 
 /// An uploaded model that is described but has no place yet.
@@ -47,6 +48,32 @@ pub async fn read_asset(
 ) -> Result<Option<Vec<u8>>, StorageError> {
     let asset = asset.clone();
     context.storage().blocking(move |objects: &dyn ObjectStore| objects.read_asset(id, &asset)).await
+}
+
+/// Why scans can't be added to a model.
+#[derive(Debug, thiserror::Error)]
+pub enum BaseError {
+    /// It was made from other scans.
+    #[error("the model {0} was not made from this scan set")]
+    OtherScanSet(ModelId),
+    /// It was not registered, or has lost its poses.
+    #[error("the model {0} has no poses")]
+    NoPoses(ModelId),
+    /// It can't be read.
+    #[error(transparent)]
+    Storage(#[from] StorageError),
+}
+
+/// The finished model of a scan set that scans are added to.
+pub async fn base_for(context: &ServiceContext, id: ModelId, set: ScanSetId) -> Result<JobBase, BaseError> {
+    let model = context.database.model(id).await.map_err(StorageError::from)?;
+    if model.scan_set_id != Some(set) {
+        return Err(BaseError::OtherScanSet(id));
+    }
+    let assets = context.database.assets(id).await.map_err(StorageError::from)?;
+    let poses = assets.iter().find(|asset| asset.name == Asset::Poses.name()).ok_or(BaseError::NoPoses(id))?;
+    let poses = read_asset(context, id, poses).await?.ok_or(BaseError::NoPoses(id))?;
+    Ok(JobBase { model_id: id, poses })
 }
 
 /// Deletes a model with its files and its signature.

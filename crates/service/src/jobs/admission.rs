@@ -2,8 +2,9 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use visage_domain::PoseFile;
+use super::memory::{Budget, TooLarge};
 use visage_domain::asset::Asset;
+use visage_domain::{NewJob, PoseFile, ScanRecord};
 use visage_formats::{FormatError, poses};
 use visage_geometry::{Motion, PoseConvention};
 use visage_pipeline::{Hints, MIN_SCANS, Method, Options, PipelineError, Start};
@@ -43,6 +44,9 @@ pub enum AdmissionError {
     /// The options or the base model don't fit the scans.
     #[error(transparent)]
     Unfit(#[from] PipelineError),
+    /// It takes more memory than jobs may have.
+    #[error(transparent)]
+    TooLarge(#[from] TooLarge),
 }
 
 /// How a pose file and the scans of a set fit together.
@@ -114,8 +118,21 @@ fn admit_count(count: usize, method: Method) -> Result<(), AdmissionError> {
     }
 }
 
+/// Whether a registration of these scans may be queued: it can be planned, and fits into memory when nothing else runs.
+pub fn admit_job(
+    scans: &[ScanRecord],
+    poses: Option<&PoseFile>,
+    job: &NewJob,
+    budget: Budget,
+) -> Result<(), AdmissionError> {
+    let names: Vec<&str> = scans.iter().map(|scan| scan.name.as_str()).collect();
+    plan(&names, poses, job.base.as_ref().map(|base| base.poses.as_slice()), &job.options, &job.hints)?;
+    budget.admit(scans.iter().map(|scan| scan.points).sum())?;
+    Ok(())
+}
+
 /// Whether scans of these names with this pose file can be registered. Scans without a pose are placed by their surface.
-pub fn admit(scans: &[&str], file: Option<&PoseFile>) -> Result<PoseFit, AdmissionError> {
+fn admit(scans: &[&str], file: Option<&PoseFile>) -> Result<PoseFit, AdmissionError> {
     if scans.len() < MIN_SCANS {
         return Err(AdmissionError::TooFewScans { count: scans.len() });
     }

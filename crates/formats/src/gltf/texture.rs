@@ -4,14 +4,14 @@ use super::accessor::{Buffers, data_uri};
 use super::document::{Document, TextureTransform, TextureUse, at};
 use crate::FormatError;
 use crate::budget::Budget;
-use crate::picture::Picture;
+use crate::image::Image;
 
 const CLAMP: u32 = 33071;
 const MIRROR: u32 = 33648;
 
 /// A texture as a material uses it.
 pub(super) struct Texture<'a> {
-    picture: Picture,
+    picture: Image,
     /// Which of the coordinates of the vertices are meant.
     pub(super) coordinates: String,
     transform: Option<&'a TextureTransform>,
@@ -43,7 +43,7 @@ impl<'a> Texture<'a> {
             },
             (None, None) => return Ok(Err(format!("image {source} has no bytes"))),
         };
-        let picture = match Picture::read(bytes, budget)? {
+        let picture = match Image::read(bytes, budget)? {
             Ok(picture) => picture,
             Err(problem) => return Ok(Err(format!("image {source} {problem}"))),
         };
@@ -70,7 +70,7 @@ impl<'a> Texture<'a> {
         let wrapped = |axis: usize| match self.wraps[axis] {
             Some(CLAMP) => place[axis].clamp(0.0, 1.0),
             Some(MIRROR) => 1.0 - (place[axis].rem_euclid(2.0) - 1.0).abs(),
-            _ => crate::picture::repeated(place[axis]),
+            _ => crate::image::repeated(place[axis]),
         };
         self.picture.color(wrapped(0), wrapped(1))
     }

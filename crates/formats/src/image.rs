@@ -17,7 +17,7 @@ const MOST_SIDE: usize = 1 << 16;
 const PIXEL: usize = 8;
 
 /// A picture, row by row from the top.
-pub(crate) struct Picture {
+pub(crate) struct Image {
     width: usize,
     height: usize,
     /// Bytes of a pixel: grey, grey and opacity, colour, colour and opacity.
@@ -25,9 +25,9 @@ pub(crate) struct Picture {
     bytes: Vec<u8>,
 }
 
-impl Picture {
+impl Image {
     /// Unpacks a picture; why it can't be read, in words, is the inner error: that costs colours and not the file.
-    pub(crate) fn read(bytes: &[u8], budget: &mut Budget) -> Result<Result<Picture, String>, FormatError> {
+    pub(crate) fn read(bytes: &[u8], budget: &mut Budget) -> Result<Result<Image, String>, FormatError> {
         let unpack = if bytes.starts_with(b"\x89PNG") {
             png
         } else if bytes.starts_with(b"\xff\xd8") {
@@ -66,7 +66,7 @@ fn take(width: usize, height: usize, budget: &mut Budget) -> Result<Result<(), S
     budget.take_description((width * height) as u64, PIXEL).map(Ok)
 }
 
-fn png(bytes: &[u8], budget: &mut Budget) -> Result<Result<Picture, String>, FormatError> {
+fn png(bytes: &[u8], budget: &mut Budget) -> Result<Result<Image, String>, FormatError> {
     let broken = |error: png::DecodingError| Ok(Err(format!("is no sound PNG: {error}")));
     let limits = png::Limits { bytes: 64 << 20 };
     let mut decoder = png::Decoder::new_with_limits(Cursor::new(bytes), limits);
@@ -86,12 +86,12 @@ fn png(bytes: &[u8], budget: &mut Budget) -> Result<Result<Picture, String>, For
     };
     let mut pixels = vec![0; size];
     match reader.next_frame(&mut pixels) {
-        Ok(frame) => Ok(Ok(Picture { width, height, channels: frame.color_type.samples(), bytes: pixels })),
+        Ok(frame) => Ok(Ok(Image { width, height, channels: frame.color_type.samples(), bytes: pixels })),
         Err(error) => broken(error),
     }
 }
 
-fn jpeg(bytes: &[u8], budget: &mut Budget) -> Result<Result<Picture, String>, FormatError> {
+fn jpeg(bytes: &[u8], budget: &mut Budget) -> Result<Result<Image, String>, FormatError> {
     let options = DecoderOptions::default()
         .set_max_width(MOST_SIDE)
         .set_max_height(MOST_SIDE)
@@ -105,9 +105,7 @@ fn jpeg(bytes: &[u8], budget: &mut Budget) -> Result<Result<Picture, String>, Fo
         return Ok(Err(problem));
     }
     match decoder.decode() {
-        Ok(pixels) if pixels.len() == width * height * 3 => {
-            Ok(Ok(Picture { width, height, channels: 3, bytes: pixels }))
-        }
+        Ok(pixels) if pixels.len() == width * height * 3 => Ok(Ok(Image { width, height, channels: 3, bytes: pixels })),
         Ok(_) => Ok(Err("has pixels of a kind that is not read".into())),
         Err(error) => Ok(Err(format!("is no sound JPEG: {error}"))),
     }
@@ -132,13 +130,13 @@ mod tests {
     #[test]
     fn a_place_is_a_pixel() {
         let bytes = png_of(2, 2, png::ColorType::Rgb, &[1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12]);
-        let picture = Picture::read(&bytes, &mut ReadLimits::default().budget()).expect("small").expect("sound");
+        let picture = Image::read(&bytes, &mut ReadLimits::default().budget()).expect("small").expect("sound");
         let colors = [(0.0, 0.0), (0.9, 0.1), (0.2, 0.7), (1.0, 1.0)].map(|(u, v)| picture.color(u, v));
         assert_eq!(colors, [Some([1, 2, 3]), Some([4, 5, 6]), Some([7, 8, 9]), Some([10, 11, 12])]);
         assert_eq!(picture.color(f64::NAN, 0.0), None);
         assert_eq!((repeated(1.0), repeated(1.25), repeated(-0.25)), (1.0, 0.25, 0.75));
         let grey = png_of(1, 1, png::ColorType::GrayscaleAlpha, &[7, 0]);
-        let picture = Picture::read(&grey, &mut ReadLimits::default().budget()).expect("small").expect("sound");
+        let picture = Image::read(&grey, &mut ReadLimits::default().budget()).expect("small").expect("sound");
         assert_eq!(picture.color(0.5, 0.5), Some([7; 3]));
     }
 
@@ -146,13 +144,13 @@ mod tests {
     fn a_large_picture_is_refused_before_it_is_unpacked() {
         let bytes = png_of(4000, 4000, png::ColorType::Grayscale, &vec![0; 16_000_000]);
         let mut budget = ReadLimits { max_points: 1000, max_faces: 0, max_bytes: 0 }.budget();
-        assert!(matches!(Picture::read(&bytes, &mut budget), Err(FormatError::TooManyBytes { .. })));
+        assert!(matches!(Image::read(&bytes, &mut budget), Err(FormatError::TooManyBytes { .. })));
     }
 
     #[test]
     fn what_is_no_picture_is_said() {
         for bytes in [&b""[..], b"RIFF", b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff\xe0"] {
-            assert!(Picture::read(bytes, &mut ReadLimits::default().budget()).expect("small").is_err());
+            assert!(Image::read(bytes, &mut ReadLimits::default().budget()).expect("small").is_err());
         }
     }
 }

@@ -15,7 +15,7 @@ use visage_registration::view::{UnusableScan, View};
 
 /// What was found out about a scan on the way.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub(super) struct Readied {
+pub(super) struct Prepared {
     /// Points that hints left out.
     pub regions: usize,
     /// Points of what stands still in a set whose object moved.
@@ -36,18 +36,18 @@ const LARGEST_COORDINATE: f64 = 1e15;
 const ROUGH: f64 = 0.25;
 
 /// Makes scans ready; says what of them was found out.
-pub(super) fn readied(
+pub(super) fn prepare(
     scans: &mut [NamedScan],
     options: &Options,
     progress: &Progress,
-) -> Result<(Vec<View>, Vec<Readied>), PipelineError> {
+) -> Result<(Vec<View>, Vec<Prepared>), PipelineError> {
     progress.report(Stage::Preparing, 0.0);
     for scan in scans.iter_mut() {
         if let Some(sensor) = options.sensor {
             scan.surface.sensor = Some(sensor.into());
         }
     }
-    let ready: Vec<Result<(View, Readied), PipelineError>> = scans
+    let ready: Vec<Result<(View, Prepared), PipelineError>> = scans
         .par_iter_mut()
         .map(|scan| {
             progress.check()?;
@@ -56,16 +56,16 @@ pub(super) fn readied(
         .collect();
     // of several errors the first scan's, whichever thread met its own first
     let ready = ready.into_iter().collect::<Result<Vec<_>, _>>()?;
-    let (mut views, mut readied): (Vec<View>, Vec<Readied>) = ready.into_iter().unzip();
+    let (mut views, mut prepared): (Vec<View>, Vec<Prepared>) = ready.into_iter().unzip();
     if options.sensor.is_none() {
-        settle_sensors(scans, &mut views, &mut readied);
+        settle_sensors(scans, &mut views, &mut prepared);
         settle_origins(scans, &mut views);
     }
-    Ok((views, readied))
+    Ok((views, prepared))
 }
 
 /// Leaves out of a scan what repeats, and measures the rest.
-fn without_repetitions(scan: &mut NamedScan) -> Result<(View, Readied), PipelineError> {
+fn without_repetitions(scan: &mut NamedScan) -> Result<(View, Prepared), PipelineError> {
     if let Some(p) = scan.surface.cloud.points.iter().find(|p| !p.iter().all(|x| x.abs() <= LARGEST_COORDINATE)) {
         return Err(PipelineError::Unusable {
             code: "degenerate_scan",
@@ -75,35 +75,35 @@ fn without_repetitions(scan: &mut NamedScan) -> Result<(View, Readied), Pipeline
         });
     }
     let found = Coincidence::of(&scan.surface);
-    let mut readied = Readied { no_return: found.no_return, repeated: found.repeated, ..Readied::default() };
+    let mut prepared = Prepared { no_return: found.no_return, repeated: found.repeated, ..Prepared::default() };
     scan.surface = found.applied(std::mem::take(&mut scan.surface));
-    let mut view = View::of(&scan.surface).map_err(|problem| unusable(scan, &readied, problem))?;
+    let mut view = View::of(&scan.surface).map_err(|problem| unusable(scan, &prepared, problem))?;
     if let Some(distance) = copy_distance(&view.indexed) {
         let kept = without_copies(&view.indexed, distance);
         let surface = scan.surface.kept(&kept);
         // copies that are no rule leave nothing to measure
         if let Ok(thinned) = View::of(&surface) {
-            readied.repeated += kept.iter().filter(|kept| !**kept).count();
+            prepared.repeated += kept.iter().filter(|kept| !**kept).count();
             (scan.surface, view) = (surface, thinned);
         }
     }
     let step = float_step(&scan.surface.cloud);
-    readied.rounded_to = step.filter(|step| *step > ROUGH * view.spacing);
-    Ok((view, readied))
+    prepared.rounded_to = step.filter(|step| *step > ROUGH * view.spacing);
+    Ok((view, prepared))
 }
 
-fn unusable(scan: &NamedScan, readied: &Readied, problem: UnusableScan) -> PipelineError {
-    let left_out = readied.no_return + readied.repeated;
+fn unusable(scan: &NamedScan, prepared: &Prepared, problem: UnusableScan) -> PipelineError {
+    let left_out = prepared.no_return + prepared.repeated;
     let mut message = format!("{} can't be registered: {problem}", scan.name);
     if left_out > 0 {
         message += &format!(
             " (without {} where nothing was seen and {} that repeat others)",
-            readied.no_return, readied.repeated
+            prepared.no_return, prepared.repeated
         );
     }
     let rounded = float_step(&scan.surface.cloud).filter(|_| left_out > 0);
     let hint = match rounded {
-        Some(step) if readied.repeated > 0 => format!(
+        Some(step) if prepared.repeated > 0 => format!(
             "its coordinates are so large that single precision rounds them to {step}: subtract an offset before the \
              export, or leave the scan out"
         ),
@@ -123,7 +123,7 @@ fn float_step(cloud: &Cloud) -> Option<f64> {
 }
 
 /// Takes the places of scanners that are poses for what they are: those scans were seen from their origins.
-fn settle_sensors(scans: &mut [NamedScan], views: &mut [View], readied: &mut [Readied]) {
+fn settle_sensors(scans: &mut [NamedScan], views: &mut [View], prepared: &mut [Prepared]) {
     let told: Vec<usize> = (0..scans.len()).filter(|k| scans[*k].surface.sensor.is_some()).collect();
     if told.iter().all(|k| scans[*k].surface.sensor == Some(Point3::origin())) {
         return;
@@ -134,7 +134,7 @@ fn settle_sensors(scans: &mut [NamedScan], views: &mut [View], readied: &mut [Re
         return;
     }
     for k in told {
-        readied[k].sensor_is_pose = true;
+        prepared[k].sensor_is_pose = true;
         scans[k].surface.sensor = Some(Point3::origin());
         views[k].sensor = Some(Sensor::At(-views[k].center));
     }
@@ -157,7 +157,7 @@ fn settle_origins(scans: &mut [NamedScan], views: &mut [View]) {
     }
 }
 
-impl Readied {
+impl Prepared {
     /// What is left out of the scan, with what `cleaning` found if it was asked for: a row of the report.
     pub(super) fn left_out(&self, cleaning: Option<&LeftOut>) -> LeftOutReport {
         LeftOutReport {
