@@ -17,6 +17,7 @@ use super::state::AppState;
 use super::tls::{Tls, TlsError};
 use visage_service::app::context::ServiceContext;
 use visage_service::app::engine::{Engine, PipelineEngine};
+use visage_service::app::live_gallery::LiveGallery;
 use visage_service::app::retention::{self, Dropped};
 use visage_service::app::uploads;
 use visage_service::app::webhooks;
@@ -28,6 +29,8 @@ use visage_service::storage::inventory::Storage;
 
 /// How often answers kept for repeated requests are cleaned up.
 const CLEAN_UP: Duration = Duration::from_secs(3600);
+/// A gallery that can't be loaded is tried again after this.
+const LOAD_AGAIN: Duration = Duration::from_secs(10);
 
 /// Why a server did not start.
 #[derive(Debug, thiserror::Error)]
@@ -128,48 +131,68 @@ async fn open(config: &Arc<ServerConfig>, engine: Arc<dyn Engine>) -> Result<Ser
     Ok(ServiceContext::new(data.storage, engine, config.clone()))
 }
 
-/// Loads the gallery, then cleans up now and then.
+/// Loads the gallery, then keeps it whole and cleans up now and then.
 async fn chores(context: ServiceContext, stop: CancellationToken) {
     let storage = context.storage();
-    let ServiceContext { database, gallery, monitor, .. } = context.clone();
     let work = async {
-        match gallery.load(&storage).await {
-            Ok(models) => tracing::info!(models, "the gallery is loaded"),
-            Err(error) => tracing::error!("the gallery can't be loaded, queries will not be answered: {error}"),
-        }
-        match database.queue_evaluation().await {
+        load(&context.gallery, &storage).await;
+        match context.database.queue_evaluation().await {
             Ok(Some(job)) => {
                 tracing::info!(job.id = %job, "stored models are to be looked at again");
-                monitor.announce_work();
+                context.monitor.announce_work();
             }
             Ok(None) => {}
             Err(error) => tracing::warn!("looking for what is out of date: {error}"),
         }
-        // files of the index are used from the first moment on; whether they are sound takes reading all of them
-        if let Err(error) = gallery.examine(&storage).await {
-            tracing::error!("a part of the gallery can't be made anew, queries will not be answered: {error}");
-        }
-        loop {
-            clean_up(&storage).await;
-            gallery.tidy_up();
-            match retention::drop_old(&context, jiff::Timestamp::now()).await {
-                Ok(dropped) if dropped == Dropped::default() => {}
-                Ok(Dropped { scan_sets, models, audit }) => {
-                    tracing::info!(scan_sets, models, audit, "deleted what was old")
-                }
-                Err(error) => tracing::warn!("deleting what is old: {error}"),
-            }
-            match uploads::sweep(&context, jiff::Timestamp::now()).await {
-                Ok(0) => {}
-                Ok(files) => tracing::info!(files, "gave up uploads that nobody went on with"),
-                Err(error) => tracing::warn!("giving up uploads: {error}"),
-            }
-            tokio::time::sleep(CLEAN_UP).await;
-        }
+        tokio::join!(keep_whole(&context.gallery, &storage), upkeep(&context, &storage));
     };
     tokio::select! {
         () = work => {}
         () = stop.cancelled() => {}
+    }
+}
+
+/// Loads the gallery, however many attempts that takes: until then queries are refused.
+async fn load(gallery: &LiveGallery, storage: &Storage) {
+    loop {
+        match gallery.load(storage).await {
+            Ok(models) => return tracing::info!(models, "the gallery is loaded"),
+            Err(error) => tracing::error!("the gallery can't be loaded, queries are refused until it is: {error}"),
+        }
+        tokio::time::sleep(LOAD_AGAIN).await;
+    }
+}
+
+/// Files of the index are used from the first moment on: whether they are sound takes reading all of them. What can't be made anew
+/// is loaded again.
+async fn keep_whole(gallery: &LiveGallery, storage: &Storage) {
+    loop {
+        if let Err(error) = gallery.examine(storage).await {
+            tracing::error!("a part of the gallery can't be made anew: {error}");
+        }
+        gallery.lost().await;
+        load(gallery, storage).await;
+    }
+}
+
+/// Cleans up now and then.
+async fn upkeep(context: &ServiceContext, storage: &Storage) {
+    loop {
+        clean_up(storage).await;
+        context.gallery.tidy_up();
+        match retention::drop_old(context, jiff::Timestamp::now()).await {
+            Ok(dropped) if dropped == Dropped::default() => {}
+            Ok(Dropped { scan_sets, models, audit }) => {
+                tracing::info!(scan_sets, models, audit, "deleted what was old")
+            }
+            Err(error) => tracing::warn!("deleting what is old: {error}"),
+        }
+        match uploads::sweep(context, jiff::Timestamp::now()).await {
+            Ok(0) => {}
+            Ok(files) => tracing::info!(files, "gave up uploads that nobody went on with"),
+            Err(error) => tracing::warn!("giving up uploads: {error}"),
+        }
+        tokio::time::sleep(CLEAN_UP).await;
     }
 }
 

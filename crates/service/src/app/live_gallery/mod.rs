@@ -62,6 +62,10 @@ struct Shared {
     is_to_forget: AtomicBool,
     /// Where segments are kept, once it is loaded.
     files: RwLock<Option<Arc<SegmentFiles>>>,
+    /// Held by whoever loads, all of it or what is lost.
+    loading: tokio::sync::Mutex<()>,
+    /// Rings when what was lost could not be made anew.
+    lost: tokio::sync::Notify,
 }
 
 /// The index over all stored signatures. Cheap to clone; readers wait for nobody.
@@ -82,6 +86,8 @@ impl Default for LiveGallery {
                 is_stuck: AtomicBool::new(false),
                 is_to_forget: AtomicBool::new(false),
                 files: RwLock::default(),
+                loading: tokio::sync::Mutex::default(),
+                lost: tokio::sync::Notify::new(),
             }),
         }
     }
@@ -95,8 +101,12 @@ pub struct NotReady;
 impl LiveGallery {
     /// Maps the files that count, makes of signatures what they don't tell, and answers from then on; gives the number of models. Models
     /// added or deleted meanwhile are seen afterwards. Signatures of another version and damaged ones are left out: their models are
-    /// kept, but not found until described anew.
+    /// kept, but not found until described anew. Nothing is done if it is loaded already.
     pub async fn load(&self, storage: &Storage) -> Result<usize, DatabaseError> {
+        let _loading = self.shared.loading.lock().await;
+        if let Some(gallery) = self.gallery() {
+            return Ok(gallery.len());
+        }
         let files = Arc::new(SegmentFiles::of(storage));
         *self.shared.files.write().unwrap_or_else(PoisonError::into_inner) = Some(files.clone());
         let loading = Loading::mapped(storage, files).await?;
@@ -128,7 +138,21 @@ impl LiveGallery {
         Ok(())
     }
 
+    /// Waits until a part was lost and could not be made anew: then all of it has to be loaded again.
+    pub async fn lost(&self) {
+        self.shared.lost.notified().await;
+    }
+
     async fn do_without(&self, storage: &Storage, lost: SegmentId) -> Result<(), DatabaseError> {
+        let made = self.made_without(storage, lost).await;
+        if made.is_err() {
+            self.shared.lost.notify_one();
+        }
+        made
+    }
+
+    async fn made_without(&self, storage: &Storage, lost: SegmentId) -> Result<(), DatabaseError> {
+        let _loading = self.shared.loading.lock().await;
         let Some(files) = self.files() else { return Ok(()) };
         let gallery = {
             let _changing = self.changing();
@@ -307,7 +331,7 @@ impl LiveGallery {
     fn do_without_beside(&self, files: &SegmentFiles, lost: SegmentId) {
         let Some((storage, runtime)) = files.service() else { return };
         if let Err(error) = runtime.block_on(self.do_without(&storage, lost)) {
-            tracing::error!("a part of the gallery can't be made anew, queries will not be answered: {error}");
+            tracing::error!("a part of the gallery can't be made anew: {error}");
         }
     }
 

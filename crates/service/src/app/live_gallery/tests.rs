@@ -15,14 +15,14 @@ use visage_shape::faces::signature::example::example;
 /// A database and files that outlive the galleries that are loaded from them.
 struct Place {
     storage: Storage,
-    _database: SqlitePlace,
+    database: SqlitePlace,
 }
 
 impl Place {
     async fn new() -> Place {
         let database = SqlitePlace::new().await;
         let storage = Storage { database: database.open(SeatId::new()).await, objects: MemoryPlace::new().open() };
-        Place { storage, _database: database }
+        Place { storage, database }
     }
 
     /// A process that has loaded the gallery, and merges only when it is told to.
@@ -277,6 +277,22 @@ async fn a_byte_that_flipped_in_a_column_is_found_after_the_start_and_what_it_sp
     place.is_exact(&live).await;
     assert!(!place.storage.objects.segment_listing().expect("listed").contains(&id));
     place.is_exact(&place.process().await).await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn what_could_not_be_made_anew_is_loaded_again() {
+    let place = Place::new().await;
+    place.store(&models(0..300)).await;
+    drop(place.process().await);
+    place.flipped();
+    let live = place.process().await;
+    place.storage.database.close().await;
+    live.examine(&place.storage).await.expect_err("no signature can be read");
+    assert!(!live.is_ready(), "no answer without what is lost");
+    live.lost().await;
+    let storage = Storage { database: place.database.open(SeatId::new()).await, ..place.storage.clone() };
+    live.load(&storage).await.expect("loaded");
+    Place { storage, ..place }.is_exact(&live).await;
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
