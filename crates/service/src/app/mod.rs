@@ -36,6 +36,7 @@ pub mod orders;
 pub mod pictures;
 pub mod placing;
 pub mod queries;
+pub mod recycle_bin;
 pub mod renditions;
 pub mod retention;
 pub mod scan_sets;
