@@ -333,8 +333,12 @@ async fn get_one(
         if job.status.is_finished() || wait == 0 || state.stop.is_cancelled() {
             return conditions.answer(&JobView::of(&job));
         }
+        let news = async {
+            // an error would mean that the monitor is gone, and the state holds it; of a job that runs here only the end counts
+            while changes.changed().await.is_ok() && state.context.monitor.runs(id) {}
+        };
         tokio::select! {
-            _ = changes.changed() => {}
+            () = news => {}
             () = state.stop.cancelled() => {}
             () = tokio::time::sleep_until(end) => {
                 return conditions.answer(&JobView::of(&look_up(&state, id).await?));

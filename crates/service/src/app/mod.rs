@@ -29,6 +29,7 @@ pub mod engine;
 pub mod evaluations;
 pub mod figures;
 pub mod live_gallery;
+mod looks;
 pub mod model_file;
 pub mod models;
 pub mod monitor;

@@ -52,7 +52,7 @@ pub async fn evaluate(
 
 /// A job as it stands now.
 pub async fn look_up(context: &ServiceContext, id: JobId) -> Result<JobRecord, DatabaseError> {
-    let mut job = context.database.job(id).await?;
+    let mut job = JobRecord::clone(context.looks.job(context.database.as_ref(), id).await?.as_ref());
     context.monitor.refresh(&mut job);
     Ok(job)
 }
