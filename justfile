@@ -46,6 +46,11 @@ demo *args:
 ci:
     .ci/run
 
+# known faults, licences and sources of what it is built of (cargo install cargo-deny cargo-audit)
+audit:
+    cargo deny check
+    cargo audit
+
 # what takes too long for every change: hundreds of kills, disks that are full
 long:
     .ci/long

@@ -55,6 +55,8 @@ enum Command {
     Jobs(client::jobs::JobsArgs),
     /// Models of a running service: list, show, add, download, delete.
     Models(client::models::ModelsArgs),
+    /// The recycle bin of a running service: list, restore, delete, empty.
+    Bin(client::bin::BinArgs),
     /// Ask a running service which of its models are faces, or like this one.
     Query(client::query::QueryArgs),
     /// Tell how good a model of a running service is, and why.
@@ -120,6 +122,7 @@ fn run() -> anyhow::Result<()> {
         Command::Upload(args) => client::upload::run(*args),
         Command::Jobs(args) => client::jobs::run(args),
         Command::Models(args) => client::models::run(args),
+        Command::Bin(args) => client::bin::run(args),
         Command::Query(args) => client::query::run(args),
         Command::Report(args) => client::report::run(args),
         Command::Open(args) => open::run(args),

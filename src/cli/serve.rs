@@ -97,6 +97,9 @@ pub struct ServeArgs {
     #[arg(long, env = "VISAGE_KEEP_AUDIT", value_name = "DAYS", default_value_t = 365,
           value_parser = clap::value_parser!(u32).range(1..))]
     keep_audit: u32,
+    /// Days for which deleted models, jobs and scan sets can be put back; 0 if deleted is gone for good
+    #[arg(long, env = "VISAGE_BIN_DAYS", value_name = "DAYS", default_value_t = 0)]
+    bin_days: u32,
     /// A network that messages to webhooks may reach though it is not public, also without TLS, such as 10.0.0.0/8; can be
     /// repeated
     #[arg(long = "webhook-network", env = "VISAGE_WEBHOOK_NETWORK", value_name = "NETWORK", value_delimiter = ',')]
@@ -174,6 +177,7 @@ impl ServeArgs {
                 models: self.keep_models,
                 scan_sets: self.keep_scan_sets,
                 audit: Some(self.keep_audit),
+                bin: self.bin_days,
             },
             webhooks: WebhookSettings { networks: self.webhook_networks.clone(), ..WebhookSettings::default() },
             edge: EdgeLimits {

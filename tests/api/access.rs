@@ -35,7 +35,7 @@ async fn closed_server() -> (TestServer, [String; 4]) {
 }
 
 /// Every operation of the contract: method, path, and the scope that it needs by the contract.
-fn operations() -> Vec<(Method, String, Option<String>)> {
+pub fn operations() -> Vec<(Method, String, Option<String>)> {
     let yaml = visage::http::openapi_yaml().expect("YAML");
     let (mut found, mut path, mut method) = (Vec::new(), String::new(), None);
     for line in yaml.lines().skip_while(|line| *line != "paths:").skip(1).take_while(|line| line.starts_with(' ')) {

@@ -33,7 +33,7 @@ fn damage(file: &Path) {
     std::fs::write(file, content).expect("changed");
 }
 
-async fn is_sound(folder: &Path) -> bool {
+pub async fn is_sound(folder: &Path) -> bool {
     let data = DataFolder::open(folder, Duration::ZERO).await.expect("a data folder");
     let findings = checkup::examine(&data.storage).await.expect("read");
     data.storage.database.close().await;

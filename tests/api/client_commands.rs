@@ -74,6 +74,32 @@ fn a_folder_goes_to_the_service_and_comes_back_as_a_model() {
 }
 
 #[test]
+fn what_was_deleted_is_listed_put_back_and_removed_for_good() {
+    let data = tempfile::tempdir().expect("a folder");
+    let service = Process::start_with(data.path(), &["--bin-days", "7"], std::process::Stdio::null());
+    let url = service.url.as_str();
+    let file = data.path().with_extension("obj");
+    std::fs::write(&file, crate::common::files::bumpy_sphere(0.3)).expect("written");
+    let model = json(url, &["models", "add", path(&file), "--name", "a ball"]);
+    std::fs::remove_file(&file).expect("removed");
+    let id = model["id"].as_str().expect("an id");
+    let done = |arguments: &[&str]| {
+        let output = ask(url, arguments);
+        assert!(output.status.success(), "{arguments:?}: {}", complaint(&output));
+        told(&output)
+    };
+    done(&["models", "delete", id]);
+    let listed = done(&["bin"]);
+    assert!(listed.contains(id) && listed.contains("a ball"), "{listed}");
+    assert_eq!(json(url, &["bin", "restore", id])["id"], id);
+    assert!(!done(&["bin", "list"]).contains(id));
+    done(&["models", "delete", id]);
+    done(&["bin", "empty"]);
+    let gone = ask(url, &["bin", "restore", id]);
+    assert!(!gone.status.success() && complaint(&gone).contains("404"), "{}", complaint(&gone));
+}
+
+#[test]
 fn what_was_sent_is_not_sent_again_and_archives_are_taken_apart() {
     let (data, scans) = (tempfile::tempdir().expect("a folder"), tempfile::tempdir().expect("a folder"));
     let service = Process::start(data.path());

@@ -10,7 +10,7 @@ use sqlx::sqlite::{SqliteConnectOptions, SqlitePool};
 const COPIES: i64 = 6000;
 
 /// Stores copies of the model that is there, as a crowd of other models.
-async fn multiply(folder: &std::path::Path) {
+pub async fn multiply(folder: &std::path::Path, copies: i64) {
     let options = SqliteConnectOptions::new().filename(folder.join("visage.sqlite"));
     let pool = SqlitePool::connect_with(options).await.expect("the server's database");
     let numbers = "WITH RECURSIVE number (k) AS (SELECT 1 UNION ALL SELECT k + 1 FROM number WHERE k < ?)";
@@ -22,7 +22,7 @@ async fn multiply(folder: &std::path::Path) {
              SELECT {id}, version, summary, content FROM number, signature"
         ),
     ] {
-        sqlx::query(sqlx::AssertSqlSafe(insertion)).bind(COPIES).execute(&pool).await.expect("inserted");
+        sqlx::query(sqlx::AssertSqlSafe(insertion)).bind(copies).execute(&pool).await.expect("inserted");
     }
     pool.close().await;
 }
@@ -38,7 +38,7 @@ async fn until_the_gallery_is_loaded_queries_wait_and_uploads_do_not() {
     expect_json(server.post_form("/v1/models", model_form(0.3)).await, StatusCode::CREATED).await;
     let TestServer { folder, handle, .. } = server;
     assert!(handle.shutdown().await);
-    multiply(folder.path()).await;
+    multiply(folder.path(), COPIES).await;
 
     let server = TestServer::start_on(folder, |_| {}).await;
     let question = json!({"standard": "face", "limit": 3});

@@ -4,6 +4,7 @@ mod access;
 mod additions;
 mod archives;
 mod backup;
+mod bin;
 mod binary;
 mod client_commands;
 mod common;

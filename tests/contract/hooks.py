@@ -133,6 +133,13 @@ def new_webhook():
     return call("POST", "/v1/webhooks", 201, json=body)["id"]
 
 
+def deleted_model():
+    """What is in the recycle bin."""
+    model = new_model()
+    requests.delete(f"{URL}/v1/models/{model}", timeout=60)
+    return model
+
+
 def ended_delivery():
     """A message that a receiver has refused for good, so that it can be sent once more."""
     webhook = call("POST", "/v1/webhooks", 201, json={"name": "gone", "url": GONE, "events": ["webhook.ping"]})["id"]
@@ -207,6 +214,9 @@ IDS = {
     "getModelScans": lambda: {"id": world().registered},
     "measureDeviation": lambda: {"id": world().positive[0]},
     "paintDeviation": lambda: {"id": world().positive[0]},
+    "getBinEntry": lambda: {"id": deleted_model()},
+    "restoreFromBin": lambda: {"id": deleted_model()},
+    "purgeFromBin": lambda: {"id": deleted_model()},
     "getWebhook": lambda: {"id": world().webhook},
     "deleteWebhook": lambda: {"id": new_webhook()},
     "pingWebhook": lambda: {"id": world().webhook},
@@ -386,6 +396,7 @@ QUERY_RULES = {
     "listWebhooks": known_page,
     "listDeliveries": known_page,
     "listAudit": known_page,
+    "listBin": known_page,
     "listDuplicates": known_page,
     "listScanSets": known_page,
 }

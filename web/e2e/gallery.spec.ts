@@ -76,7 +76,21 @@ test("the gallery is filled, searched in every way, and evaluated", async ({ pag
 
     await page.goto("/#/gallery");
     await page.getByRole("button", { name: "Delete: A head" }).click();
+    await expect(page.getByRole("dialog")).toContainText("For 7 days it can be put back");
     await page.getByRole("dialog").getByRole("button", { name: "Delete" }).click();
     await expect(cards).toHaveCount(2);
+
+    await test.step("what was deleted is put back", async () => {
+        await page.getByRole("link", { name: "Recycle bin" }).click();
+        await expect(page.getByRole("row", { name: "A head" })).toBeVisible();
+        await expectAccessible(page);
+        await page.getByRole("button", { name: "Put back: A head" }).click();
+        await expect(page.getByText("The recycle bin is empty.")).toBeVisible();
+        await page.goto("/#/gallery");
+        await expect(cards).toHaveCount(3);
+        await page.getByRole("button", { name: "Delete: A head" }).click();
+        await page.getByRole("dialog").getByRole("button", { name: "Delete" }).click();
+        await expect(cards).toHaveCount(2);
+    });
     for (const id of [decoy, jug]) await fetch(`${server.url}/v1/models/${id}`, { method: "DELETE" });
 });

@@ -27,6 +27,7 @@ test("every page fits on a phone, in light and dark, and can be touched", async 
         "gallery?standard=face",
         "evaluation",
         "standards",
+        "bin",
     ];
     for (const scheme of ["light", "dark"] as const) {
         await page.emulateMedia({ colorScheme: scheme });

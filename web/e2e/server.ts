@@ -16,7 +16,8 @@ export class Server {
     /** Starts it, on the port that it had before if it had one. */
     async start(): Promise<void> {
         const address = this.url ? new URL(this.url).host : "127.0.0.1:0";
-        this.process = spawn(program, ["serve", "--addr", address, "--data", this.folder, "--log", "warn"], {
+        const settings = ["--bin-days", "7", "--log", "warn"];
+        this.process = spawn(program, ["serve", "--addr", address, "--data", this.folder, ...settings], {
             stdio: ["ignore", "pipe", "inherit"],
         });
         const lines = createInterface({ input: this.process.stdout! });

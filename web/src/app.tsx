@@ -1,6 +1,7 @@
 import type { ComponentChildren } from "preact";
 import { useEffect, useRef } from "preact/hooks";
 
+import { BinPage } from "./bin/page";
 import { ComparePage } from "./compare/page";
 import { Gallery } from "./gallery/gallery";
 import { EvaluationPage } from "./gallery/evaluation";
@@ -49,6 +50,7 @@ function page({ parts, query }: Place): ComponentChildren {
     if (kind === "compare") return <ComparePage query={query} />;
     if (kind === "gallery") return <Gallery query={query} />;
     if (kind === "evaluation") return <EvaluationPage />;
+    if (kind === "bin") return <BinPage />;
     if (kind === "standards") return <StandardsPage />;
     return <PageTitle title={t.notFound} />;
 }
@@ -109,7 +111,7 @@ function Frame({ current, children }: { current: string; children: ComponentChil
                 {children}
             </main>
             <footer>
-                <a href={at("/licenses.txt")}>{t.licences}</a>
+                <a href={href("bin")}>{t.bin.title}</a> <a href={at("/licenses.txt")}>{t.licences}</a>
             </footer>
             <div class="unseen" role="status" aria-live="polite">
                 {spoken}

@@ -15,7 +15,9 @@ pub struct Census {
     pub messages_pending: u64,
     /// Messages to webhooks that could not be delivered.
     pub messages_dead: u64,
-    /// Bytes of all files of scans, models and standards.
+    /// Entries of the recycle bin.
+    pub bin_entries: u64,
+    /// Bytes of all files of scans, models and standards, those in the recycle bin included.
     pub file_bytes: u64,
     /// Bytes of the database.
     pub database_bytes: u64,

@@ -121,6 +121,10 @@ id_type!(
     DeliveryId
 );
 id_type!(
+    /// Names an entry of the recycle bin.
+    BinId
+);
+id_type!(
     /// Names a file that comes piece by piece.
     UploadId
 );

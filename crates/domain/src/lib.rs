@@ -7,7 +7,7 @@
 //! - `job_kind`, `job_status`, `queue`: what jobs are for, where they stand, and how workers take and end them
 //! - `segment`: files of the index, and what they don't tell
 //! - `key`, `audit`: who may ask, and for what; who did what; `webhook`: addresses that get messages, and of which events
-//! - `upload`: files that come piece by piece
+//! - `upload`: files that come piece by piece; `recycle_bin`: what was deleted and can still be put back
 //! - `stored_file`: what is kept as files; `census`: how much; `page`: lists, page by page
 
 #![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used))]
@@ -26,6 +26,7 @@ pub mod options;
 mod owner;
 mod page;
 mod queue;
+mod recycle_bin;
 mod replay;
 mod scan_set;
 mod segment;
@@ -39,8 +40,8 @@ pub use audit::{AuditEntry, AuditFilter};
 pub use census::Census;
 pub use evaluation::{Backlog, Outdated, StoredVerdict};
 pub use ids::{
-    AuditId, DeliveryId, FileId, FolderId, JobId, KeyId, ModelId, ProcessId, ScanSetId, SeatId, SegmentId, SessionId,
-    StandardId, UploadId, WebhookId,
+    AuditId, BinId, DeliveryId, FileId, FolderId, JobId, KeyId, ModelId, ProcessId, ScanSetId, SeatId, SegmentId,
+    SessionId, StandardId, UploadId, WebhookId,
 };
 pub use job::{CancelAnswer, JobBase, JobError, JobFilter, JobRecord, NewJob, NewSurfaceJob};
 pub use job_kind::JobKind;
@@ -50,6 +51,7 @@ pub use model::{AssetRecord, MatchedModel, ModelFacets, ModelFilter, ModelRecord
 pub use owner::{Owner, WorkerId};
 pub use page::{Page, PageRequest};
 pub use queue::{Claimant, Finish, JobClaim, Room};
+pub use recycle_bin::{BinDue, BinRecord, Deletable};
 pub use replay::{Replay, ReplayKey};
 pub use scan_set::{NewScanSet, PassedOver, PoseFile, PutScan, ScanRecord, ScanSetRecord, sort_naturally};
 pub use segment::{SegmentRecord, Unfiled};

@@ -45,7 +45,7 @@ pub async fn events(
     let id = parse_id(&id)?;
     let changes = state.context.monitor.changes();
     // a job that is not there is a 404, not an empty stream
-    state.context.database.job(id).await?;
+    look_up(&state, id).await?;
     // what can't be read is nothing: it was let through without
     let shown = access::shown(&headers).unwrap_or_default();
     let follower = Follower { state, id, shown, checked: Instant::now(), changes, last: None, ended: false };

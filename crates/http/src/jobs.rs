@@ -10,6 +10,7 @@ use serde::Deserialize;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
+use super::bin::DeletionQuery;
 use super::conditions::{ConditionHeaders, Conditions};
 use super::extract::{
     FORM, IdempotencyHeader, IdempotencyKey, Path, Query, is_json, media_type, parse_json, read_json, whole_numbers,
@@ -332,8 +333,12 @@ async fn get_one(
         if job.status.is_finished() || wait == 0 || state.stop.is_cancelled() {
             return conditions.answer(&JobView::of(&job));
         }
+        let news = async {
+            // an error would mean that the monitor is gone, and the state holds it; of a job that runs here only the end counts
+            while changes.changed().await.is_ok() && state.context.monitor.runs(id) {}
+        };
         tokio::select! {
-            _ = changes.changed() => {}
+            () = news => {}
             () = state.stop.cancelled() => {}
             () = tokio::time::sleep_until(end) => {
                 return conditions.answer(&JobView::of(&look_up(&state, id).await?));
@@ -393,22 +398,26 @@ async fn retry(
 }
 
 /// Delete a finished job with the model it made.
+///
+/// Where there is a recycle bin both can be put back for a while, unless they are deleted `permanently`.
 #[utoipa::path(
     delete, path = "/v1/jobs/{id}", tag = TAG, operation_id = "deleteJob",
-    params(("id" = String, Path, format = "uuid", description = "The job."), ConditionHeaders),
+    params(("id" = String, Path, format = "uuid", description = "The job."), ConditionHeaders, DeletionQuery),
     responses((status = 204, description = "It is gone."), responses::NotFound, responses::Conflict, responses::OtherState,
               responses::Other)
 )]
 async fn delete(
     State(state): State<AppState>,
     Path(id): Path<String>,
+    Query(query): Query<DeletionQuery>,
     conditions: Conditions,
 ) -> Result<StatusCode, Problem> {
     let id = parse_id(&id)?;
+    let removal = query.removal(&state);
     deleted(async move {
         let _turn = conditions.turn(&state).await;
         check(&state, id, &conditions).await?;
-        Ok(orders::delete(&state.context, id).await?)
+        Ok(orders::delete(&state.context, id, removal).await?)
     })
     .await
 }

@@ -27,6 +27,7 @@ mod access_log;
 mod assets;
 mod audit;
 mod base;
+mod bin;
 mod body;
 mod conditions;
 mod connections;

@@ -96,6 +96,8 @@ struct LimitsView {
     keep_scan_sets_days: Option<u32>,
     /// Days after which entries of the audit log are deleted.
     keep_audit_days: Option<u32>,
+    /// Days for which what was deleted can be put back; 0 if deleted is gone for good.
+    bin_days: u32,
     /// Connections at the same time; others wait.
     connections: usize,
     /// Seconds that the head of a request may take, and that a connection may lie idle.
@@ -203,6 +205,7 @@ async fn info(State(state): State<AppState>) -> Result<Json<Info>, Problem> {
             keep_models_days: config.retention.models,
             keep_scan_sets_days: config.retention.scan_sets,
             keep_audit_days: config.retention.audit,
+            bin_days: config.retention.bin,
             connections: config.edge.connections,
             head_seconds: config.edge.head_time.as_secs(),
             body_seconds: config.edge.body_time.as_secs(),

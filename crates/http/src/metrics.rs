@@ -135,7 +135,8 @@ async fn stored(all: &mut Registry, state: &AppState) -> Result<(), Problem> {
         ("standards", "Standards made by users", census.standards),
         ("webhook_messages_pending", "Messages to webhooks that wait to be delivered", census.messages_pending),
         ("webhook_messages_dead", "Messages to webhooks that could not be delivered", census.messages_dead),
-        ("file_bytes", "Bytes of all files", census.file_bytes),
+        ("bin_entries", "Entries of the recycle bin", census.bin_entries),
+        ("file_bytes", "Bytes of all files, those in the recycle bin included", census.file_bytes),
         ("database_bytes", "Bytes of the database", census.database_bytes),
     ] {
         gauge(all, name, help, value as f64);

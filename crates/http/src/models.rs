@@ -8,6 +8,7 @@ use serde::Deserialize;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
+use super::bin::DeletionQuery;
 use super::conditions::{ConditionHeaders, Conditions};
 use super::extract::{FORM, IdempotencyHeader, IdempotencyKey, PageQuery, Path, Query, media_type, wrong_media_type};
 use super::idempotency::{Attempt, Created};
@@ -236,24 +237,28 @@ async fn read_report(
 }
 
 /// Delete a model with its files and its signature. The job and the scans it came from stay.
+///
+/// Where there is a recycle bin it can be put back for a while, unless it is deleted `permanently`.
 #[utoipa::path(
     delete, path = "/v1/models/{id}", tag = TAG, operation_id = "deleteModel",
-    params(("id" = String, Path, format = "uuid", description = "The model."), ConditionHeaders),
+    params(("id" = String, Path, format = "uuid", description = "The model."), ConditionHeaders, DeletionQuery),
     responses((status = 204, description = "It is gone."), responses::NotFound, responses::OtherState,
               responses::Other)
 )]
 async fn delete(
     State(state): State<AppState>,
     Path(id): Path<String>,
+    Query(query): Query<DeletionQuery>,
     conditions: Conditions,
 ) -> Result<StatusCode, Problem> {
     let id = parse_id(&id)?;
+    let removal = query.removal(&state);
     deleted(async move {
         let _turn = conditions.turn(&state).await;
         if conditions.any() {
             conditions.check_view(&view(&state, id).await?)?;
         }
-        Ok(models::delete(&state.context, id).await?)
+        Ok(models::delete(&state.context, id, removal).await?)
     })
     .await
 }

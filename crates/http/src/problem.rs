@@ -64,6 +64,7 @@ codes! {
     UploadStalled = "upload_stalled", REQUEST_TIMEOUT, "the body came too slowly or not to its end";
     InUse = "in_use", CONFLICT, "an unfinished job needs it";
     DuplicateStandard = "duplicate_standard", CONFLICT, "a standard has this name already";
+    OriginDeleted = "origin_deleted", CONFLICT, "what it was made of is deleted, too";
     BuiltIn = "built_in", CONFLICT, "what is built in can't be changed";
     ScanChanged = "scan_changed", CONFLICT, "a scan is not the one that the model was made of";
     OtherUnit = "other_unit", CONFLICT, "the models are not in one unit";

@@ -39,6 +39,8 @@ problem_responses! {
     Conflict = "409", "An unfinished job, its status or a request in progress forbids it (`in_use`, `wrong_status`, \
                        `request_in_progress`, `scan_changed`), or two models are not in one unit (`other_unit`).";
     /// 409
+    OriginDeleted = "409", "What it was made of is in the recycle bin itself (`origin_deleted`).";
+    /// 409
     PieceConflict = "409", "The piece does not begin where the last one has ended (`offset_mismatch`), a newer request goes on \
                             with the file (`request_in_progress`), or an unfinished job needs the scan set (`in_use`).";
     /// 412

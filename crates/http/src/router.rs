@@ -25,8 +25,8 @@ use super::schemas::{
 };
 use super::state::AppState;
 use super::{
-    access, access_log, audit, base, body, duplicates, encoding, evaluation, headers, hosts, jobs, keys, meta, metrics,
-    models, page, queries, scan_sets, session, standards, uploads, webhooks,
+    access, access_log, audit, base, bin, body, duplicates, encoding, evaluation, headers, hosts, jobs, keys, meta,
+    metrics, models, page, queries, scan_sets, session, standards, uploads, webhooks,
 };
 use visage_service::config::{BasePath, Network};
 use visage_service::panics::panic_message;
@@ -53,6 +53,7 @@ const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
         (name = "models", description = "Registered objects, and finished models uploaded to the gallery."),
         (name = "queries", description = "Which models are faces, and which are like a given one."),
         (name = "standards", description = "The classes that can be asked for: the built-in face, and those of users."),
+        (name = "recycle bin", description = "What was deleted and can still be put back, if the operator keeps it for a while."),
         (name = "access", description = "Keys, and signing in by a browser."),
         (name = "webhooks", description = "Addresses that are sent a signed message when a job ends and when a model is added or deleted."),
         (name = "service", description = "Health, limits, versions."),
@@ -70,6 +71,7 @@ fn resources() -> OpenApiRouter<AppState> {
         .merge(evaluation::router())
         .merge(duplicates::router())
         .merge(standards::router())
+        .merge(bin::router())
         .merge(keys::router())
         .merge(session::router())
         .merge(audit::router())

@@ -7,6 +7,7 @@ use axum::response::Response;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
+use super::bin::DeletionQuery;
 use super::conditions::{ConditionHeaders, Conditions};
 use super::extract::{
     FORM, IdempotencyHeader, IdempotencyKey, PageQuery, Path, Query, is_json, media_type, read_json, wrong_media_type,
@@ -218,24 +219,29 @@ async fn get_one(
 }
 
 /// Delete a scan set with everything derived from it: jobs, models, files, signatures.
+///
+/// Where there is a recycle bin all of it can be put back for a while, unless it is deleted `permanently`. What has arrived of files that
+/// come piece by piece is given up.
 #[utoipa::path(
     delete, path = "/v1/scan-sets/{id}", tag = TAG, operation_id = "deleteScanSet",
-    params(("id" = String, Path, format = "uuid", description = "The scan set."), ConditionHeaders),
+    params(("id" = String, Path, format = "uuid", description = "The scan set."), ConditionHeaders, DeletionQuery),
     responses((status = 204, description = "It is gone."), responses::NotFound, responses::Conflict, responses::OtherState,
               responses::Other)
 )]
 async fn delete(
     State(state): State<AppState>,
     Path(id): Path<String>,
+    Query(query): Query<DeletionQuery>,
     conditions: Conditions,
 ) -> Result<StatusCode, Problem> {
     let id = parse_id(&id)?;
+    let removal = query.removal(&state);
     deleted(async move {
         let _turn = conditions.turn(&state).await;
         if conditions.any() {
             conditions.check_view(&ScanSetView::of(&state.context.database.scan_set(id).await?))?;
         }
-        Ok(scan_sets::delete(&state.context, id).await?)
+        Ok(scan_sets::delete(&state.context, id, removal).await?)
     })
     .await
 }

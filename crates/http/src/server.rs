@@ -182,8 +182,8 @@ async fn upkeep(context: &ServiceContext, storage: &Storage) {
         context.gallery.tidy_up();
         match retention::drop_old(context, jiff::Timestamp::now()).await {
             Ok(dropped) if dropped == Dropped::default() => {}
-            Ok(Dropped { scan_sets, models, audit }) => {
-                tracing::info!(scan_sets, models, audit, "deleted what was old")
+            Ok(Dropped { scan_sets, models, audit, bin }) => {
+                tracing::info!(scan_sets, models, audit, bin, "deleted what was old")
             }
             Err(error) => tracing::warn!("deleting what is old: {error}"),
         }

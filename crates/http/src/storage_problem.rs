@@ -48,6 +48,9 @@ impl From<DatabaseError> for Problem {
                 detail,
                 "only queued or running jobs can be canceled, only failed or canceled ones retried",
             ),
+            DatabaseError::OriginDeleted { .. } => {
+                Problem::new(Code::OriginDeleted, detail, "put that back first: POST /v1/bin/{id}/restore")
+            }
             DatabaseError::KeyReused { .. } => {
                 Problem::new(Code::KeyReused, detail, "use a new key for a new request; repeat a request unchanged")
             }

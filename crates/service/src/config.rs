@@ -199,11 +199,13 @@ pub struct Retention {
     pub scan_sets: Option<u32>,
     /// The audit log.
     pub audit: Option<u32>,
+    /// What was deleted, in the recycle bin; 0 if there is none and deleted is gone for good.
+    pub bin: u32,
 }
 
 impl Default for Retention {
     fn default() -> Self {
-        Retention { models: None, scan_sets: None, audit: Some(365) }
+        Retention { models: None, scan_sets: None, audit: Some(365), bin: 0 }
     }
 }
 

@@ -5,7 +5,7 @@ use serde_json::Value;
 
 use super::http::Client;
 use super::rows::{plain, table};
-use super::{Connection, block_on, print_json, watch};
+use super::{Connection, bin, block_on, print_json, watch};
 
 /// What is done with jobs.
 #[derive(Debug, Args)]
@@ -38,7 +38,12 @@ enum What {
         wait: bool,
     },
     /// Delete a job and the model it left
-    Delete { id: String },
+    Delete {
+        id: String,
+        /// Keep nothing of it in the recycle bin
+        #[arg(long)]
+        permanently: bool,
+    },
 }
 
 /// Asks, and prints what is answered.
@@ -58,7 +63,7 @@ pub(in super::super) fn run(args: JobsArgs) -> anyhow::Result<()> {
                     false => print(&again, json),
                 }
             }
-            What::Delete { id } => client.delete(client.url(&["v1", "jobs", &id])).await,
+            What::Delete { id, permanently } => client.delete(bin::deletion(&client, "jobs", &id, permanently)).await,
         }
     })
 }

@@ -1,5 +1,6 @@
-//! The commands that talk to a running service: `upload`, `jobs`, `models`, `query`, `report`.
+//! The commands that talk to a running service: `upload`, `jobs`, `models`, `bin`, `query`, `report`.
 
+pub(super) mod bin;
 pub(super) mod http;
 pub(super) mod jobs;
 pub(super) mod models;

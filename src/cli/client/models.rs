@@ -9,7 +9,7 @@ use serde_json::Value;
 
 use super::http::Client;
 use super::rows::{plain, table};
-use super::{Connection, block_on, print_json};
+use super::{Connection, bin, block_on, print_json};
 use crate::formats::{Format, written::Written};
 use crate::geometry::Unit;
 
@@ -67,7 +67,12 @@ enum What {
         content: Option<String>,
     },
     /// Delete a model with all that is kept of it
-    Delete { id: String },
+    Delete {
+        id: String,
+        /// Keep nothing of it in the recycle bin
+        #[arg(long)]
+        permanently: bool,
+    },
 }
 
 /// Asks, and prints what is answered.
@@ -80,7 +85,7 @@ pub(in super::super) fn run(args: ModelsArgs) -> anyhow::Result<()> {
             What::Show { id } => show(&client.get(client.url(&["v1", "models", &id])).await?, json),
             What::Add { file, unit, label, name } => show(&added(&client, &file, unit, label, name).await?, json),
             What::Download { id, out, content } => download(&client, &id, out, content).await,
-            What::Delete { id } => client.delete(client.url(&["v1", "models", &id])).await,
+            What::Delete { id, permanently } => client.delete(bin::deletion(&client, "models", &id, permanently)).await,
         }
     })
 }

@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 
 use crate::binary::{Process, client, coarse_scan, disturbed_poses};
 use crate::common::files;
+use crate::gallery::multiply;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use reqwest::multipart::{Form, Part};
@@ -32,6 +33,7 @@ enum Order {
     Surface { number: u64, model: String },
     DeleteModel(String),
     DeleteSet(String),
+    Restore(String),
 }
 
 /// What the service has said is there.
@@ -42,7 +44,9 @@ struct Ledger {
     models: BTreeSet<String>,
     /// Jobs with their scan sets, or the models that they give a surface.
     jobs: BTreeMap<String, String>,
-    /// Things that a request under way may delete.
+    /// Uploaded models in the recycle bin.
+    binned: BTreeSet<String>,
+    /// Things that a request under way may delete, or put back.
     leaving: BTreeSet<String>,
     /// Requests whose answers were lost.
     in_doubt: Vec<Order>,
@@ -60,6 +64,7 @@ impl Ledger {
             Order::Surface { .. } => "surface jobs",
             Order::DeleteModel(_) => "deleted models",
             Order::DeleteSet(_) => "deleted scan sets",
+            Order::Restore(_) => "models put back",
         };
         *self.answers.entry(name.to_owned()).or_default() += usize::from(status.is_success());
         match (order, status.as_u16()) {
@@ -82,8 +87,15 @@ impl Ledger {
             // there are jobs enough
             (Order::Job { .. } | Order::Surface { .. }, 429) => {}
             (Order::DeleteModel(_) | Order::DeleteSet(_), 404) if !is_repeated => panic!("{order:?}: it is lost"),
+            (Order::Restore(_), 404) if !is_repeated => panic!("{order:?}: it is lost"),
             (Order::DeleteModel(model), 204 | 404) => {
                 self.models.remove(model);
+                self.binned.insert(model.clone());
+                self.leaving.remove(model);
+            }
+            (Order::Restore(model), 200 | 404) => {
+                self.models.insert(model.clone());
+                self.binned.remove(model);
                 self.leaving.remove(model);
             }
             (Order::DeleteSet(set), 204 | 404) => {
@@ -130,6 +142,7 @@ fn request(client: &Client, url: &str, order: &Order) -> RequestBuilder {
         }
         Order::DeleteModel(model) => client.delete(format!("{url}/v1/models/{model}")),
         Order::DeleteSet(set) => client.delete(format!("{url}/v1/scan-sets/{set}")),
+        Order::Restore(model) => client.post(format!("{url}/v1/bin/{model}/restore")),
     }
 }
 
@@ -185,9 +198,12 @@ fn next_order(ledger: &mut Ledger, random: &mut ChaCha8Rng, number: u64) -> Opti
             let model = of(&ledger.models, &ledger.leaving, random.random_range(0..MANY));
             model.map(|model| Order::Surface { number, model })
         }
+        10 if ledger.models.len() < MANY => {
+            of(&ledger.binned, &ledger.leaving, random.random_range(0..MANY)).map(Order::Restore)
+        }
         _ => None,
     };
-    if let Some(Order::DeleteModel(id) | Order::DeleteSet(id)) = &order {
+    if let Some(Order::DeleteModel(id) | Order::DeleteSet(id) | Order::Restore(id)) = &order {
         ledger.leaving.insert(id.clone());
     }
     order
@@ -213,12 +229,16 @@ fn ids(items: &[Value]) -> BTreeSet<String> {
 
 /// Holds what is there against what was answered.
 async fn compare(process: &Process, ledger: &Mutex<Ledger>) {
-    let (sets, jobs, models) =
+    let (sets, jobs, mut models) =
         (all(process, "scan-sets").await, all(process, "jobs").await, all(process, "models").await);
+    models.retain(|model| model["name"] != "copy");
     let wanted = {
         let ledger = ledger.lock().expect("no panic");
-        (ledger.sets.clone(), ledger.jobs.keys().cloned().collect::<BTreeSet<_>>(), ledger.models.clone())
+        let jobs = ledger.jobs.keys().cloned().collect::<BTreeSet<_>>();
+        (ledger.sets.clone(), jobs, ledger.models.clone(), ledger.binned.clone())
     };
+    let binned: BTreeSet<String> = ids(&all(process, "bin").await);
+    assert!(wanted.3.is_subset(&binned), "models in the recycle bin");
     assert_eq!(ids(&sets), wanted.0, "scan sets");
     assert_eq!(ids(&jobs), wanted.1, "jobs");
     let (made, uploaded): (Vec<Value>, Vec<Value>) = models.into_iter().partition(|model| model["job_id"].is_string());
@@ -252,18 +272,31 @@ fn doctor(folder: &Path) {
     println!("{}", String::from_utf8_lossy(&output.stdout).trim());
 }
 
-#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-#[ignore = "takes minutes: VISAGE_KILLS says how often it is killed (300 if not given)"]
-async fn killed_in_a_mixed_load_it_loses_and_doubles_nothing() {
-    let kills: usize = std::env::var("VISAGE_KILLS").map_or(300, |text| text.parse().expect("a number"));
-    let folder = tempfile::tempdir().expect("a temporary folder");
+/// Starts the server; answers with how long it took until it could be asked, and until it had its gallery, too.
+async fn started(folder: &Path) -> (Process, Duration, Duration) {
+    let begin = Instant::now();
+    let process = Process::start_with(folder, &["--bin-days", "1"], std::process::Stdio::null());
+    let listens = begin.elapsed();
+    let client = client();
+    while client.get(format!("{}/readyz", process.url)).send().await.expect("an answer").status() != StatusCode::OK {
+        tokio::time::sleep(Duration::from_millis(5)).await;
+    }
+    (process, listens, begin.elapsed())
+}
+
+fn count(variable: &str, otherwise: usize) -> usize {
+    std::env::var(variable).map_or(otherwise, |text| text.parse().expect("a number"))
+}
+
+/// Kills a server on this folder so many times, each time at a random moment of a mixed load.
+async fn kill(folder: &Path, kills: usize) {
     let (ledger, numbers) = (Arc::new(Mutex::new(Ledger::default())), Arc::new(AtomicUsize::new(0)));
     let (client, mut random) = (client(), ChaCha8Rng::seed_from_u64(19));
-    let mut starts = Vec::new();
+    let (mut starts, mut ready) = (Vec::new(), Vec::new());
     for kill in 0..kills {
-        let begin = Instant::now();
-        let process = Process::start(folder.path());
-        starts.push(begin.elapsed());
+        let (process, listens, is_ready) = started(folder).await;
+        starts.push(listens);
+        ready.push(is_ready);
         settle(&process, &client, &ledger).await;
         if kill % COMPARED_EVERY == 0 {
             compare(&process, &ledger).await;
@@ -280,7 +313,7 @@ async fn killed_in_a_mixed_load_it_loses_and_doubles_nothing() {
             client.await.expect("every answer is as it should be");
         }
     }
-    let process = Process::start(folder.path());
+    let (process, ..) = started(folder).await;
     settle(&process, &client, &ledger).await;
     while all(&process, "jobs")
         .await
@@ -292,12 +325,53 @@ async fn killed_in_a_mixed_load_it_loses_and_doubles_nothing() {
     compare(&process, &ledger).await;
     process.signal("-TERM");
     drop(process);
-    doctor(folder.path());
+    doctor(folder);
     starts.sort();
+    ready.sort();
     let answers = &ledger.lock().expect("no panic").answers;
     println!(
-        "{kills} kills; answered {answers:?}; started in {:?} (median), {:?} (longest)",
+        "{kills} kills; answered {answers:?}; listening after {:?} (median), {:?} (longest), ready after {:?}, {:?}",
         starts[kills / 2],
-        starts[kills - 1]
+        starts[kills - 1],
+        ready[kills / 2],
+        ready[kills - 1]
     );
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+#[ignore = "takes minutes: VISAGE_KILLS says how often it is killed (300 if not given)"]
+async fn killed_in_a_mixed_load_it_loses_and_doubles_nothing() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    kill(folder.path(), count("VISAGE_KILLS", 300)).await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+#[ignore = "takes minutes: VISAGE_LARGE_KILLS says how often it is killed (20 if not given), VISAGE_LARGE_MODELS with how many models (20000)"]
+async fn killed_beside_a_large_gallery_it_loses_and_doubles_nothing() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (process, ..) = started(folder.path()).await;
+    let (status, first) =
+        answered(request(&client(), &process.url, &Order::Model { number: 0 })).await.expect("an answer");
+    assert_eq!(status, StatusCode::CREATED, "{first}");
+    process.signal("-TERM");
+    drop(process);
+    multiply(folder.path(), count("VISAGE_LARGE_MODELS", 20_000) as i64).await;
+    let first = first["id"].as_str().expect("an id").to_owned();
+    copy_files(folder.path(), &first);
+    // the index is made of the signatures once; the first one is not in the ledger
+    let (process, _, is_ready) = started(folder.path()).await;
+    assert_eq!(process.get("/v1/info").await["load"]["searchable_models"], count("VISAGE_LARGE_MODELS", 20_000) + 1);
+    answered(client().delete(format!("{}/v1/models/{first}?permanently=true", process.url))).await.expect("an answer");
+    println!("ready for the first time after {is_ready:?}");
+    drop(process);
+    kill(folder.path(), count("VISAGE_LARGE_KILLS", 20)).await;
+}
+
+/// Each copy gets a folder, as a model of which nothing but the signature is kept.
+fn copy_files(folder: &Path, first: &str) {
+    for number in 1..=count("VISAGE_LARGE_MODELS", 20_000) {
+        let copy = folder.join("models").join(format!("00000000-0000-7000-8000-{number:012x}"));
+        std::fs::create_dir(copy).expect("made");
+    }
+    assert!(folder.join("models").join(first).is_dir());
 }

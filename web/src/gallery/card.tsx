@@ -57,6 +57,7 @@ export function Card({ model, onDeleted }: { model: Shown; onDeleted: () => void
                     <DeleteButton
                         name={model.name}
                         consequence={t.confirm.model}
+                        goesToBin
                         label={`${t.remove}: ${model.name}`}
                         className="bare"
                         onConfirm={() => ok(api.DELETE("/v1/models/{id}", { params: { path: { id: model.id } } }))}

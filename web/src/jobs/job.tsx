@@ -107,6 +107,7 @@ export function JobPage({ id }: { id: string }) {
                     <DeleteButton
                         name={t.jobs.kind[job.kind]}
                         consequence={t.confirm.job}
+                        goesToBin
                         onConfirm={() => ok(api.DELETE("/v1/jobs/{id}", path))}
                         onDone={() => go(job.scan_set_id ? href("scan-sets", job.scan_set_id) : href("jobs"))}
                     />

@@ -61,6 +61,7 @@ export function JobTable({ jobs, onChange }: { jobs: readonly Job[]; onChange: (
                     <DeleteButton
                         name={nameOf(job)}
                         consequence={t.confirm.job}
+                        goesToBin
                         label={`${t.remove}: ${nameOf(job)}`}
                         className="bare"
                         onConfirm={() => ok(api.DELETE("/v1/jobs/{id}", { params: { path: { id: job.id } } }))}

@@ -80,6 +80,7 @@ function Shown({ model, reference }: { model: Schema["Model"]; reference: string
                 <DeleteButton
                     name={model.name}
                     consequence={t.confirm.model}
+                    goesToBin
                     onConfirm={() => ok(api.DELETE("/v1/models/{id}", { params: { path: { id: model.id } } }))}
                     onDone={() => go(href("gallery"))}
                 />

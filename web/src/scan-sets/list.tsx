@@ -64,6 +64,7 @@ function SetTable({ sets, onChange }: { sets: readonly ScanSet[]; onChange: () =
                 <DeleteButton
                     name={set.name}
                     consequence={t.confirm.set}
+                    goesToBin
                     label={`${t.remove}: ${set.name}`}
                     className="bare"
                     onConfirm={() => ok(api.DELETE("/v1/scan-sets/{id}", { params: { path: { id: set.id } } }))}

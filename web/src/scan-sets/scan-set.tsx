@@ -43,6 +43,7 @@ export function ScanSetPage({ id }: { id: string }) {
                 <DeleteButton
                     name={set.data.name}
                     consequence={t.confirm.set}
+                    goesToBin
                     onConfirm={() => ok(api.DELETE("/v1/scan-sets/{id}", { params: { path: { id } } }))}
                     onDone={() => go(href("scan-sets"))}
                 />

@@ -1,12 +1,15 @@
 import { useEffect, useId, useRef, useState } from "preact/hooks";
 
 import { announce } from "../lib/announce";
+import { useInfo } from "../lib/use-info";
 import { t } from "../texts";
 import { Trouble } from "./pieces";
 
 interface Props {
     name: string;
     consequence: string;
+    /** Whether the recycle bin takes it, if the server has one. */
+    goesToBin?: boolean;
     text?: string;
     label?: string;
     className?: string;
@@ -14,8 +17,15 @@ interface Props {
     onDone: () => void;
 }
 
+/** Whether a deletion can be taken back on this server. */
+function Fate() {
+    const info = useInfo();
+    const days = info.data?.limits.bin_days;
+    return <>{days === undefined ? "" : days > 0 ? t.confirm.kept(days) : t.confirm.final}</>;
+}
+
 /** A button that deletes, once that was confirmed. */
-export function DeleteButton({ name, consequence, text, label, className, onConfirm, onDone }: Props) {
+export function DeleteButton({ name, consequence, goesToBin, text, label, className, onConfirm, onDone }: Props) {
     const [isOpen, setOpen] = useState(false);
     const [error, setError] = useState<unknown>();
     const [isBusy, setBusy] = useState(false);
@@ -46,7 +56,9 @@ export function DeleteButton({ name, consequence, text, label, className, onConf
             {isOpen && (
                 <dialog ref={dialog} aria-labelledby={title} onClose={() => setOpen(false)}>
                     <h2 id={title}>{t.confirm.title(name)}</h2>
-                    <p>{consequence}</p>
+                    <p>
+                        {consequence} {goesToBin ? <Fate /> : t.confirm.final}
+                    </p>
                     <Trouble error={error} />
                     <div class="row end">
                         <button type="button" autofocus onClick={() => dialog.current?.close()}>

@@ -6,6 +6,7 @@ use tokio::sync::Semaphore;
 
 use super::engine::Engine;
 use super::live_gallery::LiveGallery;
+use super::looks::Looks;
 use super::monitor::JobMonitor;
 use crate::config::ServerConfig;
 use crate::storage::inventory::Storage;
@@ -26,6 +27,8 @@ pub struct ServiceContext {
     pub monitor: Arc<JobMonitor>,
     /// Threads, limits and clocks.
     pub config: Arc<ServerConfig>,
+    /// Looks at jobs that are under way.
+    pub(super) looks: Arc<Looks>,
     /// One evaluation of the gallery at a time.
     pub(super) evaluating: Arc<Semaphore>,
 }
@@ -40,6 +43,7 @@ impl ServiceContext {
             engine,
             monitor: Arc::default(),
             config,
+            looks: Arc::default(),
             evaluating: Arc::new(Semaphore::new(1)),
         }
     }

@@ -1,10 +1,11 @@
 //! Finished models come into the gallery, and leave it.
 
 use super::context::ServiceContext;
+use super::recycle_bin::{self, Removal};
 use crate::storage::inventory::StorageError;
 use crate::storage::{Deleted, ObjectStore, StagedFile};
 use visage_domain::asset::Asset;
-use visage_domain::{AssetRecord, JobBase, ModelId, NewModel, Replay, ScanSetId, StoredFile};
+use visage_domain::{AssetRecord, Deletable, JobBase, ModelId, NewModel, Replay, ScanSetId, StoredFile};
 use visage_shape::faces::Signature;
 
 /// An uploaded model that is described but has no place yet.
@@ -77,7 +78,10 @@ pub async fn base_for(context: &ServiceContext, id: ModelId, set: ScanSetId) -> 
 }
 
 /// Deletes a model with its files and its signature.
-pub async fn delete(context: &ServiceContext, id: ModelId) -> Result<(), StorageError> {
+pub async fn delete(context: &ServiceContext, id: ModelId, removal: Removal) -> Result<(), StorageError> {
+    if removal == Removal::IntoBin {
+        return recycle_bin::put(context, Deletable::Model(id)).await;
+    }
     let deleted = context.database.delete_model(id).await?;
     context.monitor.announce_change();
     forget(context, deleted).await
@@ -85,14 +89,15 @@ pub async fn delete(context: &ServiceContext, id: ModelId) -> Result<(), Storage
 
 /// Takes models that the database has forgotten out of the gallery, and removes their files.
 pub(super) async fn forget(context: &ServiceContext, deleted: Deleted) -> Result<(), StorageError> {
-    let Deleted { models, unseen } = deleted;
+    let Deleted { models, purged, unseen } = deleted;
     for model in &models {
         context.gallery.remove(*model);
     }
     drop(unseen);
     context.database.fold_log().await;
-    let remove =
-        |objects: &dyn ObjectStore| models.into_iter().try_for_each(|model| objects.remove(StoredFile::Model(model)));
+    let files = models.into_iter().map(StoredFile::Model).chain(purged.files);
+    let files: Vec<StoredFile> = files.collect();
+    let remove = |objects: &dyn ObjectStore| files.into_iter().try_for_each(|file| objects.remove(file));
     context.storage().blocking(remove).await
 }
 
@@ -116,7 +121,7 @@ mod tests {
         context.database.settled().await;
         assert_eq!(context.gallery.ask(Gallery::len), Ok(1));
         assert_eq!(context.objects.listing().expect("listed"), [StoredFile::Model(id)]);
-        delete(&context, id).await.expect("deleted");
+        delete(&context, id, Removal::ForGood).await.expect("deleted");
         assert_eq!(context.gallery.ask(Gallery::len), Ok(0));
         assert_eq!(context.objects.listing().expect("listed"), []);
     }

@@ -143,6 +143,11 @@ impl JobMonitor {
         self.announce_change();
     }
 
+    /// Whether a job runs in this process: its end rings the bell after that.
+    pub fn runs(&self, id: JobId) -> bool {
+        self.lock().contains_key(&id)
+    }
+
     /// Puts the live progress over what the last heartbeat wrote.
     pub fn refresh(&self, job: &mut JobRecord) {
         if job.status != JobStatus::Running {

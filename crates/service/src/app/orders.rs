@@ -2,10 +2,11 @@
 
 use super::context::ServiceContext;
 use super::models;
+use super::recycle_bin::{self, Removal};
 use super::scan_sets::{self, ReceivedScans};
 use crate::storage::DatabaseError;
 use crate::storage::inventory::StorageError;
-use visage_domain::{JobId, JobRecord, NewJob, NewScanSet, NewSurfaceJob, Replay, StoredFile};
+use visage_domain::{Deletable, JobId, JobRecord, NewJob, NewScanSet, NewSurfaceJob, Replay, StoredFile};
 
 /// Queues a registration, with the answer that the client gets. A scan set that comes with it is stored with it: either
 /// both are or neither. Must run to its end.
@@ -51,7 +52,7 @@ pub async fn evaluate(
 
 /// A job as it stands now.
 pub async fn look_up(context: &ServiceContext, id: JobId) -> Result<JobRecord, DatabaseError> {
-    let mut job = context.database.job(id).await?;
+    let mut job = JobRecord::clone(context.looks.job(context.database.as_ref(), id).await?.as_ref());
     context.monitor.refresh(&mut job);
     Ok(job)
 }
@@ -71,7 +72,10 @@ pub async fn retry(context: &ServiceContext, id: JobId) -> Result<JobRecord, Dat
 }
 
 /// Deletes a finished job with the model it made.
-pub async fn delete(context: &ServiceContext, id: JobId) -> Result<(), StorageError> {
+pub async fn delete(context: &ServiceContext, id: JobId, removal: Removal) -> Result<(), StorageError> {
+    if removal == Removal::IntoBin {
+        return recycle_bin::put(context, Deletable::Job(id)).await;
+    }
     let deleted = context.database.delete_job(id).await?;
     context.monitor.announce_change();
     models::forget(context, deleted).await

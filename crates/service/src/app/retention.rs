@@ -1,12 +1,14 @@
-//! What is old is deleted, where the operator has said so: faces are not kept longer than they are needed.
+//! What is old is deleted, where the operator has said so: faces are not kept longer than they are needed. What goes for its age
+//! goes for good: the recycle bin must not make it older.
 
 use jiff::{SignedDuration, Timestamp};
 
 use super::context::ServiceContext;
+use super::recycle_bin::{self, Removal};
 use super::{models, scan_sets};
 use crate::storage::DatabaseError;
 use crate::storage::inventory::StorageError;
-use visage_domain::{AuditId, ModelId, PageRequest, ScanSetId};
+use visage_domain::{AuditId, BinDue, BinId, ModelId, PageRequest, ScanSetId};
 
 /// Rows that are asked for at a time.
 const PAGE: usize = 100;
@@ -20,6 +22,8 @@ pub struct Dropped {
     pub models: usize,
     /// Entries of the audit log.
     pub audit: u64,
+    /// Entries of the recycle bin.
+    pub bin: usize,
 }
 
 /// Deletes what is older at `now` than it may be, and what was to be deleted by then. A set that an unfinished job
@@ -35,7 +39,7 @@ pub async fn drop_old(context: &ServiceContext, now: Timestamp) -> Result<Droppe
             let sets = context.database.scan_sets(&page).await?;
             page.before = sets.next_cursor(|set| set.id.to_string());
             for set in sets.items {
-                dropped.scan_sets += done(scan_sets::delete(context, set.id).await)?;
+                dropped.scan_sets += done(scan_sets::delete(context, set.id, Removal::ForGood).await)?;
             }
             if page.before.is_none() {
                 break;
@@ -46,7 +50,7 @@ pub async fn drop_old(context: &ServiceContext, now: Timestamp) -> Result<Droppe
     loop {
         let sets = context.database.expired_scan_sets(now, after, PAGE).await?;
         for set in &sets {
-            dropped.scan_sets += done(scan_sets::delete(context, *set).await)?;
+            dropped.scan_sets += done(scan_sets::delete(context, *set, Removal::ForGood).await)?;
         }
         after = sets.last().copied();
         if after.is_none() {
@@ -59,7 +63,7 @@ pub async fn drop_old(context: &ServiceContext, now: Timestamp) -> Result<Droppe
             let found = context.database.models(&Default::default(), &page).await?;
             page.before = found.next_cursor(|model| model.id.to_string());
             for model in found.items {
-                dropped.models += done(models::delete(context, model.id).await)?;
+                dropped.models += done(models::delete(context, model.id, Removal::ForGood).await)?;
             }
             if page.before.is_none() {
                 break;
@@ -69,6 +73,13 @@ pub async fn drop_old(context: &ServiceContext, now: Timestamp) -> Result<Droppe
     if let Some(days) = keep.audit {
         dropped.audit = context.database.forget_audit_before(AuditId::earliest_at(oldest(days)).created_at()).await?;
     }
+    let due = BinDue {
+        before: BinId::earliest_at(oldest(keep.bin)),
+        models_before: keep.models.map(|days| ModelId::earliest_at(oldest(days))),
+        scan_sets_before: keep.scan_sets.map(|days| ScanSetId::earliest_at(oldest(days))),
+        now,
+    };
+    dropped.bin = recycle_bin::purge_due(context, &due).await?;
     Ok(dropped)
 }
 
@@ -114,7 +125,7 @@ mod tests {
 
     #[tokio::test]
     async fn models_and_entries_go_on_the_day_they_are_too_old_and_not_before() {
-        let keep = Retention { models: Some(30), scan_sets: None, audit: Some(10) };
+        let keep = Retention { models: Some(30), audit: Some(10), ..Retention::default() };
         let (context, _place) = with(keep).await;
         let now = Timestamp::now();
         let made = now - days(29);
@@ -132,7 +143,7 @@ mod tests {
             };
             context.database.record(&entry).await.expect("written");
         }
-        assert_eq!(drop_old(&context, now).await.expect("done"), Dropped { scan_sets: 0, models: 1, audit: 1 });
+        assert_eq!(drop_old(&context, now).await.expect("done"), Dropped { models: 1, audit: 1, ..Dropped::default() });
         context.database.model(kept).await.expect("there");
         assert!(context.database.model(old).await.is_err());
         let page = PageRequest { before: None, limit: 10 };

@@ -2,10 +2,11 @@
 //! to its end: between a file and its row nobody else knows of it.
 
 use super::context::ServiceContext;
+use super::recycle_bin::{self, Removal};
 use super::{models, uploads};
 use crate::storage::inventory::StorageError;
 use crate::storage::{ObjectStore, StagedFile};
-use visage_domain::{FileId, NewScanSet, PutScan, Replay, ScanRecord, ScanSetId, StoredFile};
+use visage_domain::{Deletable, FileId, NewScanSet, PutScan, Replay, ScanRecord, ScanSetId, StoredFile};
 
 /// Files of scans that have arrived, each with the id that its row names.
 pub type ReceivedScans = Vec<(FileId, StagedFile)>;
@@ -58,7 +59,12 @@ pub async fn delete_scan(context: &ServiceContext, set: ScanSetId, name: &str) -
 }
 
 /// Deletes a scan set with everything derived from it.
-pub async fn delete(context: &ServiceContext, id: ScanSetId) -> Result<(), StorageError> {
+pub async fn delete(context: &ServiceContext, id: ScanSetId, removal: Removal) -> Result<(), StorageError> {
+    if removal == Removal::IntoBin {
+        recycle_bin::put(context, Deletable::ScanSet(id)).await?;
+        // what has arrived of a file is not kept: it is no scan yet
+        return uploads::let_go_unknown(context).await.map(drop);
+    }
     let deleted = context.database.delete_scan_set(id).await?;
     context.monitor.announce_change();
     // whichever fails, the other is done
@@ -114,7 +120,7 @@ mod tests {
 
         delete_scan(&context, set.id, "a.ply").await.expect("taken out");
         assert_eq!(files(), []);
-        delete(&context, set.id).await.expect("deleted");
+        delete(&context, set.id, Removal::ForGood).await.expect("deleted");
         assert!(context.database.scan_set(set.id).await.is_err());
     }
 

@@ -123,7 +123,7 @@ mod tests {
         let (context, _place) = context().await;
         let set = scan_set(context.database.as_ref(), &["b.ply"]).await;
         let upload = upload(&context, set, &[b"abc"]).await;
-        scan_sets::delete(&context, set).await.expect("deleted");
+        scan_sets::delete(&context, set, super::super::recycle_bin::Removal::ForGood).await.expect("deleted");
         assert_eq!(context.objects.held_uploads().expect("listed"), []);
         assert!(context.database.upload(upload.id).await.is_err());
     }

@@ -2,7 +2,7 @@
 
 use super::inventory::{Storage, StorageError};
 use super::{ObjectError, ObjectStore};
-use visage_domain::{ModelId, PageRequest, StoredContent, StoredFile};
+use visage_domain::{AssetRecord, ModelId, PageRequest, StoredContent, StoredFile};
 
 /// Rows that are asked for at a time.
 const PAGE: usize = 500;
@@ -75,9 +75,13 @@ async fn scans(storage: &Storage, findings: &mut Findings) -> Result<(), Storage
             }
         }
         if page.before.is_none() {
-            return Ok(());
+            break;
         }
     }
+    for (set, scan) in storage.database.binned_scans().await? {
+        check(storage, findings, move |objects: &dyn ObjectStore| objects.check_scan(set, &scan)).await?;
+    }
+    Ok(())
 }
 
 async fn models(storage: &Storage, findings: &mut Findings) -> Result<(), StorageError> {
@@ -87,19 +91,30 @@ async fn models(storage: &Storage, findings: &mut Findings) -> Result<(), Storag
         page.before = models.next_cursor(|model| model.id.to_string());
         for model in models.items {
             for asset in storage.database.assets(model.id).await? {
-                let check_asset = move |objects: &dyn ObjectStore| match objects.check_asset(model.id, &asset)? {
-                    true => Ok(()),
-                    false => Err(ObjectError::Damaged {
-                        what: format!("{} of model {} is missing and", asset.name, model.id),
-                    }),
-                };
-                check(storage, findings, check_asset).await?;
+                check_asset(storage, findings, model.id, asset).await?;
             }
         }
         if page.before.is_none() {
-            return Ok(());
+            break;
         }
     }
+    for (model, asset) in storage.database.binned_assets().await? {
+        check_asset(storage, findings, model, asset).await?;
+    }
+    Ok(())
+}
+
+async fn check_asset(
+    storage: &Storage,
+    findings: &mut Findings,
+    model: ModelId,
+    asset: AssetRecord,
+) -> Result<(), StorageError> {
+    let check_asset = move |objects: &dyn ObjectStore| match objects.check_asset(model, &asset)? {
+        true => Ok(()),
+        false => Err(ObjectError::Damaged { what: format!("{} of model {model} is missing and", asset.name) }),
+    };
+    check(storage, findings, check_asset).await
 }
 
 async fn signatures(storage: &Storage, findings: &mut Findings) -> Result<(), StorageError> {

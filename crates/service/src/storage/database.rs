@@ -5,6 +5,7 @@
 //! it the table of routes would be generic. So calls return boxed futures, which `async-trait` writes; beside a
 //! transaction that is nothing.
 
+mod recycle_bin;
 mod webhooks;
 
 use std::collections::BTreeMap;
@@ -24,6 +25,7 @@ use visage_domain::{
 };
 use visage_shape::standards::Standard;
 
+pub use recycle_bin::RecycleBin;
 pub use webhooks::Webhooks;
 
 /// A database: everything that the service keeps besides files.
@@ -42,6 +44,7 @@ pub trait Database:
     + Files
     + Keys
     + Audit
+    + RecycleBin
     + Webhooks
     + Upkeep
     + Debug

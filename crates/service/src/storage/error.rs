@@ -112,6 +112,14 @@ pub enum DatabaseError {
         /// What it is.
         status: JobStatus,
     },
+    /// What it was made of is in the recycle bin itself.
+    #[error("the {kind} {id} that it was made of is in the recycle bin, too")]
+    OriginDeleted {
+        /// What it was made of.
+        kind: &'static str,
+        /// Which one.
+        id: String,
+    },
     /// The key was used before, with another body.
     #[error("the idempotency key {key:?} was used before with another body")]
     KeyReused {

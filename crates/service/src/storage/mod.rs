@@ -36,4 +36,4 @@ pub use object_store::{
 };
 pub use reserve::{NoReserve, Reserve};
 pub use segment_store::SegmentStore;
-pub use unseen::{Changes, Deleted, Unseen};
+pub use unseen::{Changes, Deleted, Purged, Unseen};

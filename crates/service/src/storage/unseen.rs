@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use tokio::sync::{OwnedRwLockReadGuard, RwLock};
 
-use visage_domain::ModelId;
+use visage_domain::{ModelId, StoredFile};
 
 /// Changes of the index that are under way: for backends.
 #[derive(Debug, Clone, Default)]
@@ -38,8 +38,20 @@ impl Changes {
 #[derive(Debug)]
 #[must_use = "queries wait until the index has forgotten them"]
 pub struct Deleted {
-    /// Models that are to be taken out of the index, and whose files are to be removed.
+    /// Models that are to be taken out of the index, and whose files are to be removed unless they are in the recycle bin.
     pub models: Vec<ModelId>,
+    /// What of the recycle bin went with it.
+    pub purged: Purged,
     /// To be dropped when the index has forgotten them.
     pub unseen: Unseen,
+}
+
+/// What is gone from the recycle bin for good.
+#[derive(Debug, Default, PartialEq, Eq)]
+#[must_use = "the files are to be removed"]
+pub struct Purged {
+    /// Entries.
+    pub entries: usize,
+    /// Files that are to be removed; the index has forgotten their models before.
+    pub files: Vec<StoredFile>,
 }

@@ -9,7 +9,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use super::OpenError;
-use crate::storage::database::{Files, Models, ScanSets, Standards, Upkeep};
+use crate::storage::database::{Files, Models, RecycleBin, ScanSets, Standards, Upkeep};
 use crate::storage::local_files::copies::{self, Copied, Wanted};
 use crate::storage::local_files::{self, FolderError, FolderLock};
 use crate::storage::sqlite::SqliteDatabase;
@@ -269,6 +269,20 @@ async fn copy_files(copy: &SqliteDatabase, from: &Path, to: &Path, reread: bool)
             break;
         }
     }
+    let binned = copy.binned_scans().await?.into_iter().map(|(set, scan)| Wanted {
+        of: StoredFile::Scan(set, scan.file_id),
+        asset: None,
+        bytes: scan.bytes,
+        checksum: scan.checksum,
+    });
+    copy_all(binned.collect(), from, to, reread, &mut report).await?;
+    let binned = copy.binned_assets().await?.into_iter().map(|(model, asset)| Wanted {
+        of: StoredFile::Model(model),
+        asset: Some(asset.name),
+        bytes: asset.bytes,
+        checksum: asset.checksum,
+    });
+    copy_all(binned.collect(), from, to, reread, &mut report).await?;
     let standards = copy.standards().await?.into_iter().map(|standard| Wanted {
         of: StoredFile::Standard(standard.id),
         asset: Some(standard.asset.name),

@@ -80,14 +80,19 @@ impl Audit for SqliteDatabase {
     }
 
     async fn bytes_stored_of(&self, key: Option<KeyId>) -> Result<u64, DatabaseError> {
+        // what is in the recycle bin counts until it is gone for good;
         // what a job has made counts for who ordered it, and the scans that came with a job for their set; what comes piece by
         // piece counts as a whole from its beginning
         let bytes: i64 = sqlx::query_scalar(
             "WITH mine AS (SELECT id FROM made_by WHERE key_id IS ?1),
-                  sets AS (SELECT id FROM mine UNION SELECT scan_set_id FROM job WHERE id IN mine),
-                  models AS (SELECT id FROM model WHERE id IN mine OR job_id IN mine)
+                  sets AS (SELECT id FROM mine UNION SELECT scan_set_id FROM job WHERE id IN mine
+                           UNION SELECT scan_set_id FROM binned_job WHERE id IN mine),
+                  models AS (SELECT id FROM model WHERE id IN mine OR job_id IN mine
+                             UNION SELECT id FROM binned_model WHERE id IN mine OR job_id IN mine)
              SELECT (SELECT coalesce(sum(bytes), 0) FROM scan WHERE scan_set_id IN sets)
                   + (SELECT coalesce(sum(bytes), 0) FROM asset WHERE model_id IN models)
+                  + (SELECT coalesce(sum(bytes), 0) FROM binned_scan WHERE scan_set_id IN sets)
+                  + (SELECT coalesce(sum(bytes), 0) FROM binned_asset WHERE model_id IN models)
                   + (SELECT coalesce(sum(bytes), 0) FROM standard WHERE id IN mine)
                   + (SELECT coalesce(sum(bytes), 0) FROM upload WHERE scan_set_id IN sets AND NOT is_done)",
         )
@@ -120,7 +125,9 @@ impl Audit for SqliteDatabase {
         // of what is gone nobody needs to know who made it
         sqlx::query(
             "DELETE FROM made_by WHERE id NOT IN (SELECT id FROM scan_set) AND id NOT IN (SELECT id FROM job)
-             AND id NOT IN (SELECT id FROM model) AND id NOT IN (SELECT id FROM standard)",
+             AND id NOT IN (SELECT id FROM model) AND id NOT IN (SELECT id FROM standard)
+             AND id NOT IN (SELECT id FROM binned_scan_set) AND id NOT IN (SELECT id FROM binned_job)
+             AND id NOT IN (SELECT id FROM binned_model)",
         )
         .execute(&self.writer)
         .await?;

@@ -8,17 +8,19 @@ impl SqliteDatabase {
     /// All of it in one snapshot; reads the indices of the tables of files once.
     pub(super) async fn counted(&self) -> Result<Census, DatabaseError> {
         let mut tx = self.readers.begin().await?;
-        let counts: (i64, i64, i64, i64, i64, i64) = sqlx::query_as(
+        let counts: (i64, i64, i64, i64, i64, i64, i64) = sqlx::query_as(
             "SELECT (SELECT count(*) FROM scan_set), (SELECT count(*) FROM scan), (SELECT count(*) FROM model),
                     (SELECT count(*) FROM standard),
                     (SELECT count(*) FROM delivery WHERE status = 'pending'),
-                    (SELECT count(*) FROM delivery WHERE status = 'dead')",
+                    (SELECT count(*) FROM delivery WHERE status = 'dead'), (SELECT count(*) FROM bin)",
         )
         .fetch_one(&mut *tx)
         .await?;
         let file_bytes: i64 = sqlx::query_scalar(
             "SELECT (SELECT coalesce(sum(bytes), 0) FROM scan) + (SELECT coalesce(sum(bytes), 0) FROM asset)
-                  + (SELECT coalesce(sum(bytes), 0) FROM standard)",
+                  + (SELECT coalesce(sum(bytes), 0) FROM standard)
+                  + (SELECT coalesce(sum(bytes), 0) FROM binned_scan)
+                  + (SELECT coalesce(sum(bytes), 0) FROM binned_asset)",
         )
         .fetch_one(&mut *tx)
         .await?;
@@ -42,6 +44,7 @@ impl SqliteDatabase {
             standards: to_u64(counts.3),
             messages_pending: to_u64(counts.4),
             messages_dead: to_u64(counts.5),
+            bin_entries: to_u64(counts.6),
             file_bytes: to_u64(file_bytes),
             database_bytes: to_u64(database_bytes),
             jobs: jobs.into_iter().map(|(kind, status, count)| (kind, status, to_u64(count))).collect(),

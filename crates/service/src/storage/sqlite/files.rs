@@ -69,10 +69,18 @@ impl LooseRow {
 impl Files for SqliteDatabase {
     async fn known_files(&self) -> Result<(KnownFiles, Vec<LooseFile>), DatabaseError> {
         let mut tx = self.readers.begin().await?;
-        let sets: Vec<String> = sqlx::query_scalar("SELECT id FROM scan_set").fetch_all(&mut *tx).await?;
-        let scans: Vec<(String, String)> =
-            sqlx::query_as("SELECT scan_set_id, file_id FROM scan").fetch_all(&mut *tx).await?;
-        let models: Vec<String> = sqlx::query_scalar("SELECT id FROM model").fetch_all(&mut *tx).await?;
+        // what is in the recycle bin needs its files, too
+        let sets: Vec<String> = sqlx::query_scalar("SELECT id FROM scan_set UNION ALL SELECT id FROM binned_scan_set")
+            .fetch_all(&mut *tx)
+            .await?;
+        let scans: Vec<(String, String)> = sqlx::query_as(
+            "SELECT scan_set_id, file_id FROM scan UNION ALL SELECT scan_set_id, file_id FROM binned_scan",
+        )
+        .fetch_all(&mut *tx)
+        .await?;
+        let models: Vec<String> = sqlx::query_scalar("SELECT id FROM model UNION ALL SELECT id FROM binned_model")
+            .fetch_all(&mut *tx)
+            .await?;
         let standards: Vec<String> = sqlx::query_scalar("SELECT id FROM standard").fetch_all(&mut *tx).await?;
         let scan = |(set, file): &(String, String)| Ok((stored_id!(ScanSetId, set)?, stored_id!(FileId, file)?));
         let loose: Vec<LooseRow> = sqlx::query_as("SELECT * FROM loose_file").fetch_all(&mut *tx).await?;

@@ -4,10 +4,11 @@ use sqlx::SqliteConnection;
 
 use super::rows::row;
 use super::{
-    SqliteDatabase, damaged, models, now_ms, outbox, replays, scan_sets, sql_limit, stored_id, timestamp, to_u64,
+    SqliteDatabase, damaged, models, now_ms, outbox, recycle_bin, replays, scan_sets, sql_limit, stored_id, timestamp,
+    to_u64,
 };
 use crate::storage::database::Jobs;
-use crate::storage::{DatabaseError, Deleted};
+use crate::storage::{DatabaseError, Deleted, Purged};
 use async_trait::async_trait;
 use visage_domain::{
     CancelAnswer, Hints, JobBase, JobFilter, JobId, JobRecord, JobStatus, ModelId, NewJob, NewScanSet, NewSurfaceJob,
@@ -230,9 +231,7 @@ impl SqliteDatabase {
 
     async fn delete_job_once(&self, id: JobId) -> Result<Deleted, DatabaseError> {
         let mut tx = self.begin_any().await?;
-        if !status_of(&mut tx, id).await?.is_finished() {
-            return Err(DatabaseError::InUse { kind: "job", id: id.to_string() });
-        }
+        check_finished(&mut tx, id).await?;
         let text = id.to_string();
         let model = models::id_of_job(&mut tx, &text).await?;
         replays::delete_of(&mut tx, &text).await?;
@@ -240,7 +239,9 @@ impl SqliteDatabase {
         sqlx::query("DELETE FROM job WHERE id = ?").bind(&text).execute(&mut *tx).await?;
         let models: Vec<ModelId> = model.into_iter().collect();
         models::leave(&mut tx, &models).await?;
-        Ok(Deleted { models, unseen: tx.commit_unseen(self).await? })
+        let mut purged = Purged::default();
+        recycle_bin::purge_made_of(&mut tx, &text, &mut purged).await?;
+        Ok(Deleted { models, purged, unseen: tx.commit_unseen(self).await? })
     }
 }
 
@@ -263,6 +264,14 @@ async fn status_of(db: &mut SqliteConnection, id: JobId) -> Result<JobStatus, Da
     let status: Option<String> =
         sqlx::query_scalar("SELECT status FROM job WHERE id = ?").bind(id.to_string()).fetch_optional(db).await?;
     status.ok_or_else(|| not_found(id))?.parse().map_err(|reason: String| damaged("a status", reason))
+}
+
+/// The job is there, and will not change any more unless it is tried again.
+pub(super) async fn check_finished(db: &mut SqliteConnection, id: JobId) -> Result<(), DatabaseError> {
+    match status_of(db, id).await?.is_finished() {
+        true => Ok(()),
+        false => Err(DatabaseError::InUse { kind: "job", id: id.to_string() }),
+    }
 }
 
 /// There is room for one more waiting job.

@@ -13,7 +13,7 @@ macro_rules! files {
     };
 }
 
-const FILES: [(&str, &str); 15] = files![
+const FILES: [(&str, &str); 16] = files![
     "0001_first",
     "0002_base_model",
     "0003_standards",
@@ -29,6 +29,7 @@ const FILES: [(&str, &str); 15] = files![
     "0013_clients",
     "0014_uploads",
     "0015_segments",
+    "0016_bin",
 ];
 
 /// All of them.

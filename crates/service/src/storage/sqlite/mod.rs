@@ -20,6 +20,7 @@ mod migrations;
 mod models;
 mod outbox;
 mod queue;
+mod recycle_bin;
 mod replays;
 mod rows;
 mod scan_sets;

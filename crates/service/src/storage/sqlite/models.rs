@@ -8,7 +8,7 @@ use super::{
     words,
 };
 use crate::storage::database::Models;
-use crate::storage::{DatabaseError, Deleted, Unseen};
+use crate::storage::{DatabaseError, Deleted, Purged, Unseen};
 use async_trait::async_trait;
 use visage_domain::{
     AssetRecord, Event, ModelFilter, ModelId, ModelRecord, NewModel, Page, PageRequest, Replay, StoredFile,
@@ -120,7 +120,7 @@ impl Models for SqliteDatabase {
                 return Err(not_found(id));
             }
             leave(&mut tx, &[id]).await?;
-            Ok(Deleted { models: vec![id], unseen: tx.commit_unseen(self).await? })
+            Ok(Deleted { models: vec![id], purged: Purged::default(), unseen: tx.commit_unseen(self).await? })
         };
         self.with_reserve(delete).await
     }

@@ -1,11 +1,14 @@
 //! Scan sets: their scans and their pose file.
 
 use sqlx::SqliteConnection;
+use sqlx::sqlite::SqlitePool;
 
 use super::rows::row;
-use super::{SqliteDatabase, damaged, files, models, replays, sql_limit, stored_id, timestamp, to_i64, to_u64};
+use super::{
+    SqliteDatabase, damaged, files, models, recycle_bin, replays, sql_limit, stored_id, timestamp, to_i64, to_u64,
+};
 use crate::storage::database::ScanSets;
-use crate::storage::{DatabaseError, Deleted};
+use crate::storage::{DatabaseError, Deleted, Purged};
 use async_trait::async_trait;
 use visage_domain::{
     FileId, NewScanSet, Page, PageRequest, PoseFile, PutScan, Replay, ScanRecord, ScanSetId, ScanSetRecord, StoredFile,
@@ -25,6 +28,18 @@ row! {
 
 row! {
     struct ScanRow {
+        name: String,
+        file_id: String,
+        points: i64,
+        bytes: i64,
+        checksum: String,
+        reading: Option<String>,
+    }
+}
+
+row! {
+    struct BinnedRow {
+        scan_set_id: String,
         name: String,
         file_id: String,
         points: i64,
@@ -225,7 +240,9 @@ impl SqliteDatabase {
         sqlx::query("DELETE FROM scan_set WHERE id = ?").bind(&text).execute(&mut *tx).await?;
         files::leave(&mut tx, StoredFile::ScanSet(id)).await?;
         models::leave(&mut tx, &models).await?;
-        Ok(Deleted { models, unseen: tx.commit_unseen(self).await? })
+        let mut purged = Purged::default();
+        recycle_bin::purge_made_of(&mut tx, &text, &mut purged).await?;
+        Ok(Deleted { models, purged, unseen: tx.commit_unseen(self).await? })
     }
 }
 
@@ -287,6 +304,19 @@ async fn scan_rows(db: &mut SqliteConnection, set: &str) -> Result<Vec<ScanRow>,
     Ok(rows)
 }
 
+/// The scans in the recycle bin.
+pub(super) async fn binned_scans(readers: &SqlitePool) -> Result<Vec<(ScanSetId, ScanRecord)>, DatabaseError> {
+    let rows: Vec<BinnedRow> = sqlx::query_as("SELECT * FROM binned_scan").fetch_all(readers).await?;
+    let scan = |row: BinnedRow| {
+        let BinnedRow { scan_set_id, name, file_id, points, bytes, checksum, reading } = row;
+        Ok((
+            stored_id!(ScanSetId, &scan_set_id)?,
+            ScanRow { name, file_id, points, bytes, checksum, reading }.record()?,
+        ))
+    };
+    rows.into_iter().map(scan).collect()
+}
+
 async fn file_of(db: &mut SqliteConnection, set: ScanSetId, name: &str) -> Result<Option<FileId>, DatabaseError> {
     let file: Option<String> = sqlx::query_scalar("SELECT file_id FROM scan WHERE scan_set_id = ? AND name = ?")
         .bind(set.to_string())
@@ -297,7 +327,7 @@ async fn file_of(db: &mut SqliteConnection, set: ScanSetId, name: &str) -> Resul
 }
 
 /// The set is there and no unfinished job uses it: a job must see the same scans however often it is run.
-async fn check_free(db: &mut SqliteConnection, id: ScanSetId) -> Result<(), DatabaseError> {
+pub(super) async fn check_free(db: &mut SqliteConnection, id: ScanSetId) -> Result<(), DatabaseError> {
     let in_use: Option<bool> = sqlx::query_scalar(
         "SELECT EXISTS (SELECT 1 FROM job WHERE scan_set_id = scan_set.id AND status IN ('queued', 'running'))
          FROM scan_set WHERE id = ?",
