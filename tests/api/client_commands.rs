@@ -55,6 +55,8 @@ fn a_folder_goes_to_the_service_and_comes_back_as_a_model() {
     assert_eq!(found(&["--text", "jug"]), Some(0));
     let report = told(&ask(url, &["report", model]));
     assert!(report.contains("quality: ") && report.contains(&names[2]), "{report}");
+    let nobody = json(url, &["query", "--standard", "face", "--text", "nobody has this name"]);
+    assert_eq!(nobody["matches"], serde_json::json!([]), "{nobody}");
     let answer = json(url, &["query", "--standard", "face"]);
     assert_eq!(answer["matches"].as_array().map(Vec::len), Some(0), "it has no signature");
 

@@ -33,7 +33,15 @@ async fn a_model_has_pictures_of_the_size_and_from_the_side_that_are_wished() {
     let model = upload(&server, files::bumpy_sphere(0.3), "mm").await;
     let path = |what: &str| format!("/v1/models/{model}/pictures/{what}");
     let (size, pixels) = picture(server.get(&path("thumbnail")).await).await;
-    assert!(size == [256, 256] && !is_empty(&pixels));
+    assert!(size == [256, 192] && !is_empty(&pixels));
+    // it was drawn when the model was stored, as it would be drawn now
+    let view = expect_json(server.get(&format!("/v1/models/{model}")).await, StatusCode::OK).await;
+    assert_eq!(view["assets"][1]["name"], "thumbnail.png");
+    let (kept, drawn) = picture(server.get(&text(&view, "/assets/1/href")).await).await;
+    assert!(kept == size && drawn == pixels);
+    let upright = picture(server.get(&path("shaded?size=256x192&view=front")).await).await;
+    let asked = picture(server.get(&path("thumbnail?view=front")).await).await;
+    assert!(upright.0 == asked.0 && asked.1 != pixels, "another side is drawn");
     let (size, front) = picture(server.get(&path("shaded?size=120x80&view=front")).await).await;
     assert_eq!(size, [120, 80]);
     let (_, left) = picture(server.get(&path("shaded?size=120x80&view=left")).await).await;

@@ -152,7 +152,12 @@ async fn filters_choose_models_and_pages_go_on_where_the_last_one_ended() {
     assert_eq!(chosen(json!({"created_after": view["created_at"]})).await, [2, 3, 4]);
     assert_eq!(chosen(json!({"created_before": view["created_at"]})).await, [0]);
     assert_eq!(chosen(json!({"source": "registered"})).await, [0; 0]);
-    for wrong in [json!({"labels": []}), json!({"colour": "red"}), json!({"created_after": "yesterday"})] {
+    assert_eq!(chosen(json!({"text": "BALL /3"})).await, [3]);
+    assert_eq!(chosen(json!({"text": "ball", "units": ["mm"]})).await, [0, 2, 4]);
+    assert_eq!(chosen(json!({"text": "owl"})).await, [0; 0]);
+    for wrong in
+        [json!({"labels": []}), json!({"text": " "}), json!({"colour": "red"}), json!({"created_after": "yesterday"})]
+    {
         let question = json!({"standard": "face", "filter": wrong});
         expect_problem(server.post("/v1/queries", &question).await, 422, "invalid_field").await;
     }

@@ -55,6 +55,18 @@ test("two runs are seen from the same side, and measured against each other", as
         );
     });
 
+    await test.step("one plane cuts both", async () => {
+        const canvases = page.locator(".viewer canvas");
+        const whole = [await canvases.nth(0).screenshot(), await canvases.nth(1).screenshot()];
+        await page.getByLabel("Cut across").selectOption("Z");
+        await page.getByLabel("Position of the cut").fill("0.6");
+        await expect(page.getByText(/^Z = -?−?[\d.]+\smm$/)).toBeVisible();
+        for (const index of [0, 1])
+            await expect.poll(async () => (await canvases.nth(index).screenshot()).equals(whole[index]!)).toBe(false);
+        await expectAccessible(page);
+        await page.getByLabel("Cut across").selectOption("off");
+    });
+
     await test.step("one is measured to the other", async () => {
         await page.getByRole("link", { name: "Measure how far they are from each other" }).click();
         await expectSurface(page);

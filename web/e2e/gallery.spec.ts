@@ -42,6 +42,17 @@ test("the gallery is filled, searched in every way, and evaluated", async ({ pag
         await expect(cards).toHaveCount(1);
         await page.getByLabel("Matches only").uncheck();
         await expect(cards).toHaveCount(3);
+        // the server answers with those that have the words
+        const narrowed = page.waitForRequest(
+            (request) =>
+                request.url().endsWith("/v1/queries") && (request.postData() ?? "").includes('"text":"JUG thing"'),
+        );
+        await page.getByLabel("Name or label").fill("JUG thing");
+        await narrowed;
+        await expect(cards).toHaveCount(1);
+        await expect(cards.first()).toContainText("no match");
+        await page.getByLabel("Name or label").fill("");
+        await expect(cards).toHaveCount(3);
     });
 
     await test.step("like one of them", async () => {
@@ -57,6 +68,12 @@ test("the gallery is filled, searched in every way, and evaluated", async ({ pag
         await page.getByLabel("Unit", { exact: true }).last().selectOption("mm");
         await page.getByRole("button", { name: "Ask", exact: true }).click();
         await expect(cards.first()).toContainText("A head", { timeout: 60_000 });
+        await expect(cards).toHaveCount(3);
+        await page.getByLabel("Name or label").fill("dec");
+        await expect(cards).toHaveCount(1, { timeout: 60_000 });
+        await expect(cards.first()).toContainText("decoy");
+        await page.getByLabel("Name or label").fill("");
+        await expect(cards).toHaveCount(3, { timeout: 60_000 });
         await page.getByLabel("Question").last().selectOption({ label: "Is it: face?" });
         await page.getByRole("button", { name: "Ask", exact: true }).click();
         await expect(page.getByText("Your file is one.")).toBeVisible({ timeout: 60_000 });

@@ -59,8 +59,14 @@ test("scans are dropped, registered, looked at, found and deleted", async ({ pag
         const all = await canvas.screenshot();
         await page.getByRole("checkbox", { name: "scan_00.ply" }).uncheck();
         await expect.poll(async () => (await canvas.screenshot()).equals(all)).toBe(false);
+        const refined = await canvas.screenshot();
+        await page.getByLabel("Scans where they began, before refinement").check();
+        await expectSurface(page);
+        await expect(page.getByLabel("Colour by")).toHaveValue("view");
+        await expect.poll(async () => (await canvas.screenshot()).equals(refined)).toBe(false);
         await page.getByLabel("Show", { exact: true }).selectOption("mesh");
         await expectSurface(page);
+        await expect(page.getByLabel("Scans where they began, before refinement")).toHaveCount(0);
         await page.getByRole("button", { name: "Measure" }).click();
         const box = (await canvas.boundingBox())!;
         await page.mouse.click(box.x + box.width / 2 - 30, box.y + box.height / 2);

@@ -1,4 +1,4 @@
-import { mkdirSync } from "node:fs";
+import { mkdirSync, writeFileSync } from "node:fs";
 import { join } from "node:path";
 
 import type { Page } from "@playwright/test";
@@ -10,6 +10,31 @@ import { scansOfHead } from "../e2e/server";
 /** `ALL` names a folder for every view in both sizes and colours, to be looked at; the documents get a few. */
 const all = process.env["ALL"];
 const documents = new URL("../../docs/pictures/", import.meta.url).pathname;
+
+/** Kinds of pictures that the server draws, as a sheet shows them beside each other. */
+const sheets: Record<string, { of: string[]; size: [number, number]; columns: number; hasNames: boolean }> = {
+    model: { of: ["views", "start", "section", "landmarks"], size: [480, 340], columns: 2, hasNames: false },
+    pictures: {
+        of: [
+            "thumbnail",
+            "shaded",
+            "views",
+            "start",
+            "section",
+            "support",
+            "saliency",
+            "regions",
+            "landmarks",
+            "deviation",
+            "overlap",
+            "graph",
+            "convergence",
+        ],
+        size: [400, 300],
+        columns: 3,
+        hasNames: true,
+    },
+};
 
 const sizes = { wide: { width: 1280, height: 860 }, narrow: { width: 360, height: 740 } };
 
@@ -63,6 +88,18 @@ test("pictures of the page", async ({ page, server, watch }) => {
             },
         },
         {
+            name: "model-start",
+            place: `models/${model}`,
+            prepare: async (page) => {
+                await surface(page);
+                await page.getByLabel("Show", { exact: true }).selectOption("cloud");
+                await surface(page);
+                await page.getByLabel("Cut across").selectOption("0");
+                await page.getByLabel("Scans where they began, before refinement").check();
+                await surface(page);
+            },
+        },
+        {
             name: "saliency",
             place: `models/${model}`,
             prepare: async (page) => {
@@ -75,11 +112,12 @@ test("pictures of the page", async ({ page, server, watch }) => {
         {
             name: "compare",
             place: `compare?a=${other}&b=${model}`,
-
+            document: ["light", "page_compare"],
             prepare: async (page) => {
                 await surface(page);
                 await page.getByLabel("Colour by").selectOption("deviation");
                 await page.getByTestId("legend").nth(1).waitFor();
+                await page.getByLabel("Cut across").selectOption("0");
                 await surface(page);
             },
         },
@@ -129,9 +167,43 @@ test("pictures of the page", async ({ page, server, watch }) => {
                 if (isWanted && document)
                     await page.screenshot({ path: join(documents, `${document[1]}.jpg`), type: "jpeg", quality: 72 });
             }
+            if (!all) continue;
             await page.goto(`${server.url}/docs#info`);
             await page.getByRole("heading", { level: 1 }).waitFor();
-            if (all) await page.screenshot({ path: join(all, `docs-${size}-${scheme}.png`) });
+            await page.screenshot({ path: join(all, `docs-${size}-${scheme}.png`) });
+            await page.goto(`${server.url}/v1/models/${model}/report.html`);
+            await page.screenshot({ path: join(all, `report-${size}-${scheme}.png`), fullPage: true });
         }
     }
+    await page.emulateMedia({ colorScheme: "light" });
+    const drawn = (kind: string, [width, height]: readonly [number, number]) =>
+        picture(`${server.url}/v1/models/${model}/pictures/${kind}?size=${width}x${height}&other=${other}`);
+    for (const [name, { of, size, columns, hasNames }] of Object.entries(sheets)) {
+        const figures = await Promise.all(
+            of.map(
+                async (kind) =>
+                    `<figure><img src="${await drawn(kind, size)}"><figcaption>${kind}</figcaption></figure>`,
+            ),
+        );
+        const style = `body { margin: 0; display: grid; gap: 2px; grid-template-columns: repeat(${columns}, ${size[0]}px); background: #ccc }
+            figure { margin: 0; background: #fafaf8; font: 14px sans-serif; text-align: center }
+            img { display: block } figcaption { padding: 3px; ${hasNames ? "" : "display: none"} }`;
+        await page.setViewportSize({ width: columns * (size[0] + 2) - 2, height: 200 });
+        await page.goto("about:blank");
+        await page.setContent(`<style>${style}</style>${figures.join("")}`);
+        await page.screenshot({ path: join(documents, `${name}.jpg`), type: "jpeg", quality: 80, fullPage: true });
+    }
+    if (!all) return;
+    for (const kind of sheets["pictures"]!.of)
+        writeFileSync(
+            join(all, `picture-${kind}.png`),
+            Buffer.from((await drawn(kind, [1024, 768])).split(",")[1]!, "base64"),
+        );
 });
+
+/** A picture of the server as the address of itself. */
+async function picture(url: string): Promise<string> {
+    const answer = await fetch(url);
+    if (!answer.ok) throw new Error(`${url}: ${await answer.text()}`);
+    return `data:image/png;base64,${Buffer.from(await answer.arrayBuffer()).toString("base64")}`;
+}

@@ -1,69 +1,93 @@
-// How long a thumbnail takes that was never drawn, and one that was: `npm run thumbnails`.
-// The program is VISAGE_BIN or target/release/visage; models are code-made ones of `visage demo`, and files that are named.
+// How long a thumbnail takes that is not in memory, and one that is: `npm run thumbnails`.
+// The program is VISAGE_BIN or target/release/visage; models are code-made ones of many sizes, those of `visage demo`, and files that are
+// named.
 import { spawn, spawnSync } from "node:child_process";
 import { existsSync, mkdtempSync, readFileSync, rmSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { basename, join } from "node:path";
 import { createInterface } from "node:readline";
 
+import { ball, obj, ply, stl, xyz } from "./shapes.mjs";
+
 const program = process.env.VISAGE_BIN ?? new URL("../../target/release/visage", import.meta.url).pathname;
-const rounds = Number(process.env.ROUNDS ?? 40);
+/** How often the server is started anew: nothing that it has drawn is in its memory then. */
+const starts = Number(process.env.STARTS ?? 5);
+const rounds = Number(process.env.ROUNDS ?? 10);
 const demo = process.env.VISAGE_DEMO ?? join(tmpdir(), "visage-page-demo");
 /** Of the kernel's clock, a second. */
 const ticks = 100;
 
 if (!existsSync(join(demo, "head"))) spawnSync(program, ["demo", "--out", demo], { stdio: "inherit" });
 const folder = mkdtempSync(join(tmpdir(), "visage-thumbnails-"));
-const server = spawn(program, ["serve", "--addr", "127.0.0.1:0", "--data", folder, "--log", "warn"], {
-    stdio: ["ignore", "pipe", "inherit"],
-});
-const url = await new Promise((resolve) => {
-    createInterface({ input: server.stdout }).on("line", (line) => resolve(line.replace("listening on ", "")));
-});
+let server;
+let url;
 
 try {
+    await start();
     const models = [await registered("head"), ...(await added())];
-    console.log("| model | cold, p50 ms | cold, p95 ms | server's CPU, ms | cached, p50 ms | cached, p95 ms |");
-    console.log("| --- | ---: | ---: | ---: | ---: | ---: |");
-    for (const [name, id] of models) {
-        const cold = await timed((round) => picture(id, 256 + round));
-        const cached = await timed(() => picture(id, 256));
-        const cells = [
-            at(cold.times, 0.5),
-            at(cold.times, 0.95),
-            cold.cpu,
-            at(cached.times, 0.5),
-            at(cached.times, 0.95),
-        ];
-        console.log(`| ${name} | ${cells.map((value) => value.toFixed(1)).join(" | ")} |`);
+    const times = models.map(() => ({ cold: [], cached: [], other: [], cpu: 0 }));
+    for (let turn = 0; turn < starts; turn += 1) {
+        await stop();
+        await start();
+        for (const [index, [, id]] of models.entries()) {
+            const of = times[index];
+            of.cold.push(await timed(() => picture(id, "")));
+            for (let round = 0; round < rounds; round += 1) of.cached.push(await timed(() => picture(id, "")));
+        }
     }
+    for (const [index, [, id]] of models.entries()) {
+        const of = times[index];
+        const before = cpu();
+        // a picture of another width is another picture: nothing of it is known
+        for (let round = 0; round < rounds; round += 1)
+            of.other.push(await timed(() => picture(id, `?size=${200 + round}x192`)));
+        of.cpu = (cpu() - before) / rounds;
+    }
+    console.log("| model | cold, p50 and p95 ms | cached | of another size | server's CPU for that |");
+    console.log("| --- | ---: | ---: | ---: | ---: |");
+    for (const [index, [name]] of models.entries()) {
+        const { cold, cached, other, cpu } = times[index];
+        console.log(`| ${name} | ${both(cold)} | ${both(cached)} | ${both(other)} | ${cpu.toFixed(0)} |`);
+    }
+    const all = (kind) => both(times.flatMap((of) => of[kind]));
+    console.log(`| all | ${all("cold")} | ${all("cached")} | ${all("other")} | |`);
 } finally {
-    const ended = new Promise((resolve) => server.once("exit", resolve));
-    server.kill("SIGTERM");
-    await ended;
+    await stop();
     rmSync(folder, { recursive: true, force: true });
 }
 
-/** A picture of another width is another picture: nothing of it is known. */
-async function picture(id, width) {
-    const response = await fetch(`${url}/v1/models/${id}/pictures/thumbnail?size=${width}x192`);
+async function start() {
+    server = spawn(program, ["serve", "--addr", "127.0.0.1:0", "--data", folder, "--log", "warn"], {
+        stdio: ["ignore", "pipe", "inherit"],
+    });
+    url = await new Promise((resolve) => {
+        createInterface({ input: server.stdout }).on("line", (line) => resolve(line.replace("listening on ", "")));
+    });
+}
+
+async function stop() {
+    const ended = new Promise((resolve) => server.once("exit", resolve));
+    server.kill("SIGTERM");
+    await ended;
+}
+
+async function picture(id, query) {
+    const response = await fetch(`${url}/v1/models/${id}/pictures/thumbnail${query}`);
     if (!response.ok) throw new Error(await response.text());
     await response.arrayBuffer();
 }
 
-async function timed(ask) {
-    const times = [];
-    const before = cpu();
-    for (let round = 0; round < rounds; round += 1) {
-        const begin = performance.now();
-        await ask(round);
-        times.push(performance.now() - begin);
-    }
-    return { times: times.sort((a, b) => a - b), cpu: (cpu() - before) / rounds };
+async function timed(work) {
+    const begin = performance.now();
+    await work();
+    return performance.now() - begin;
 }
 
-function at(sorted, share) {
-    return sorted[Math.min(sorted.length - 1, Math.ceil(sorted.length * share) - 1)];
+/** The median, and what 95 of 100 stay below. */
+function both(times) {
+    const sorted = [...times].sort((a, b) => a - b);
+    const at = (share) => sorted[Math.min(sorted.length - 1, Math.ceil(sorted.length * share) - 1)];
+    return `${at(0.5).toFixed(1)}, ${at(0.95).toFixed(1)}`;
 }
 
 /** Milliseconds that the server has computed. */
@@ -96,16 +120,28 @@ async function registered(name) {
     return [`${name}, registered`, job.model_id];
 }
 
-/** Finished models without a preview. */
+/** Files of many sizes and kinds, named by what they hold. */
+function* made() {
+    for (const count of [2_000, 20_000, 100_000, 250_000, 500_000]) yield [`mesh-${count}.ply`, ply(ball(count, true))];
+    yield ["mesh-500000.obj", obj(ball(500_000, true))];
+    yield ["mesh-500000.stl", stl(ball(500_000, true))];
+    for (const count of [10_000, 100_000, 300_000, 1_000_000]) yield [`cloud-${count}.ply`, ply(ball(count, false))];
+    yield ["cloud-1000000.xyz", xyz(ball(1_000_000, false))];
+}
+
+/** Finished models as they are uploaded. */
 async function added() {
-    const given = process.argv.slice(2);
-    const paths = [join(demo, "head_cloud.ply"), join(demo, "jug_cloud.ply"), ...given];
+    const paths = [join(demo, "head_cloud.ply"), join(demo, "jug_cloud.ply"), ...process.argv.slice(2)];
     const models = [];
-    for (const path of paths) {
+    const add = async (name, content) => {
         const form = new FormData();
-        form.append("model", file(path), basename(path));
+        form.append("model", content, name);
+        const before = cpu();
         const { id, points } = await answered(fetch(`${url}/v1/models`, { method: "POST", body: form }));
-        models.push([`${basename(path)}, ${points} points`, id]);
-    }
+        console.error(`${name}: stored, ${cpu() - before} ms of CPU`);
+        models.push([`${name}, ${points} points`, id]);
+    };
+    for (const path of paths) await add(basename(path), file(path));
+    for (const [name, bytes] of made()) await add(name, new Blob([bytes]));
     return models;
 }

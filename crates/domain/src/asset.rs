@@ -26,6 +26,8 @@ pub enum Kind {
     Mesh,
     /// The surface of a standard, cloud or mesh.
     Standard,
+    /// What a model looks like.
+    Picture,
 }
 
 /// What a file is to its model.
@@ -62,6 +64,8 @@ macro_rules! assets {
             UploadedMesh(&'static Format),
             /// The cloud that a user sent as a model.
             UploadedCloud(&'static Format),
+            /// What an uploaded model looks like at a glance, drawn when it is stored: it need not be read again to be shown.
+            Thumbnail,
             /// The surface of a standard, whose landmarks a user named.
             Annotated(&'static Format),
         }
@@ -76,6 +80,7 @@ macro_rules! assets {
                     $(Asset::$asset => $name.into(),)*
                     Asset::UploadedMesh(format) => format!("mesh.{}", format.ending()).into(),
                     Asset::UploadedCloud(format) => format!("cloud.{}", format.ending()).into(),
+                    Asset::Thumbnail => "thumbnail.png".into(),
                     Asset::Annotated(format) => format!("model.{}", format.ending()).into(),
                 }
             }
@@ -87,6 +92,7 @@ macro_rules! assets {
                     Asset::UploadedMesh(format) | Asset::UploadedCloud(format) | Asset::Annotated(format) => {
                         format.media_type
                     }
+                    Asset::Thumbnail => "image/png",
                 }
             }
 
@@ -96,6 +102,7 @@ macro_rules! assets {
                     $(Asset::$asset => Role::new(Kind::$kind, Origin::Registered, $signature),)*
                     Asset::UploadedMesh(_) => Role::new(Kind::Mesh, Origin::Uploaded, true),
                     Asset::UploadedCloud(_) => Role::new(Kind::Cloud, Origin::Uploaded, true),
+                    Asset::Thumbnail => Role::new(Kind::Picture, Origin::Uploaded, false),
                     Asset::Annotated(_) => Role::new(Kind::Standard, Origin::Uploaded, false),
                 }
             }
@@ -128,7 +135,8 @@ impl Asset {
             Origin::Registered => Asset::RESULTS.to_vec(),
             Origin::Uploaded => {
                 let meshes = holding(Content::Mesh).map(Asset::UploadedMesh);
-                meshes.chain(holding(Content::Points).map(Asset::UploadedCloud)).collect()
+                let clouds = holding(Content::Points).map(Asset::UploadedCloud);
+                meshes.chain(clouds).chain([Asset::Thumbnail]).collect()
             }
         }
     }

@@ -25,6 +25,7 @@ use visage_domain::{AssetRecord, ModelFilter, ModelId, ModelRecord, NewModel};
 use visage_formats::Reading;
 use visage_geometry::Surface;
 use visage_service::app::models::{self, Upload};
+use visage_service::app::pictures::thumbnail;
 use visage_service::storage::DatabaseError;
 
 pub(super) const TAG: &str = "models";
@@ -140,7 +141,18 @@ async fn described(state: &AppState, mut form: Form) -> Result<Upload, Problem> 
         checksum: file.staged.checksum.clone(),
     };
     let points = surface.cloud.len() as u64;
-    let signature = describe::describe(state, turn, &file.name, surface, unit).await?;
+    let (signature, thumbnail) = describe::computed(state, turn, move |engine, progress| {
+        let signature = engine.describe(&surface, unit, progress).map_err(Problem::from)?;
+        let thumbnail = thumbnail(surface, &signature, unit, progress)?;
+        Ok((signature, thumbnail))
+    })
+    .await
+    .map_err(|problem| problem.scan(&file.name))?;
+    let drawn = thumbnail.as_deref().map(|content| AssetRecord {
+        name: Asset::Thumbnail.name().into_owned(),
+        bytes: content.len() as u64,
+        checksum: blake3::hash(content).to_hex().to_string(),
+    });
     let model = NewModel {
         id: ModelId::new(),
         origin: None,
@@ -149,11 +161,11 @@ async fn described(state: &AppState, mut form: Form) -> Result<Upload, Problem> 
         unit,
         points,
         quality: None,
-        assets: vec![asset],
+        assets: [asset].into_iter().chain(drawn).collect(),
         reading: reading_view::stored(&dropped),
         signature: Some((&signature).into()),
     };
-    Ok(Upload { model, file: file.staged, signature })
+    Ok(Upload { model, file: file.staged, thumbnail, signature })
 }
 
 /// An uploaded file is kept under the name that a file of that kind has for every model.
@@ -189,8 +201,7 @@ struct ListQuery {
 )]
 async fn list(State(state): State<AppState>, Query(query): Query<ListQuery>) -> Result<Json<ModelList>, Problem> {
     let scan_set_id = query.scan_set_id.as_deref().map(parse_scan_set_id).transpose()?;
-    let text = query.text.map(|text| names::text("text", &text)).transpose()?.unwrap_or_default();
-    let words = text.split_whitespace().map(str::to_owned).collect();
+    let words = query.text.map(|text| names::words("text", &text)).transpose()?.unwrap_or_default();
     let filter = ModelFilter { label: query.label, scan_set_id, words };
     let list = cursor::fingerprint(&[b"models", format!("{filter:?}").as_bytes()]);
     let page = PageQuery { limit: query.limit, cursor: query.cursor }.request(&list)?;

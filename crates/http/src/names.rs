@@ -92,6 +92,11 @@ pub fn text(field: &str, value: &str) -> Result<String, Problem> {
     Ok(value.to_owned())
 }
 
+/// The words of a text that is searched for.
+pub fn words(field: &str, value: &str) -> Result<Vec<String>, Problem> {
+    Ok(text(field, value)?.split_whitespace().map(str::to_owned).collect())
+}
+
 /// A unit of length.
 pub fn unit(value: &str) -> Result<visage_geometry::Unit, Problem> {
     value.parse().map_err(|reason: String| {

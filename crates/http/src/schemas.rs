@@ -42,8 +42,8 @@ schemas! {
     ScanName = text().pattern(Some(scan_name_pattern())).max_length(Some(255)).examples(["bun045.ply"]);
     /// A name or label: one line, not blank.
     ShortText = text().pattern(Some(short_text_pattern())).min_length(Some(1)).max_length(Some(200));
-    /// A file that holds the surface of a model.
-    SurfaceFile = text().enum_values(Some(Asset::surface_names())).examples([Asset::Cloud.name()]);
+    /// A file that holds the surface of a model, or its thumbnail.
+    SurfaceFile = text().enum_values(Some(file_names())).examples([Asset::Cloud.name()]);
     /// A format that clouds are written in, by its ending.
     CloudFormat = text().enum_values(Some(Written::Cloud.endings()));
     /// A format that meshes are written in, by its ending.
@@ -78,6 +78,11 @@ schemas! {
     ScanUnits = map(text().enum_values(Some(["mm", "cm", "m", "in"])));
     /// Motions by scan name, 4x4, row-major, each from its scan to the world; null for a scan without a place.
     Poses = map(OneOfBuilder::new().item(list(list(number(), 4), 4)).item(null()));
+}
+
+/// The files of models that are sent as they are.
+fn file_names() -> Vec<String> {
+    Asset::surface_names().into_iter().chain([Asset::Thumbnail.name().into_owned()]).collect()
 }
 
 /// One of some words.

@@ -3,6 +3,7 @@
 use crate::color::{GROUND, INK, Map};
 use crate::drawing::{Anchor, Drawing, Font, shortened};
 use crate::image::Rgb;
+use crate::size::Size;
 
 /// Room to the rim of the picture.
 const RIM: f64 = 12.0;
@@ -49,18 +50,35 @@ pub fn color_bar(drawing: &mut Drawing, map: Map, [least, most]: [f64; 2], title
     drawing.text([width - RIM, RIM + line / 2.0], title, Anchor::End, font, INK);
 }
 
+/// The share of a picture's width that a list takes at most.
+const KEY: f64 = 0.3;
+
+/// How wide a list of single colours is, with some room beside it.
+pub fn key_width(size: Size, entries: &[(String, Rgb)]) -> f64 {
+    let font = font_of(size);
+    let longest = entries.iter().map(|(name, _)| font.width(name)).fold(0.0, f64::max);
+    let wide = if entries.is_empty() { 0.0 } else { 2.0 * RIM + square(font) * 1.6 + longest };
+    wide.min(KEY * f64::from(size.width()))
+}
+
+/// The side of a square of colour beside a word.
+fn square(font: Font) -> f64 {
+    0.62 * font.height()
+}
+
 /// What single colours mean: a list at the left; what has no room is counted.
 pub fn key(drawing: &mut Drawing, entries: &[(String, Rgb)]) {
     let height = f64::from(drawing.size.height());
     let font = font(drawing);
     let line = font.height() * 1.15;
+    let side = square(font);
     // the scale bar has its place below
     let room = ((height - 2.0 * RIM - 3.0 * line) / line).max(1.0) as usize;
     let shown = if entries.len() > room { room.saturating_sub(1) } else { entries.len() };
-    let letters = (f64::from(drawing.size.width()) * 0.3 / font.advance()) as usize;
+    let room_beside = KEY * f64::from(drawing.size.width()) - RIM - 1.6 * side;
+    let letters = (room_beside / font.advance()).max(0.0) as usize;
     for (row, (name, color)) in entries.iter().take(shown).enumerate() {
         let y = RIM + (row as f64 + 0.5) * line;
-        let side = 0.62 * font.height();
         drawing.rect([RIM, y - side / 2.0], [side, side], *color);
         drawing.text([RIM + 1.6 * side, y], shortened(name, letters.max(6)), Anchor::Start, font, INK);
     }
@@ -134,7 +152,11 @@ fn overlap(a: &[f64; 4], b: &[f64; 4]) -> bool {
 
 /// The letters that suit a drawing.
 pub fn font(drawing: &Drawing) -> Font {
-    Font::for_side(drawing.size.width().min(drawing.size.height()))
+    font_of(drawing.size)
+}
+
+fn font_of(size: Size) -> Font {
+    Font::for_side(size.width().min(size.height()))
 }
 
 /// The largest of 1, 2, 5, 10, ... that is not above a length.
@@ -168,7 +190,6 @@ pub fn number(value: f64) -> String {
 mod tests {
     use super::*;
     use crate::drawing::Item;
-    use crate::size::Size;
 
     fn texts(drawing: &Drawing) -> Vec<&str> {
         fn text(item: &Item) -> Option<&str> {
@@ -207,6 +228,20 @@ mod tests {
         let told = texts(&drawing);
         assert!(told.len() < 20 && told[0] == "scan 0", "{told:?}");
         assert_eq!(told.last().copied(), Some(format!("and {} more", 500 - (told.len() - 1)).as_str()));
+    }
+
+    #[test]
+    fn a_key_stays_within_the_room_that_is_left_for_it() {
+        let entries = |name: &str| vec![(name.to_owned(), [0; 3])];
+        let size = Size::clamped(400, 300);
+        assert_eq!(key_width(size, &[]), 0.0);
+        for name in ["a.ply", "scan_00.ply", "a scan with a name that is longer than anything.ply"] {
+            let mut drawing = Drawing::new(size);
+            key(&mut drawing, &entries(name));
+            let Some(Item::Text { at, text, font, .. }) = drawing.items.last() else { panic!("no word") };
+            let (right, room) = (at[0] + font.width(text), key_width(size, &entries(name)));
+            assert!(right <= room && room <= 0.3 * 400.0, "{name}: {right} of {room}");
+        }
     }
 
     #[test]

@@ -204,6 +204,7 @@ impl ModelReport {
                 evidence: None,
                 unplaced: None,
                 group: None,
+                start_from_final: None,
             },
             normals_outward: None,
             left_out: LeftOutReport::default(),
@@ -281,6 +282,7 @@ mod tests {
             "residual",
             "residual_spacings",
             "spacing",
+            "start_from_final",
             "uncertainty",
             "unplaced",
         ];

@@ -90,6 +90,7 @@ impl Set<'_> {
         }
         let result = again.result.clone();
         again.result.local_poses = reframed(&result.local_poses, &whole, self.views);
+        again.result.initial = reframed(&result.initial, &whole, self.views);
         // they belong to the frames of the whole views
         again.result.surfels = None;
         Ok((again, Some(Held { whole, result })))

@@ -108,6 +108,8 @@ pub struct Round {
 pub struct Outcome {
     /// Local frame to world.
     pub local_poses: Vec<Motion>,
+    /// The poses that refinement began with, in the same frames.
+    pub initial: Vec<Motion>,
     /// For each view whether it hangs together with view 0.
     pub placed: Vec<bool>,
     /// Overlaps at the last round's start.
@@ -130,12 +132,18 @@ impl Outcome {
     pub(crate) fn at(initial: &[Motion]) -> Self {
         Outcome {
             local_poses: initial.to_vec(),
+            initial: initial.to_vec(),
             placed: vec![true; initial.len()],
             overlaps: OverlapMatrix::identity(initial.len()),
             pairs: Vec::new(),
             rounds: Vec::new(),
             surfels: None,
         }
+    }
+
+    /// The motion in the world that takes a view from its pose back to where refinement began with it.
+    pub fn initial_from_final(&self, view: usize) -> Motion {
+        self.initial[view] * self.local_poses[view].inverse()
     }
 }
 

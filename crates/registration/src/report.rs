@@ -16,6 +16,7 @@ use crate::outcome::{Outcome, PairOutcome, Round};
 use crate::pairwise::trimmed_icp::IcpEnd;
 use crate::quality::Verdict;
 use crate::view::{View, common_spacing};
+use visage_geometry::se3;
 
 /// The registration's part of a report. Who knows more of the views puts rows of its own in the place of these.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -76,6 +77,9 @@ pub struct ViewReport {
     pub unplaced: Option<&'static str>,
     /// Its component, as an index into `groups`.
     pub group: Option<usize>,
+    /// Moves its points from where they are in the model to where they were before refinement: 4x4, row by row, in the world. Null if it
+    /// has no place, or scales were sought.
+    pub start_from_final: Option<[[f64; 4]; 4]>,
 }
 
 /// How well a pose is known (`registration/covariance`).
@@ -228,6 +232,9 @@ fn view_report(index: usize, names: &[String], views: &[View], result: &Outcome,
         evidence: None,
         unplaced: None,
         group: None,
+        // a scaled view has another local frame than the one that it began with
+        start_from_final: (result.placed[index] && views[index].scale == 1.0)
+            .then(|| se3::to_rows(&result.initial_from_final(index))),
     }
 }
 

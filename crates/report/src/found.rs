@@ -92,6 +92,8 @@ pub struct View {
     pub copy_of: Option<String>,
     /// How well its pose is known.
     pub uncertainty: Option<Uncertainty>,
+    /// Moves its points in the model to where they were before refinement: 4x4, row by row.
+    pub start_from_final: Option<[[f64; 4]; 4]>,
 }
 
 /// How well a pose is known.

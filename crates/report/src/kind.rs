@@ -72,13 +72,15 @@ macro_rules! kinds {
 
 kinds! {
     /// The model at a glance.
-    Thumbnail = "thumbnail", of: [Preview, Mesh, Cloud], plot: false, size: 256 x 256;
+    Thumbnail = "thumbnail", of: [Preview, Mesh, Cloud], plot: false, size: 256 x 192;
     /// The surface in light and shadow, from any of six sides.
     Shaded = "shaded", of: [Mesh, Cloud], plot: false, size: 1024 x 768;
     /// The points of each scan in a colour of their own: where colours mingle finely, scans lie on each other.
     Views = "views", of: [Cloud], plot: false, size: 1024 x 768;
     /// The points near a plane, each scan in its colour, with a part magnified: lines that are double are scans that don't agree.
     Section = "section", of: [Cloud, Mesh], plot: false, size: 1024 x 768;
+    /// The same section with each scan where it was before its pose was refined.
+    Start = "start", of: [Cloud], plot: false, size: 1024 x 768;
     /// How much was measured at each place of the surface; what nobody saw was filled in.
     Support = "support", of: [Mesh], plot: false, size: 1024 x 768;
     /// Where the surface stands out from what is about it.

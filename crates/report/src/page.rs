@@ -17,6 +17,7 @@ use visage_picture::size::Size;
 pub const PICTURES: &[Kind] = &[
     Kind::Shaded,
     Kind::Views,
+    Kind::Start,
     Kind::Section,
     Kind::Support,
     Kind::Landmarks,

@@ -1,7 +1,7 @@
 //! Every kind of picture of things that are made by code: what is on it, that it stays as it is, and that threads don't show.
 
 use visage_geometry::progress::Progress;
-use visage_geometry::{Cloud, Point3, Surface, Unit, Vector3};
+use visage_geometry::{Cloud, Motion, Point3, Surface, Unit, Vector3, se3};
 use visage_picture::camera::Side;
 use visage_picture::color::{ALARM, GROUND, category};
 use visage_picture::image::{Image, Rgb};
@@ -10,6 +10,9 @@ use visage_report::found::{Findings, Found, Pair, Round, View};
 use visage_report::material::{Axis, Plane};
 use visage_report::{Kind, Made, Material, PictureError, Wish, draw};
 use visage_shape::faces::describe;
+
+/// By how much the second of two scans was off before its pose was refined, mm.
+const OFF_AT_FIRST: Vector3 = Vector3::new(8.0, 3.0, 0.0);
 
 /// A head as a mesh, in mm.
 fn head() -> Surface {
@@ -33,12 +36,16 @@ fn two_scans() -> Material {
         ..Cloud::default()
     };
     let views = directions.iter().enumerate().map(|(k, d)| u16::from(d.x + if k % 2 == 0 { 0.2 } else { -0.2 } > 0.0));
-    let view = |name: &str| View { name: name.to_owned(), placed: true, ..View::default() };
+    let row = |name: &str| View { name: name.to_owned(), placed: true, ..View::default() };
+    let view = |name: &str, from_final: Vector3| View {
+        start_from_final: Some(se3::to_rows(&Motion::new(from_final, Vector3::zeros()))),
+        ..row(name)
+    };
     let pair = Pair { i: 0, j: 1, overlap_i_j: 0.4, overlap_j_i: 0.4, trust: 1.0, ..Pair::default() };
     let rounds =
         [0.1, 0.01, 0.001].map(|turn| Round { rotation_change: turn, tolerance: 10.0 * turn, ..Round::default() });
     let result = Findings {
-        views: vec![view("left.ply"), view("right.ply")],
+        views: vec![view("left.ply", Vector3::zeros()), view("right.ply", OFF_AT_FIRST)],
         pairs: vec![pair],
         overlaps: vec![vec![1.0, 0.4], vec![0.4, 1.0]],
         rounds: rounds.to_vec(),
@@ -186,6 +193,37 @@ fn a_face_has_its_places_and_its_triangle() {
 }
 
 #[test]
+fn a_section_shows_where_scans_were_before_their_poses_were_refined() {
+    let scans = two_scans();
+    let plane = Some(Plane { axis: Axis::Z, offset: None });
+    let section = |kind, of: &Material| {
+        made(kind, of, |wish| {
+            wish.size = Size::clamped(320, 240);
+            wish.plane = plane;
+        })
+    };
+    let (start, end) = (section(Kind::Start, &scans), section(Kind::Section, &scans));
+    // the scan that was right from the beginning stays where it is to the pixel; the other one had been elsewhere
+    let places = |image: &Image, color: Rgb| -> Vec<usize> {
+        (0..image.pixels().len()).filter(|index| image.pixels()[*index] == color).collect()
+    };
+    let is_legend = |index: &usize| index % 320 < 40 || index / 320 > 210;
+    let drawn = |image: &Image, view: usize| {
+        places(image, category(view)).into_iter().filter(|index| !is_legend(index)).collect::<Vec<_>>()
+    };
+    assert!(drawn(&end, 0).len() > 50 && drawn(&end, 1).len() > 50);
+    let covered = drawn(&end, 0).iter().filter(|index| !drawn(&start, 0).contains(index)).count();
+    assert!(covered * 4 < drawn(&end, 0).len(), "{covered} of {}", drawn(&end, 0).len());
+    let moved = drawn(&end, 1).iter().filter(|index| !drawn(&start, 1).contains(index)).count();
+    assert!(moved * 2 > drawn(&end, 1).len(), "{moved} of {}", drawn(&end, 1).len());
+    let mut silent = scans.clone();
+    let rows = silent.found.as_mut().map(|found| &mut found.result.views).expect("a report");
+    rows.iter_mut().for_each(|row| row.start_from_final = None);
+    let error = draw(Kind::Start, &silent, &Wish::of(Kind::Start), &Progress::silent()).expect_err("it is not known");
+    assert!(error.to_string().contains("before their poses were refined"), "{error}");
+}
+
+#[test]
 fn plots_come_as_pixels_and_as_text() {
     let material = two_scans();
     for kind in [Kind::Overlap, Kind::Graph, Kind::Convergence] {
@@ -234,7 +272,8 @@ fn the_same_bytes_for_any_number_of_threads() {
     let other = Some(two_scans().surface);
     let of_mesh = Material { surface, signature: Some(signature), other, ..Material::default() };
     for kind in Kind::ALL {
-        let material = if matches!(kind, Kind::Views | Kind::Section) || kind.is_plot() { &scans } else { &of_mesh };
+        let material =
+            if matches!(kind, Kind::Views | Kind::Section | Kind::Start) || kind.is_plot() { &scans } else { &of_mesh };
         let with = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
             let wish = Wish { size: Size::clamped(96, 80), ..Wish::of(*kind) };

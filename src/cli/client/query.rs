@@ -37,6 +37,9 @@ pub(in super::super) struct QueryArgs {
     /// Only models of this class label
     #[arg(long)]
     label: Option<String>,
+    /// Only those with these words, or parts of words, in their name or label
+    #[arg(long, value_name = "WORDS")]
+    text: Option<String>,
     #[command(flatten)]
     connection: Connection,
 }
@@ -45,7 +48,7 @@ pub(in super::super) struct QueryArgs {
 pub(in super::super) fn run(args: QueryArgs) -> anyhow::Result<()> {
     let client = args.connection.client()?;
     block_on(async {
-        let filter = args.label.as_ref().map(|label| json!({"labels": [label]}));
+        let filter = filter(args.label.as_deref(), args.text.as_deref());
         let answer: Value = match &args.probe {
             Some(probe) => {
                 let content = std::fs::read(probe).with_context(|| format!("reading {}", probe.display()))?;
@@ -82,6 +85,14 @@ pub(in super::super) fn run(args: QueryArgs) -> anyhow::Result<()> {
     })
 }
 
+/// What narrows the answer, if anything does.
+fn filter(label: Option<&str>, text: Option<&str>) -> Option<Value> {
+    let labels = label.map(|label| ("labels", json!([label])));
+    let fields: Map<String, Value> =
+        labels.into_iter().chain(text.map(|text| ("text", json!(text)))).map(|(k, v)| (k.to_owned(), v)).collect();
+    (!fields.is_empty()).then(|| fields.into())
+}
+
 const HEADS: [&str; 6] = ["score", "match", "model", "name", "label", "why not"];
 
 fn rows(answer: &Value) -> Vec<[String; 6]> {
@@ -98,6 +109,13 @@ fn rows(answer: &Value) -> Vec<[String; 6]> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_filter_holds_what_is_given() {
+        assert_eq!(filter(None, None), None);
+        assert_eq!(filter(None, Some("red jug")), Some(json!({"text": "red jug"})));
+        assert_eq!(filter(Some("jug"), Some("red")), Some(json!({"labels": ["jug"], "text": "red"})));
+    }
 
     #[test]
     fn answers_are_rows_best_first() {

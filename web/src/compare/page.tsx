@@ -3,6 +3,7 @@ import { useMemo, useState } from "preact/hooks";
 import { api, ok, type Schema } from "../api/client";
 import { go, href } from "../lib/router";
 import { useLoad } from "../lib/use-load";
+import { CutControls } from "../model/cut-controls";
 import { compareAddress } from "../model/deviation";
 import { ModelPicker } from "../model/model-picker";
 import { has } from "../model/sources";
@@ -11,6 +12,8 @@ import { Check, Choice, PageTitle, Trouble } from "../ui/pieces";
 import type { ColourMode } from "../viewer/colours";
 import { byAxis } from "../viewer/facing";
 import { CameraLink } from "../viewer/link";
+import type { Cut } from "../viewer/scene";
+import { joined, type Bounds } from "../viewer/surface";
 import { FactTable } from "./facts";
 import { Side } from "./side";
 
@@ -63,6 +66,10 @@ function Both({ models }: { models: readonly [Model, Model] }) {
     const [mode, setMode] = useState<ColourMode>("plain");
     const [up, setUp] = useState("1");
     const [fitTurn, setFitTurn] = useState(0);
+    const [cut, setCut] = useState<Cut>();
+    const [bounds, setBounds] = useState<readonly (Bounds | undefined)[]>([undefined, undefined]);
+    // in one frame it is one plane that cuts both; else each is cut at the same share of its own size
+    const across = isOneFrame && bounds[0] && bounds[1] ? joined(bounds[0], bounds[1]) : undefined;
     const facing = byAxis[Number(up)] ?? byAxis[1];
     // to measure distances the unit and the frame have to be the same
     const offered = modes.filter((name) => name !== "deviation" || (isOneFrame && one.unit === other.unit));
@@ -105,11 +112,15 @@ function Both({ models }: { models: readonly [Model, Model] }) {
                         wanted={shownMode}
                         other={models[1 - index]?.id ?? ""}
                         facing={facing}
+                        cut={cut}
+                        across={across}
+                        onBounds={(own) => setBounds((known) => known.map((it, at) => (at === index ? own : it)))}
                         link={link}
                         fitTurn={fitTurn}
                     />
                 ))}
             </div>
+            <CutControls cut={cut} onChange={setCut} across={across} unit={one.unit} />
             <section class="panel">
                 <FactTable models={models} />
                 {isOneFrame && one.unit === other.unit && (

@@ -12,7 +12,8 @@ import { modesOf, type ColourMode } from "../viewer/colours";
 import type { Facing } from "../viewer/facing";
 import type { CameraLink } from "../viewer/link";
 import { fetchSurface } from "../viewer/load";
-import type { Surface } from "../viewer/surface";
+import type { Cut } from "../viewer/scene";
+import { boundsOf, type Bounds, type Surface } from "../viewer/surface";
 import { Viewer } from "../viewer/viewer";
 
 interface Props {
@@ -25,6 +26,10 @@ interface Props {
     /** The model beside it. */
     other: string;
     facing: Facing;
+    cut: Cut | undefined;
+    /** Across which both are cut; each across itself if it is not given. */
+    across: Bounds | undefined;
+    onBounds: (bounds: Bounds) => void;
     link: CameraLink;
     fitTurn: number;
 }
@@ -32,13 +37,16 @@ interface Props {
 const nothingHidden: ReadonlySet<number> = new Set();
 
 /** One of two models. */
-export function Side({ model, title, kind, wanted, other, facing, link, fitTurn }: Props) {
+export function Side({ model, title, kind, wanted, other, facing, cut, across, link, fitTurn, onBounds }: Props) {
     const [surface, setSurface] = useState<Surface>();
     const [range, setRange] = useState<[number, number]>();
     const shownKind = kind ?? (has(model, "mesh") ? "mesh" : "cloud");
     const measured = isMeasured(wanted) ? wanted : undefined;
     const mode = measured ?? modeOf(wanted, surface ? modesOf(surface) : ["plain"], shownKind);
-    const look = useMemo(() => ({ mode, facing, hidden: nothingHidden }), [mode, facing]);
+    const look = useMemo(
+        () => ({ mode, facing, cut: cut && { ...cut, across }, hidden: nothingHidden }),
+        [mode, facing, cut, JSON.stringify(across)],
+    );
     const url = measured ? measuredUrl(model, measured, other) : surfaceUrl(model, shownKind);
     return (
         <section aria-label={`${title}: ${model.name}`}>
@@ -52,7 +60,10 @@ export function Side({ model, title, kind, wanted, other, facing, link, fitTurn 
                 look={look}
                 link={link}
                 label={`${title}: ${model.name}. ${t.viewer.label}`}
-                onLoaded={setSurface}
+                onLoaded={(loaded) => {
+                    setSurface(loaded);
+                    onBounds(boundsOf(loaded));
+                }}
                 onRange={setRange}
                 fitTurn={fitTurn}
             />

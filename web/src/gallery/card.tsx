@@ -75,7 +75,7 @@ function Thumbnail({ id }: { id: string }) {
     if (!isMissing) {
         return (
             <img
-                src={at(`/v1/models/${encodeURIComponent(id)}/pictures/thumbnail?size=256x192`)}
+                src={at(`/v1/models/${encodeURIComponent(id)}/pictures/thumbnail`)}
                 alt=""
                 width={256}
                 height={192}

@@ -10,7 +10,7 @@ import { Check, Choice, Loading, PageTitle, TextField, Trouble } from "../ui/pie
 import { AddModel } from "./add-model";
 import { Card, type Shown } from "./card";
 import { Probe } from "./probe";
-import { ask, fits, ofAnswer, type Page, type Question } from "./questions";
+import { ask, ofAnswer, type Page, type Question } from "./questions";
 import { triangleOf } from "./triangle";
 
 /** All models, and every way to find one. What is asked stands in the address, so that it can be handed on. */
@@ -25,21 +25,16 @@ export function Gallery({ query }: { query: URLSearchParams }) {
     const key = JSON.stringify(question);
     const settled = useSettled(label);
     const words = useSettled(text).trim();
-    // the server searches all models by text; answers are sifted here
-    const asksText = question.kind === "all" && !isProbing;
-    const conditions = { label: settled.trim(), text: asksText ? words : "", onlyMatches };
+    const conditions = { label: settled.trim(), text: words, onlyMatches };
     const first = useLoad(
         () => (isProbing ? Promise.resolve(undefined) : ask(question, conditions, undefined)),
-        [key, settled, conditions.text, onlyMatches, isProbing],
+        [key, settled, words, onlyMatches, isProbing],
     );
     const [more, setMore] = useState<Page>();
     const [moreError, setMoreError] = useState<unknown>();
     useEffect(() => setMore(undefined), [first.data]);
     const page = isProbing ? probed && ofAnswer(probed) : first.data;
-    const listed = [...(page?.models ?? []), ...(more?.models ?? [])];
-    const shown = listed.filter(
-        (model) => (asksText || fits(model, words)) && (!settled.trim() || model.label === settled.trim()),
-    );
+    const shown = [...(page?.models ?? []), ...(more?.models ?? [])];
     const next = more ? more.next : page?.next;
     const isAnswered = isProbing ? probed !== undefined : first.data !== undefined && !first.isLoading;
     useEffect(() => {
@@ -86,7 +81,7 @@ export function Gallery({ query }: { query: URLSearchParams }) {
                         onChange={(value) => go(value ? `${href("gallery")}?${value}` : href("gallery"))}
                     />
                     <TextField label={t.gallery.text} type="search" value={text} onInput={setText} />
-                    <TextField label={t.label} value={label} onInput={setLabel} list={labelsOf(listed)} />
+                    <TextField label={t.label} value={label} onInput={setLabel} list={labelsOf(shown)} />
                     {question.kind !== "all" && (
                         <Check label={t.gallery.onlyMatches} isOn={onlyMatches} onChange={setOnlyMatches} />
                     )}
@@ -99,7 +94,11 @@ export function Gallery({ query }: { query: URLSearchParams }) {
             </search>
             {question.kind === "like" && <LikeWhat id={question.id} />}
             {isProbing && (
-                <Probe standards={standards.data?.items.map((standard) => standard.name) ?? []} onAnswer={setProbed} />
+                <Probe
+                    standards={standards.data?.items.map((standard) => standard.name) ?? []}
+                    conditions={conditions}
+                    onAnswer={setProbed}
+                />
             )}
             <Trouble error={first.error ?? moreError ?? standards.error} />
             {probed?.verdict && isProbing && (

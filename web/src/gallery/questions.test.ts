@@ -1,11 +1,9 @@
 import { expect, test } from "vitest";
 
-import { fits } from "./questions";
+import { filterOf } from "./questions";
 
-test("every word has to be there, in the name or the label", () => {
-    const model = { name: "Rabbit, left side", label: "animal" };
-    expect(fits(model, "")).toBe(true);
-    expect(fits(model, "LEFT animal")).toBe(true);
-    expect(fits(model, "rabbit right")).toBe(false);
-    expect(fits({ name: "Head", label: null }, "null")).toBe(false);
+test("only what is asked for narrows an answer", () => {
+    expect(filterOf({ label: "", text: "" })).toEqual({});
+    expect(filterOf({ label: "", text: "left rabbit" })).toEqual({ filter: { text: "left rabbit" } });
+    expect(filterOf({ label: "animal", text: "left" })).toEqual({ filter: { labels: ["animal"], text: "left" } });
 });

@@ -19,7 +19,7 @@ export interface Page {
 
 export interface Conditions {
     label: string;
-    /** Words of the name or the label: where all models are listed. */
+    /** Words of the name or the label. */
     text: string;
     onlyMatches: boolean;
 }
@@ -42,9 +42,14 @@ export async function ask(
         limit: pageSize,
         only_matches: onlyMatches,
         ...(cursor && { cursor }),
-        ...(label && { filter: { labels: [label] } }),
+        ...filterOf({ label, text }),
     };
     return ofAnswer(await ok(api.POST("/v1/queries", { body })), question.kind === "triangle");
+}
+
+/** What narrows an answer, as the server takes it; nothing if nothing does. */
+export function filterOf({ label, text }: Pick<Conditions, "label" | "text">): { filter?: Schema["Filter"] } {
+    return label || text ? { filter: { ...(label && { labels: [label] }), ...(text && { text }) } } : {};
 }
 
 function about(question: Exclude<Question, { kind: "all" }>) {
@@ -78,13 +83,4 @@ function ofMatch(match: Schema["Match"]): Shown {
 /** How far the best triangle of the model is from the one that was asked about. */
 function errorOf({ matching_error_mm: error }: Schema["Match"]): string | undefined {
     return error === null || error === undefined ? undefined : t.gallery.card.error(length(error, "mm"));
-}
-
-/** Whether every word of the text stands in the name or the label. */
-export function fits(model: Pick<Shown, "name" | "label">, text: string): boolean {
-    const where = `${model.name} ${model.label ?? ""}`.toLocaleLowerCase();
-    return text
-        .toLocaleLowerCase()
-        .split(/\s+/)
-        .every((word) => where.includes(word));
 }

@@ -1,9 +1,19 @@
+import { length } from "../lib/format";
 import { t } from "../texts";
 import { Check, Choice, Field } from "../ui/pieces";
 import type { Cut } from "../viewer/scene";
+import type { Bounds } from "../viewer/surface";
+
+interface Props {
+    cut: Cut | undefined;
+    onChange: (cut: Cut | undefined) => void;
+    /** Across which it is cut, if that is known, and in which unit. */
+    across?: Bounds | undefined;
+    unit: string;
+}
 
 /** Where the surface is cut open. */
-export function CutControls({ cut, onChange }: { cut: Cut | undefined; onChange: (cut: Cut | undefined) => void }) {
+export function CutControls({ cut, onChange, across, unit }: Props) {
     const axes = [["off", t.viewer.sectionOff] as const, ["0", "X"] as const, ["1", "Y"] as const, ["2", "Z"] as const];
     const choose = (value: (typeof axes)[number][0]) =>
         onChange(
@@ -33,6 +43,11 @@ export function CutControls({ cut, onChange }: { cut: Cut | undefined; onChange:
                             />
                         )}
                     </Field>
+                    {across && (
+                        <p class="quiet small">
+                            {"XYZ"[cut.axis]} = {length(placeOf(cut, across), unit)}
+                        </p>
+                    )}
                     <Check
                         label={t.viewer.sectionFlip}
                         isOn={cut.isFlipped}
@@ -42,4 +57,8 @@ export function CutControls({ cut, onChange }: { cut: Cut | undefined; onChange:
             )}
         </fieldset>
     );
+}
+
+function placeOf({ axis, at }: Cut, [low, high]: Bounds): number {
+    return low[axis] + (high[axis] - low[axis]) * at;
 }

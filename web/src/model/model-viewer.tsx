@@ -2,14 +2,15 @@ import { useMemo, useState } from "preact/hooks";
 
 import type { Schema } from "../api/client";
 import { t } from "../texts";
-import { Choice } from "../ui/pieces";
+import { Check, Choice } from "../ui/pieces";
 import { css, modesOf, viewColour, type ColourMode } from "../viewer/colours";
 import { byAxis, ofFace } from "../viewer/facing";
 import { fetchSurface } from "../viewer/load";
 import type { Markers, Place } from "../viewer/marker-types";
 import type { Overlay } from "../viewer/overlay";
 import type { Cut, Pick } from "../viewer/scene";
-import type { Surface } from "../viewer/surface";
+import { movedByView } from "../viewer/start";
+import { boundsOf, type Bounds, type Surface } from "../viewer/surface";
 import { Viewer } from "../viewer/viewer";
 import { Counts } from "./counts";
 import { CutControls } from "./cut-controls";
@@ -52,6 +53,8 @@ export function ModelViewer({ model, report, poses, found, marks, isTriangle, ov
     const facing = up === "face" && face ? face : (byAxis[Number(up)] ?? byAxis[1]);
     const [cut, setCut] = useState<Cut>();
     const [hidden, setHidden] = useState(nothingHidden);
+    const [bounds, setBounds] = useState<Bounds>();
+    const [isAtStart, setAtStart] = useState(false);
     const [fitTurn, setFitTurn] = useState(0);
     const measuring = useMeasuring(model.unit);
     const [shown, setShown] = useState({ scanners: false, landmarks: true, triangle: true });
@@ -73,7 +76,14 @@ export function ModelViewer({ model, report, poses, found, marks, isTriangle, ov
             }),
         [poses, found, shown, marks, isTriangle, measuring.places, report],
     );
-    const look = useMemo(() => ({ mode, facing, cut, hidden }), [mode, facing, cut, hidden]);
+    // a plane stays where it is when scans are shown where they began
+    const look = useMemo(
+        () => ({ mode, facing, cut: cut && { ...cut, across: bounds }, hidden }),
+        [mode, facing, cut, bounds, hidden],
+    );
+    const starts = report?.views.map((view) => view.start_from_final) ?? [];
+    const hasStarts = kind === "cloud" && !measured && starts.some((start) => start);
+    const showsStarts = hasStarts && isAtStart;
     if (kinds.length === 0) return <p class="empty panel">{t.model.noSurface}</p>;
     const onPick = measuring.isOn ? ({ place }: Pick) => measuring.pick(place) : props.onPick;
     const axes = (["X", "Y", "Z"] as const).map((axis, index) => [String(index), axis] as const);
@@ -106,14 +116,18 @@ export function ModelViewer({ model, report, poses, found, marks, isTriangle, ov
                 </button>
             </div>
             <Viewer
-                source={url}
+                source={showsStarts ? `${url}#start` : url}
                 keepsView
-                load={(signal, onShare) => fetchSurface(url, signal, onShare)}
+                load={async (signal, onShare) => {
+                    const loaded = await fetchSurface(url, signal, onShare);
+                    return showsStarts ? movedByView(loaded, starts) : loaded;
+                }}
                 look={look}
                 markers={markers}
                 overlay={overlay}
                 onLoaded={(loaded) => {
                     setSurface(loaded);
+                    if (!showsStarts) setBounds(boundsOf(loaded));
                     if (!measured) setOwnModes(modesOf(loaded));
                 }}
                 onRange={setRange}
@@ -128,7 +142,7 @@ export function ModelViewer({ model, report, poses, found, marks, isTriangle, ov
             {range && <Legend mode={mode} range={range} unit={model.unit} />}
             {wanted === "deviation" && <Deviation model={model} reference={reference} onReference={setReference} />}
             <div class="halves">
-                <CutControls cut={cut} onChange={setCut} />
+                <CutControls cut={cut} onChange={setCut} across={bounds} unit={model.unit} />
                 <fieldset>
                     <legend>{t.viewer.show}</legend>
                     <ShownControls
@@ -140,6 +154,16 @@ export function ModelViewer({ model, report, poses, found, marks, isTriangle, ov
                         shown={shown}
                         onChange={setShown}
                     />
+                    {hasStarts && (
+                        <Check
+                            label={t.viewer.atStart}
+                            isOn={isAtStart}
+                            onChange={(isOn) => {
+                                setAtStart(isOn);
+                                if (isOn) setWanted("view");
+                            }}
+                        />
+                    )}
                     {kind === "cloud" && !measured && surface?.views && names.length > 0 && (
                         <ViewList
                             names={names}

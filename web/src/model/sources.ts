@@ -84,6 +84,8 @@ export interface Report {
         points?: number;
         /** The scans of one number hang together. */
         group?: number | null;
+        /** Moves its points in the model to where they were before its pose was refined. */
+        start_from_final?: Matrix | null;
     }[];
     spacing?: number;
     /** Scans that fit in several ways. */

@@ -182,6 +182,7 @@ export const de: Texts = {
         measure: "Messen", measureHelp: "Zwei Punkte wählen.", distance: (value) => `Abstand ${value}`, measureNext: "Nun den zweiten Punkt.",
         pickHint: "Einen Punkt anklicken, oder das Modell drehen, bis er unter dem Kreuz liegt, und Eingabe drücken.",
         nothingThere: "An dieser Stelle ist keine Oberfläche.",
+        atStart: "Scans, wo sie anfangs lagen, vor der Verfeinerung",
         scanners: "Orte des Scanners", landmarks: "Landmarken", triangle: "Dreieck",
         views: "Gezeigte Scans", allViews: "Alle", noViews: "Keine",
         loadingModel: (share) => `Lädt ${share}`,

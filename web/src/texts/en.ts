@@ -181,6 +181,7 @@ export const en = {
         measure: "Measure", measureHelp: "Pick two points.", distance: (value: string) => `Distance ${value}`, measureNext: "Now the second point.",
         pickHint: "Click a point, or turn the model until it is under the cross and press Enter.",
         nothingThere: "There is no surface at this place.",
+        atStart: "Scans where they began, before refinement",
         scanners: "Scanner positions", landmarks: "Landmarks", triangle: "Triangle",
         views: "Scans shown", allViews: "All", noViews: "None",
         loadingModel: (share: string) => `Loading ${share}`,

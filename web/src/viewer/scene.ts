@@ -21,6 +21,7 @@ import {
 } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 
+import { Budget, leastWhileMoving } from "./budget";
 import { colour, markDropped, shade, type ColourMode } from "./colours";
 import type { Facing } from "./facing";
 import type { Linked, View } from "./link";
@@ -28,17 +29,16 @@ import { noMarkers, type Markers, type Place } from "./marker-types";
 import { dispose, markerGroup } from "./markers";
 import { overlayPoints, type Overlay } from "./overlay";
 import { pickCloud, pickMesh, type Spot } from "./picking";
-import { shuffled, type Surface } from "./surface";
+import { shuffled, type Bounds, type Surface } from "./surface";
 
-/** So many points are drawn while the view moves, and never more: a phone has to keep up. */
-const mostWhileMoving = 300_000;
 /** After so long without a movement all is drawn. */
 const rest = 160;
 
 export interface Cut {
     axis: 0 | 1 | 2;
-    /** 0 to 1 across the model. */
+    /** 0 to 1 across the model, or across these bounds. */
     at: number;
+    across?: Bounds | undefined;
     isFlipped: boolean;
 }
 
@@ -82,7 +82,10 @@ export class Stage implements Linked {
     private group: Group | undefined;
     private overlay: Points | undefined;
     private frame = 0;
+    private requestedAt = 0;
+    private budget = new Budget();
     private isMoving = false;
+    private wasMoving = false;
     private timer: ReturnType<typeof setTimeout> | undefined;
     /** How often the view was drawn. Tests look at this, and at where the eye is. */
     drawn = 0;
@@ -123,6 +126,7 @@ export class Stage implements Linked {
         this.box = geometry.boundingBox ?? new Box3();
         this.bounds = this.box.getBoundingSphere(new Sphere());
         this.bounds.radius = Math.max(this.bounds.radius, Number.EPSILON);
+        this.budget = new Budget();
         this.order = shuffled(surface.positions.length / 3);
         this.shown = this.order;
         if (surface.triangles) {
@@ -131,8 +135,8 @@ export class Stage implements Linked {
             this.mesh = new Mesh(geometry, new MeshLambertMaterial({ vertexColors: true, side: DoubleSide }));
             this.scene.add(this.mesh);
         }
-        // a large mesh is shown by its vertices while it moves
-        if (!surface.triangles || surface.triangles.length / 3 > mostWhileMoving) {
+        // a mesh that is too large for this machine is shown by its vertices while it moves
+        if (!surface.triangles || surface.triangles.length / 3 > leastWhileMoving) {
             const cloud = new BufferGeometry();
             cloud.setAttribute("position", geometry.getAttribute("position"));
             cloud.setIndex(new BufferAttribute(this.order, 1));
@@ -176,7 +180,10 @@ export class Stage implements Linked {
         const axes = ["x", "y", "z"] as const;
         if (cut) {
             const axis = axes[cut.axis];
-            const at = this.box.min[axis] + (this.box.max[axis] - this.box.min[axis]) * cut.at;
+            const [low, high] = cut.across
+                ? cut.across.map((corner) => this.local(corner)[axis])
+                : [this.box.min[axis], this.box.max[axis]];
+            const at = (low as number) + ((high as number) - (low as number)) * cut.at;
             const side = cut.isFlipped ? 1 : -1;
             this.cut = new Plane(new Vector3().setComponent(cut.axis, side), -side * at);
         } else {
@@ -364,17 +371,23 @@ export class Stage implements Linked {
     }
 
     private request(): void {
-        if (this.frame === 0) this.frame = requestAnimationFrame(() => this.draw());
+        if (this.frame !== 0) return;
+        this.requestedAt = performance.now();
+        this.frame = requestAnimationFrame(() => this.draw());
     }
 
     private draw(): void {
         this.frame = 0;
         this.drawn += 1;
+        // the one before was drawn in the movement, too: while it is under way this one has to wait
+        if (this.isMoving && this.wasMoving) this.budget.waited(performance.now() - this.requestedAt);
+        this.wasMoving = this.isMoving;
         if (this.points) {
-            const isRough = this.isMoving && this.mesh !== undefined;
+            const triangles = (this.surface?.triangles?.length ?? 0) / 3;
+            const isRough = this.isMoving && triangles > this.budget.points;
             this.points.visible = !this.mesh || isRough;
             if (this.mesh) this.mesh.visible = !isRough;
-            this.points.geometry.setDrawRange(0, this.isMoving ? mostWhileMoving : Infinity);
+            this.points.geometry.setDrawRange(0, this.isMoving ? Math.floor(this.budget.points) : Infinity);
         }
         const distance = this.camera.position.distanceTo(this.bounds.center);
         this.camera.near = Math.max(distance - this.bounds.radius * 12, this.bounds.radius * 0.005);

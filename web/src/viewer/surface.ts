@@ -1,3 +1,5 @@
+import type { Place } from "./marker-types";
+
 /** A cloud or a mesh as it is drawn: coordinates are relative to `origin`, since graphics cards know short floats alone. */
 export interface Surface {
     origin: [number, number, number];
@@ -17,6 +19,26 @@ export interface Surface {
 
 /** What is one number a vertex, by the name that it has in files. */
 export const figureNames = ["support", "deviation", "saliency"] as const;
+
+/** The lowest and the highest corner, in the frame of the model. */
+export type Bounds = readonly [low: Place, high: Place];
+
+export function boundsOf({ origin, positions }: Surface): Bounds {
+    const [low, high] = [origin.map(() => Infinity), origin.map(() => -Infinity)];
+    for (let at = 0; at < positions.length; at += 1) {
+        const value = (positions[at] as number) + (origin[at % 3] as number);
+        if (value < (low[at % 3] as number)) low[at % 3] = value;
+        if (value > (high[at % 3] as number)) high[at % 3] = value;
+    }
+    return [low as unknown as Place, high as unknown as Place];
+}
+
+/** What both take up together. */
+export function joined(a: Bounds, b: Bounds): Bounds {
+    const corner = (index: 0 | 1, choose: (x: number, y: number) => number) =>
+        a[index].map((x, axis) => choose(x, b[index][axis] as number)) as unknown as Place;
+    return [corner(0, Math.min), corner(1, Math.max)];
+}
 
 /** The arrays that can be handed over to another thread without a copy. */
 export function buffersOf(surface: Surface): ArrayBuffer[] {

@@ -58,11 +58,8 @@ pub async fn get_picture(
     let other = query.other.as_deref().map(parse_id).transpose()?;
     let source = ModelPicture::find(&state.context, parse_id(&id)?, kind, other).await?;
     let what = format!("{}-{}-{}-{:?}", source.tag, wish.size, wish.side, wish.plane);
-    let (context, bytes) = (state.context.clone(), source.bytes());
-    let draw = move |progress: &Progress| {
-        let made = source.made(&context, &wish, progress)?;
-        made.to_png().map_err(|error| PicturesError::Broken(error.to_string()))
-    };
+    let (context, bytes) = (state.context.clone(), source.bytes(&wish));
+    let draw = move |progress: &Progress| source.png(&context, &wish, progress);
     answer(&state, &conditions, &what, PNG, bytes, draw).await
 }
 
@@ -92,7 +89,7 @@ pub async fn get_plot(
     }
     let source = ModelPicture::find(&state.context, parse_id(&id)?, kind, None).await?;
     let what = format!("{}-{}-svg", source.tag, wish.size);
-    let (context, bytes) = (state.context.clone(), source.bytes());
+    let (context, bytes) = (state.context.clone(), source.bytes(&wish));
     let draw = move |progress: &Progress| {
         let svg = source.made(&context, &wish, progress)?.to_svg();
         svg.map(String::into_bytes).ok_or(PicturesError::NoPlot(kind.name()))

@@ -92,14 +92,14 @@ impl GalleryQuestion {
     fn new(about: About, terms: Terms) -> Result<GalleryQuestion, Problem> {
         let fingerprint = fingerprint(&about, &terms);
         let after = terms.cursor.as_deref().map(|text| cursor::read(text, &fingerprint)).transpose()?;
-        let Terms { limit, threshold, only_matches, filter, explain, place, .. } = terms;
+        let Terms { limit, threshold, only_matches, filter, words, explain, place, .. } = terms;
         let stored = match &about {
             About::Probe { stored, .. } => *stored,
             _ if place => return Err(place_of_probes()),
             _ => None,
         };
         let place = stored.filter(|_| place).map(Probe::Stored);
-        let question = Question { about, limit, threshold, only_matches, filter, after };
+        let question = Question { about, limit, threshold, only_matches, filter, words, after };
         Ok(GalleryQuestion { question, explain, place, fingerprint })
     }
 }
@@ -114,7 +114,7 @@ fn fingerprint(about: &About, terms: &Terms) -> Fingerprint {
         About::Triangle(triangle) => format!("triangle {triangle:?}").into_bytes(),
         About::Standard { name } => format!("class {name}").into_bytes(),
     };
-    let terms = format!("{:?} {:?} {:?}", terms.threshold, terms.only_matches, terms.filter);
+    let terms = format!("{:?} {:?} {:?} {:?}", terms.threshold, terms.only_matches, terms.filter, terms.words);
     cursor::fingerprint(&[&asked, terms.as_bytes()])
 }
 

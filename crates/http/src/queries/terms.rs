@@ -4,8 +4,10 @@ use serde::Deserialize;
 use utoipa::ToSchema;
 
 use super::super::extract::parse_json;
+use super::super::names;
 use super::super::problem::{Code, Problem};
 use super::super::scan_set_views::UnitView;
+use super::super::schemas::ShortText;
 use super::super::upload::Form;
 use visage_gallery::{Filter, Source};
 
@@ -36,6 +38,9 @@ pub struct FilterView {
     pub labels: Option<Vec<String>>,
     /// A label that begins so.
     pub label_prefix: Option<String>,
+    /// Each of these words, or parts of words, stands in its name or label, in large letters or small.
+    #[schema(value_type = Option<ShortText>)]
+    pub text: Option<String>,
     /// Stored after this time (RFC 3339).
     #[schema(format = DateTime)]
     pub created_after: Option<String>,
@@ -50,6 +55,10 @@ pub struct FilterView {
 }
 
 impl FilterView {
+    fn words(&self) -> Result<Vec<String>, Problem> {
+        Ok(self.text.as_deref().map(|text| names::words("filter.text", text)).transpose()?.unwrap_or_default())
+    }
+
     fn checked(self) -> Result<Filter, Problem> {
         Ok(Filter {
             labels: choices("labels", self.labels)?,
@@ -140,6 +149,7 @@ impl RawTerms {
             threshold: self.threshold,
             only_matches: self.only_matches.unwrap_or(false),
             cursor: self.cursor,
+            words: self.filter.as_ref().map(FilterView::words).transpose()?.unwrap_or_default(),
             filter: self.filter.map(FilterView::checked).transpose()?.unwrap_or_default(),
             explain: self.explain.unwrap_or(false),
             place: self.place.unwrap_or(false),
@@ -160,6 +170,8 @@ pub struct Terms {
     pub cursor: Option<String>,
     /// Which models.
     pub filter: Filter,
+    /// Words of their names or labels.
+    pub words: Vec<String>,
     /// Whether to tell each step's figure.
     pub explain: bool,
     /// Whether to lay the probe onto the first matches.
@@ -187,7 +199,7 @@ mod tests {
         let check = |limit, threshold| RawTerms { limit, threshold, ..RawTerms::default() }.checked();
         let terms = check(None, None).expect("defaults");
         assert_eq!((terms.limit, terms.threshold, terms.only_matches, terms.explain), (20, None, false, false));
-        assert!(terms.filter.is_empty());
+        assert!(terms.filter.is_empty() && terms.words.is_empty());
         assert!(check(Some(0), None).is_err() && check(Some(1001), None).is_err());
         assert!(check(None, Some(f64::NAN)).is_err() && check(None, Some(1.5)).is_err());
         assert_eq!(check(Some(5), Some(0.5)).expect("in bounds").limit, 5);
@@ -201,6 +213,16 @@ mod tests {
         assert_eq!(at("1970-01-01T00:00:00.0004Z", true).expect("a time"), 1);
         assert_eq!(at("1970-01-01T01:00:00+01:00", true).expect("a time"), 0);
         assert!(at("yesterday", false).is_err());
+    }
+
+    #[test]
+    fn a_text_is_words_and_an_empty_one_is_refused() {
+        let terms = |text: &str| {
+            let filter = FilterView { text: Some(text.to_owned()), ..FilterView::default() };
+            RawTerms { filter: Some(filter), ..RawTerms::default() }.checked()
+        };
+        assert_eq!(terms(" red  jug ").expect("sound").words, ["red", "jug"]);
+        assert!(terms("  ").is_err() && terms(&"x".repeat(201)).is_err());
     }
 
     #[test]

@@ -201,6 +201,7 @@ fn spread(component: &Component, refined: &Outcome, n: usize) -> Outcome {
     let mut rows = OverlapMatrix::identity(n).rows().to_vec();
     for (k, &view) in component.views.iter().enumerate() {
         result.local_poses[view] = refined.local_poses[k];
+        result.initial[view] = refined.initial[k];
         result.placed[view] = refined.placed[k];
         for (l, &other) in component.views.iter().enumerate() {
             rows[view][other] = refined.overlaps.rows()[k][l];
@@ -250,6 +251,7 @@ fn settle_world(views: &[View], given: &[Option<Motion>], result: &mut Outcome) 
         .collect();
     for &view in &placed {
         result.local_poses[view] = world * result.local_poses[view];
+        result.initial[view] = world * result.initial[view];
     }
     origins
 }

@@ -32,8 +32,8 @@ use visage_shape::faces::{MatchMethod, judge, standard};
 /// # Errors
 /// [`PictureError::Lacking`] for what the model has not, [`PictureError::Canceled`] while it is at work.
 pub fn draw(kind: Kind, of: &Material, wish: &Wish, progress: &Progress) -> Result<Made, PictureError> {
-    // what these two lack says more
-    let tells_itself = matches!(kind, Kind::Views | Kind::Support);
+    // what these lack says more
+    let tells_itself = matches!(kind, Kind::Views | Kind::Start | Kind::Support);
     if !kind.sources().is_empty() && !tells_itself && of.surface.cloud.is_empty() {
         return Err(without_surface(kind));
     }
@@ -42,6 +42,7 @@ pub fn draw(kind: Kind, of: &Material, wish: &Wish, progress: &Progress) -> Resu
         Kind::Shaded => surfaces::shaded(of, wish, progress).map(Made::Image),
         Kind::Views => surfaces::views(of, wish, progress).map(Made::Image),
         Kind::Section => section::section(of, wish, progress).map(Made::Image),
+        Kind::Start => section::start(of, wish, progress).map(Made::Image),
         Kind::Support => figures::support(of, wish, progress).map(Made::Image),
         Kind::Saliency => salient::saliency(of, wish, progress).map(Made::Image),
         Kind::Deviation => figures::deviation(of, wish, progress).map(Made::Image),
@@ -87,16 +88,16 @@ pub(crate) fn upright(axes: Axes, points: &[Point3]) -> Axes {
 }
 
 /// What is written beside a picture: the model leaves room for it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 enum Beside {
     Nothing,
-    /// A list on the left.
-    Key,
+    /// A list on the left, so many pixels wide.
+    Key(f64),
     /// A bar of colours on the right.
     Bar,
 }
 
-/// Pixels that a list or a bar gets: what letters need, but no more than a quarter of a small picture.
+/// Pixels that a bar gets: what letters need, but no more than a quarter of a small picture.
 fn beside_width(size: Size) -> u32 {
     const LETTERS: u32 = 110;
     (size.width() / 9).max(LETTERS.min(size.width() / 4))
@@ -112,10 +113,13 @@ fn rendered(
     progress: &Progress,
 ) -> Result<Rendered, PictureError> {
     let is_perspective = wish.side == Side::Default;
-    let taken = if beside == Beside::Nothing { 0 } else { beside_width(wish.size) };
-    let room = Size::clamped(wish.size.width() - taken, wish.size.height());
-    let shift = if beside == Beside::Key { f64::from(taken) } else { 0.0 };
-    let camera = Camera::fit(&of.surface.cloud.points, axes(of, wish.side), room, is_perspective).moved(shift);
+    let (on_left, on_right) = match beside {
+        Beside::Nothing => (0.0, 0),
+        Beside::Key(width) => (width, 0),
+        Beside::Bar => (0.0, beside_width(wish.size)),
+    };
+    let room = Size::clamped(wish.size.width() - on_left as u32 - on_right, wish.size.height());
+    let camera = Camera::fit(&of.surface.cloud.points, axes(of, wish.side), room, is_perspective).moved(on_left);
     Ok(render(&scene(&of.surface, colors, paint), &camera, wish.size, progress)?)
 }
 

@@ -1,10 +1,12 @@
-//! A cut: the points near a plane, each scan in its colour, and a part of it magnified.
+//! A cut: the points near a plane, each scan in its colour, and a part of it magnified; with the poses that were found, and with those
+//! that refinement began with.
 
 use super::surfaces::{colors_of, key, views_of};
-use super::{beside_width, reach_of_neighbours, upright, with_legend};
+use super::{lacking, reach_of_neighbours, upright, with_legend};
+use crate::kind::Kind;
 use crate::material::{Axis, Material, PictureError, Plane, Wish};
 use visage_geometry::progress::Progress;
-use visage_geometry::{Bounds, Point3, Vector3};
+use visage_geometry::{Bounds, Motion, Point3, Vector3, se3};
 use visage_picture::camera::{Axes, Camera};
 use visage_picture::color::{CALM, INK};
 use visage_picture::drawing::{Anchor, Drawing};
@@ -31,19 +33,55 @@ struct Slab {
 
 /// The section.
 pub(super) fn section(of: &Material, wish: &Wish, progress: &Progress) -> Result<Image, PictureError> {
+    drawn(of, &of.surface.cloud.points, "", wish, progress)
+}
+
+/// The section before poses were refined, at the same place, in the same scale, with the same part magnified.
+pub(super) fn start(of: &Material, wish: &Wish, progress: &Progress) -> Result<Image, PictureError> {
+    let lacks = |lacks, remedy| lacking(Kind::Start, lacks, remedy);
+    let views = views_of(of).ok_or_else(|| {
+        let remedy = "register the scans with the option cloud; uploaded models have no scans";
+        lacks("it is not known which scan each of its points is of", remedy)
+    })?;
+    let rows = of.found.iter().flat_map(|found| &found.result.views);
+    let motions: Vec<Option<Motion>> =
+        rows.map(|row| row.start_from_final.as_ref().and_then(|rows| se3::from_rows(rows).ok())).collect();
+    if motions.iter().all(Option::is_none) {
+        let remedy = "register the scans again; where scales are sought there is none";
+        return Err(lacks("its report does not say where scans were before their poses were refined", remedy));
+    }
+    let moved = |(point, view): (&Point3, &u16)| {
+        let motion = motions.get(usize::from(*view)).and_then(Option::as_ref);
+        motion.map_or(*point, |motion| motion * point)
+    };
+    let points: Vec<Point3> = of.surface.cloud.points.iter().zip(views).map(moved).collect();
+    drawn(of, &points, "before refinement, ", wish, progress)
+}
+
+/// A section through `points`, which are those of the model or where they were before; framed as that of the model.
+fn drawn(
+    of: &Material,
+    points: &[Point3],
+    when: &str,
+    wish: &Wish,
+    progress: &Progress,
+) -> Result<Image, PictureError> {
     let bounds = of.surface.cloud.bounds().ok_or_else(|| PictureError::Surface("there are no points".to_owned()))?;
     let plane = wish.plane.unwrap_or(Plane { axis: shortest(&bounds), offset: None });
-    let slab = cut(of, plane, &bounds);
+    let framing = cut(of, &of.surface.cloud.points, plane, &bounds);
+    let slab = cut(of, points, plane, &bounds);
     let [width, height] = [f64::from(wish.size.width()), f64::from(wish.size.height())];
     let side = INSET * width.min(height);
+    let key =
+        if views_of(of).is_some() { key(of, &[framing.views.as_slice(), &slab.views].concat()) } else { Vec::new() };
     // the magnified part stands beside the whole if there is room
     let is_wide = width > 1.2 * height;
-    let (on_left, on_right) = if is_wide { (f64::from(beside_width(wish.size)), 0.75 * side) } else { (0.0, 0.0) };
+    let (on_left, on_right) = if is_wide { (legend::key_width(wish.size, &key), 0.75 * side) } else { (0.0, 0.0) };
     let room = Size::clamped((width - on_left - on_right) as u32, wish.size.height());
-    let camera = Camera::fit(&slab.points, upright(axes(plane.axis), &of.surface.cloud.points), room, false);
+    let camera = Camera::fit(&framing.points, upright(axes(plane.axis), &of.surface.cloud.points), room, false);
     let camera = camera.moved(on_left);
     let rendered = dots(&slab, &camera, wish.size, 1.0, progress)?;
-    let magnified = busiest(&slab, &camera, side / MAGNIFIED)
+    let magnified = busiest(&framing, &camera, side / MAGNIFIED)
         .map(|at| {
             let inset_size = Size::clamped(side as u32, side as u32);
             Ok::<_, PictureError>((
@@ -52,8 +90,7 @@ pub(super) fn section(of: &Material, wish: &Wish, progress: &Progress) -> Result
             ))
         })
         .transpose()?;
-    let words = format!("section {} = {} {}", plane.axis.name(), legend::number(slab.offset), unit_words(of));
-    let key = if views_of(of).is_some() { key(of, &slab.views) } else { Vec::new() };
+    let words = format!("{when}section {} = {} {}", plane.axis.name(), legend::number(slab.offset), unit_words(of));
     let mut image = with_legend(rendered, of, |drawing, _| {
         legend::key(drawing, &key);
         let font = legend::font(drawing);
@@ -96,18 +133,17 @@ fn shortest(bounds: &Bounds) -> Axis {
     axes.into_iter().min_by(|a, b| sides[*a as usize].total_cmp(&sides[*b as usize])).unwrap_or(Axis::X)
 }
 
-fn cut(of: &Material, plane: Plane, bounds: &Bounds) -> Slab {
+fn cut(of: &Material, points: &[Point3], plane: Plane, bounds: &Bounds) -> Slab {
     let axis = plane.axis as usize;
     let offset = plane.offset.unwrap_or_else(|| bounds.center()[axis]);
-    let cloud = &of.surface.cloud;
-    let half = HALF_THICKNESS * reach_of_neighbours(&cloud.points);
+    let half = HALF_THICKNESS * reach_of_neighbours(&of.surface.cloud.points);
     let views = views_of(of);
-    let near = |index: &usize| (cloud.points[*index][axis] - offset).abs() <= half;
-    let chosen: Vec<usize> = (0..cloud.len()).filter(near).collect();
+    let near = |index: &usize| (points[*index][axis] - offset).abs() <= half;
+    let chosen: Vec<usize> = (0..points.len()).filter(near).collect();
     let views: Vec<u16> = chosen.iter().map(|index| views.map_or(0, |views| views[*index])).collect();
     // all lie in the plane: none hides another by its depth
     let flat = |index: &usize| {
-        let mut point = cloud.points[*index];
+        let mut point = points[*index];
         point[axis] = offset;
         point
     };

@@ -29,8 +29,9 @@ pub(super) fn views(of: &Material, wish: &Wish, progress: &Progress) -> Result<I
             "register the scans with the option cloud; uploaded models have no scans",
         )
     })?;
-    let rendered = rendered(of, wish, Some(&colors_of(views)), Paint::Figure, Beside::Key, progress)?;
     let key = key(of, views);
+    let beside = Beside::Key(legend::key_width(wish.size, &key));
+    let rendered = rendered(of, wish, Some(&colors_of(views)), Paint::Figure, beside, progress)?;
     Ok(with_legend(rendered, of, |drawing, _| legend::key(drawing, &key)))
 }
 

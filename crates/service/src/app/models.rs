@@ -11,10 +11,12 @@ use visage_shape::faces::Signature;
 /// An uploaded model that is described but has no place yet.
 #[derive(Debug)]
 pub struct Upload {
-    /// The model as it is to be stored: with one asset, the file.
+    /// The model as it is to be stored: with one asset, the file, and perhaps its thumbnail.
     pub model: NewModel,
     /// Its file.
     pub file: StagedFile,
+    /// What it looks like at a glance, if it could be drawn.
+    pub thumbnail: Option<Vec<u8>>,
     /// Its signature.
     pub signature: Signature,
 }
@@ -22,13 +24,18 @@ pub struct Upload {
 /// Stores an uploaded model, with the answer that the client gets; the next query finds it. Must run to its end:
 /// between the file and its row nobody else knows of it.
 pub async fn add(context: &ServiceContext, upload: Upload, replay: Option<&Replay>) -> Result<(), StorageError> {
-    let Upload { model, file, signature } = upload;
+    let Upload { model, file, thumbnail, signature } = upload;
     let (storage, id) = (context.storage(), model.id);
     storage.database.expect_files(&[StoredFile::Model(id)]).await?;
     let assets: Vec<String> = model.assets.iter().map(|asset| asset.name.clone()).collect();
     let keep = move |objects: &dyn ObjectStore| {
         let staged = objects.stage_model()?;
-        assets.iter().try_for_each(|asset| objects.take_asset(&staged, asset, &file))?;
+        for asset in &assets {
+            match thumbnail.as_deref().filter(|_| *asset == Asset::Thumbnail.name()) {
+                Some(content) => drop(objects.write_asset(&staged, asset, content)?),
+                None => objects.take_asset(&staged, asset, &file)?,
+            }
+        }
         objects.keep_model(&staged, id)
     };
     storage.blocking(keep).await?;
@@ -115,7 +122,7 @@ mod tests {
         let model = NewModel { signature: Some((&signature).into()), ..NewModel::example(None) };
         let (id, file) = (model.id, file(&context, b"a mesh").await);
         let mut bell = context.monitor.changes();
-        add(&context, Upload { model, file, signature }, None).await.expect("added");
+        add(&context, Upload { model, file, thumbnail: None, signature }, None).await.expect("added");
         assert!(bell.has_changed().expect("there"), "standards may wait for it");
         bell.mark_unchanged();
         context.database.settled().await;

@@ -1,6 +1,6 @@
 //! The gallery is asked: which models are of a class, are like this one, have this triangle on them.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use super::context::ServiceContext;
 use super::live_gallery::NotReady;
@@ -29,6 +29,8 @@ pub struct Question {
     pub only_matches: bool,
     /// Which models.
     pub filter: Filter,
+    /// Only those that have each of these in their name or label, in large letters or small.
+    pub words: Vec<String>,
     /// Only what comes after this rank: where the page before ended.
     pub after: Option<Rank>,
 }
@@ -128,12 +130,13 @@ pub async fn ask(context: &ServiceContext, question: &Question) -> Result<Answer
 }
 
 async fn ask_gallery(context: &ServiceContext, question: &Question) -> Result<Answer, QueryError> {
+    let named = named(context, question).await?;
     let (gallery, asked, span) = (context.gallery.clone(), question.clone(), tracing::Span::current());
     let search = move || {
         let _entered = span.enter();
         gallery.ask(|index| {
             let catalogue = gallery.catalogue();
-            let accepts = |id| catalogue.takes(&asked.filter, id);
+            let accepts = |id| is_named(named.as_ref(), id) && catalogue.takes(&asked.filter, id);
             (asked.matches(index, &asked.top_k(&accepts)), index.len())
         })
     };
@@ -147,7 +150,8 @@ async fn ask_gallery(context: &ServiceContext, question: &Question) -> Result<An
 /// The models of a class that a user has made: they are judged by a job and ranked by what it stored.
 async fn ask_verdicts(context: &ServiceContext, question: &Question, name: &str) -> Result<Answer, QueryError> {
     // behind a filter, or on a later page, the wanted models may stand anywhere in the ranking
-    let is_first = question.filter.is_empty() && question.after.is_none();
+    let is_first = question.filter.is_empty() && question.words.is_empty() && question.after.is_none();
+    let named = named(context, question).await?;
     let rows = if is_first { question.limit + 1 } else { i64::MAX as usize };
     let ranking = standards::ranking(context, name, rows).await?;
     let ranking = ranking.ok_or_else(|| QueryError::UnknownStandard(name.to_owned()))?;
@@ -158,7 +162,7 @@ async fn ask_verdicts(context: &ServiceContext, question: &Question, name: &str)
     };
     {
         let catalogue = context.gallery.catalogue();
-        let accepts = |id| catalogue.takes(&question.filter, id);
+        let accepts = |id| is_named(named.as_ref(), id) && catalogue.takes(&question.filter, id);
         let (wanted, threshold) = (question.top_k(&accepts), question.decisive_threshold());
         verdicts.retain(|verdict| {
             let Rank { score, model_id } = rank(verdict);
@@ -171,6 +175,19 @@ async fn ask_verdicts(context: &ServiceContext, question: &Question, name: &str)
     let searched = usize::try_from(judged).unwrap_or(usize::MAX);
     let matches = Matches::Judged { standard: Box::new(standard), learned, verdicts };
     Ok(Answer { matches, searched, pending, next })
+}
+
+/// The models that have all words of the question; `None` if it has no words. Names are not in the index: the database knows them.
+async fn named(context: &ServiceContext, question: &Question) -> Result<Option<HashSet<u128>>, DatabaseError> {
+    if question.words.is_empty() {
+        return Ok(None);
+    }
+    let ids = context.database.models_with_words(&question.words).await?;
+    Ok(Some(ids.into_iter().map(ModelId::number).collect()))
+}
+
+fn is_named(named: Option<&HashSet<u128>>, id: u128) -> bool {
+    named.is_none_or(|named| named.contains(&id))
 }
 
 /// Leaves what is asked for of a ranking; answers with where it goes on, if it does.
@@ -284,7 +301,15 @@ mod tests {
 
     fn about_face(limit: usize, after: Option<Rank>) -> Question {
         let about = About::BuiltIn { standard: standard::face(), method: MatchMethod::Verified };
-        Question { about, limit, threshold: None, only_matches: false, filter: Filter::default(), after }
+        Question {
+            about,
+            limit,
+            threshold: None,
+            only_matches: false,
+            filter: Filter::default(),
+            words: Vec::new(),
+            after,
+        }
     }
 
     fn found(answer: &Answer) -> Vec<ModelId> {
@@ -301,7 +326,7 @@ mod tests {
             let signature = example(0.3 * f64::from(k), 5);
             let model = NewModel { signature: Some((&signature).into()), ..NewModel::example(None) };
             let file = file(&context, b"a mesh").await;
-            models::add(&context, Upload { model, file, signature }, None).await.expect("added");
+            models::add(&context, Upload { model, file, thumbnail: None, signature }, None).await.expect("added");
         }
         let all = ask(&context, &about_face(3, None)).await.expect("answered");
         assert_eq!((found(&all).len(), all.searched, all.next), (3, 3, None));
@@ -309,6 +334,36 @@ mod tests {
         let second = ask(&context, &about_face(2, first.next)).await.expect("answered");
         assert_eq!([found(&first), found(&second)].concat(), found(&all));
         assert_eq!(second.next, None);
+    }
+
+    #[tokio::test]
+    async fn words_of_names_narrow_an_answer_and_its_pages() {
+        let (context, _place) = context().await;
+        for (k, name) in ["Red jug", "a head", "red head", "JUG, red"].into_iter().enumerate() {
+            let signature = example(0.3 * k as f64, 5);
+            let name = name.to_owned();
+            let model = NewModel { name, signature: Some((&signature).into()), ..NewModel::example(None) };
+            let file = file(&context, b"a mesh").await;
+            models::add(&context, Upload { model, file, thumbnail: None, signature }, None).await.expect("added");
+        }
+        let names = |answer: &Answer| match &answer.matches {
+            Matches::Found(matches) => matches.iter().map(|(_, model)| model.name.clone()).collect::<Vec<_>>(),
+            Matches::Judged { .. } => panic!("the face is built in"),
+        };
+        let with = |words: &[&str], limit, after| Question {
+            words: words.iter().map(|word| (*word).to_owned()).collect(),
+            ..about_face(limit, after)
+        };
+        let all = names(&ask(&context, &about_face(9, None)).await.expect("answered"));
+        let red: Vec<String> = all.iter().filter(|name| *name != "a head").cloned().collect();
+        let found = ask(&context, &with(&["RED"], 9, None)).await.expect("answered");
+        assert_eq!((names(&found), found.searched), (red.clone(), 4));
+        let jugs = names(&ask(&context, &with(&["jug", "red"], 9, None)).await.expect("answered"));
+        assert_eq!(jugs.len(), 2, "{jugs:?}");
+        assert!(names(&ask(&context, &with(&["blue"], 9, None)).await.expect("answered")).is_empty());
+        let first = ask(&context, &with(&["red"], 2, None)).await.expect("answered");
+        let rest = ask(&context, &with(&["red"], 2, first.next)).await.expect("answered");
+        assert_eq!([names(&first), names(&rest)].concat(), red);
     }
 
     #[tokio::test]

@@ -116,7 +116,7 @@ fn content(
         Asset::Medium => outcome.mesh.as_ref().and_then(|made| copy(made.medium.as_ref(), outcome)),
         Asset::Preview => outcome.mesh.as_ref().and_then(|made| copy(made.preview.as_ref(), outcome)),
         Asset::Report => Some(report_json(outcome.report.to_json(), &run())?),
-        Asset::UploadedMesh(_) | Asset::UploadedCloud(_) | Asset::Annotated(_) => None,
+        Asset::UploadedMesh(_) | Asset::UploadedCloud(_) | Asset::Thumbnail | Asset::Annotated(_) => None,
     })
 }
 

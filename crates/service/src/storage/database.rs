@@ -270,6 +270,9 @@ pub trait Matches {
     /// Those of the given models that are (still) there, ordered by id.
     async fn matched_models(&self, ids: &[ModelId]) -> Result<Vec<MatchedModel>, DatabaseError>;
 
+    /// The models that have each of these words in their name or label, in large letters or small.
+    async fn models_with_words(&self, words: &[String]) -> Result<Vec<ModelId>, DatabaseError>;
+
     /// The facets of all models that have a signature.
     async fn facets(&self) -> Result<Vec<(ModelId, ModelFacets)>, DatabaseError>;
 }

@@ -9,7 +9,7 @@ mod page;
 mod saliency;
 mod scans;
 
-pub use models::ModelPicture;
+pub use models::{ModelPicture, thumbnail};
 pub use page::ModelPage;
 pub use saliency::SaliencyMap;
 pub use scans::{ScanPicture, SetPicture};

@@ -5,10 +5,10 @@ use crate::app::context::ServiceContext;
 use visage_domain::asset::{self, Asset};
 use visage_domain::{AssetRecord, ModelId, ModelRecord};
 use visage_formats::{ply, read_surface};
-use visage_geometry::Surface;
 use visage_geometry::progress::Progress;
+use visage_geometry::{Surface, Unit};
 use visage_report::found::Found;
-use visage_report::{Material, Source, draw};
+use visage_report::{Material, PictureError, Source, draw};
 use visage_shape::faces::Signature;
 
 /// What a picture of a model is made of.
@@ -52,8 +52,24 @@ impl ModelPicture {
     }
 
     /// The bytes of the files that have to be read.
-    pub fn bytes(&self) -> u64 {
-        self.material.bytes()
+    pub fn bytes(&self, wish: &Wish) -> u64 {
+        self.drawn(wish).map_or_else(|| self.material.bytes(), |asset| asset.bytes)
+    }
+
+    /// The picture as PNG: as it was drawn when the model was stored, if that is what is wished; else it is read and drawn. Blocks; runs
+    /// inside the caller's rayon pool.
+    pub fn png(&self, context: &ServiceContext, wish: &Wish, progress: &Progress) -> Result<Vec<u8>, PicturesError> {
+        match self.drawn(wish) {
+            Some(asset) => content(context, self.material.model.id, asset),
+            None => written(&self.made(context, wish, progress)?),
+        }
+    }
+
+    /// The picture that was drawn when the model was stored, if it is the one that is wished.
+    fn drawn(&self, wish: &Wish) -> Option<&AssetRecord> {
+        let name = Asset::Thumbnail.name();
+        let is_usual = self.kind == Kind::Thumbnail && *wish == Wish::of(Kind::Thumbnail);
+        self.material.assets.iter().find(|asset| is_usual && asset.name == name)
     }
 
     /// Reads and draws. Blocks; runs inside the caller's rayon pool.
@@ -62,6 +78,28 @@ impl ModelPicture {
         progress.check()?;
         Ok(draw(self.kind, &material, wish, progress)?)
     }
+}
+
+/// What a model looks like at a glance, while it is still in memory; `None` if it can't be drawn. Runs inside the caller's rayon pool.
+///
+/// # Errors
+/// [`PicturesError::Canceled`], while it is at work.
+pub fn thumbnail(
+    surface: Surface,
+    signature: &Signature,
+    unit: Unit,
+    progress: &Progress,
+) -> Result<Option<Vec<u8>>, PicturesError> {
+    let material = Material { surface, signature: Some(signature.clone()), unit, ..Material::default() };
+    match draw(Kind::Thumbnail, &material, &Wish::of(Kind::Thumbnail), progress) {
+        Ok(made) => written(&made).map(Some),
+        Err(PictureError::Canceled(canceled)) => Err(canceled.into()),
+        Err(PictureError::Lacking { .. } | PictureError::Surface(_)) => Ok(None),
+    }
+}
+
+fn written(made: &Made) -> Result<Vec<u8>, PicturesError> {
+    made.to_png().map_err(|error| PicturesError::Broken(error.to_string()))
 }
 
 impl Stored {

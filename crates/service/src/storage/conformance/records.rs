@@ -127,6 +127,11 @@ pub async fn models_are_found_by_words_of_their_names_and_labels(place: &impl Da
         let found: Vec<&str> = found.items.iter().map(|model| model.name.as_str()).collect();
         assert_eq!(found, names, "{text}");
     }
+    // of all that a query may answer with there are no pages
+    for (words, count) in [(vec![], 3), (vec!["fruit"], 2), (vec!["fruit", "_2"], 1), (vec!["fruit", "a*b"], 0)] {
+        let words: Vec<String> = words.into_iter().map(str::to_owned).collect();
+        assert_eq!(db.models_with_words(&words).await.expect("read").len(), count, "{words:?}");
+    }
     // a page is full of what fits, and goes on after it
     let words = vec!["fruit".to_owned()];
     let filter = ModelFilter { words, ..ModelFilter::default() };

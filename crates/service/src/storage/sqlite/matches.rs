@@ -2,6 +2,7 @@
 
 use super::rows::row;
 use super::signatures::checked;
+use super::words::{self, has_words};
 use super::{SqliteDatabase, damaged, stored_id};
 use crate::storage::DatabaseError;
 use crate::storage::database::Matches;
@@ -53,6 +54,14 @@ impl Matches for SqliteDatabase {
         .fetch_all(&self.readers)
         .await?;
         rows.into_iter().map(Row::model).collect()
+    }
+
+    async fn models_with_words(&self, words: &[String]) -> Result<Vec<ModelId>, DatabaseError> {
+        let ids: Vec<String> = sqlx::query_scalar(concat!("SELECT id FROM model WHERE ", has_words!("?")))
+            .bind(words::patterns(words))
+            .fetch_all(&self.readers)
+            .await?;
+        ids.iter().map(|id| stored_id!(ModelId, id)).collect()
     }
 
     async fn facets(&self) -> Result<Vec<(ModelId, ModelFacets)>, DatabaseError> {

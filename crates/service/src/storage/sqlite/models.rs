@@ -3,9 +3,9 @@
 use sqlx::SqliteConnection;
 
 use super::rows::row;
+use super::words::{self, has_words};
 use super::{
     SqliteDatabase, damaged, evaluations, files, outbox, replays, signatures, sql_limit, stored_id, to_i64, to_u64,
-    words,
 };
 use crate::storage::database::Models;
 use crate::storage::{DatabaseError, Deleted, Purged, Unseen};
@@ -78,16 +78,16 @@ impl Models for SqliteDatabase {
     }
 
     async fn models(&self, filter: &ModelFilter, page: &PageRequest) -> Result<Page<ModelRecord>, DatabaseError> {
-        let rows: Vec<ModelRow> = sqlx::query_as(
+        let rows: Vec<ModelRow> = sqlx::query_as(concat!(
             "SELECT model.*, signature.summary FROM model
              LEFT JOIN signature ON signature.model_id = model.id
              WHERE (?1 IS NULL OR model.id < ?1)
                AND (?2 IS NULL OR model.label = ?2)
                AND (?3 IS NULL OR model.scan_set_id = ?3)
-               AND NOT EXISTS (SELECT 1 FROM json_each(?4) WHERE NOT (model.name GLOB value
-                                                                     OR ifnull(model.label, '') GLOB value))
-             ORDER BY model.id DESC LIMIT ?5",
-        )
+               AND ",
+            has_words!("?4"),
+            " ORDER BY model.id DESC LIMIT ?5",
+        ))
         .bind(page.before.as_deref())
         .bind(filter.label.as_deref())
         .bind(filter.scan_set_id.map(|id| id.to_string()))

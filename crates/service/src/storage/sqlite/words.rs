@@ -5,6 +5,18 @@
 
 use std::collections::BTreeSet;
 
+/// The condition that a model has all words in its name or label; their [`patterns`] stand for the parameter.
+macro_rules! has_words {
+    ($patterns:literal) => {
+        concat!(
+            "NOT EXISTS (SELECT 1 FROM json_each(",
+            $patterns,
+            ") WHERE NOT (model.name GLOB value OR ifnull(model.label, '') GLOB value))"
+        )
+    };
+}
+pub(super) use has_words;
+
 /// The patterns of texts that hold these words, in large letters or small, as a JSON array; a word that is named twice once.
 pub(super) fn patterns(words: &[String]) -> String {
     let patterns: BTreeSet<String> = words.iter().map(|word| pattern(word)).collect();
