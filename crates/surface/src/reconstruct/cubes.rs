@@ -23,6 +23,8 @@ pub struct Pattern {
     pub triangles: Vec<Triangle>,
     /// The polygons whose middles the triangles need, by their edges.
     pub middles: Vec<Vec<u8>>,
+    /// Whether the surface passes more than once, through the cell or one of its faces: sheets are near each other.
+    pub is_folded: bool,
 }
 
 /// The patterns of all 256 sets of corners inside (bit c: corner c is inside).
@@ -39,13 +41,16 @@ fn edge_between(a: u8, b: u8) -> u8 {
 fn pattern(inside: u8) -> Pattern {
     let is_inside = |corner: u8| inside >> corner & 1 == 1;
     let mut next = [None; 12];
+    let mut is_folded = false;
     for face in FACES {
+        let mut runs = 0;
         // each run of corners inside is cut off by a segment from the edge where it ends to the edge where it begins
         for k in 0..4 {
             let (corner, before) = (face[k], face[(k + 3) % 4]);
             if !is_inside(corner) || is_inside(before) {
                 continue;
             }
+            runs += 1;
             let mut last = k;
             while is_inside(face[(last + 1) % 4]) {
                 last = (last + 1) % 4;
@@ -53,8 +58,10 @@ fn pattern(inside: u8) -> Pattern {
             let (enter, leave) = (edge_between(before, corner), edge_between(face[last], face[(last + 1) % 4]));
             next[enter as usize] = Some(leave);
         }
+        is_folded |= runs > 1;
     }
-    let mut found = Pattern::default();
+    let mut found = Pattern { is_folded, ..Pattern::default() };
+    let mut polygons = 0;
     let mut is_done = [false; 12];
     for start in 0..12u8 {
         if is_done[start as usize] || next[start as usize].is_none() {
@@ -68,7 +75,9 @@ fn pattern(inside: u8) -> Pattern {
             edge = next[edge as usize].unwrap_or(start);
         }
         found.add(polygon);
+        polygons += 1;
     }
+    found.is_folded |= polygons > 1;
     found
 }
 

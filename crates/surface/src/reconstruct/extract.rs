@@ -4,8 +4,9 @@ use rayon::prelude::*;
 
 use super::cubes::{EDGES, MIDDLE, Pattern, patterns};
 use super::field::FieldBlock;
-use super::grid::{BlockKey, Blocks, NODES, around, block_at, block_of, first_node, key, node_at, place_of};
-use super::levels::Volume;
+use super::grid::{BlockKey, Blocks, EDGE, NODES, around, block_at, first_node, key, node_at, place_of};
+use super::levels::{FAR, Volume};
+use super::refine::refine;
 
 /// A surface in cells of the grid.
 #[derive(Debug, Clone, Default)]
@@ -18,11 +19,18 @@ pub struct Triangles {
     pub faces: Vec<[u32; 3]>,
 }
 
-/// A place with its support.
-type Vertex = ([f32; 3], f32);
+/// A place with its support and the way that the surface looks there.
+type Vertex = ([f32; 3], f32, [f32; 3]);
 
-/// The triangles of a block's cells, and the middles of polygons that they need.
-type Cut = (Vec<[u32; 3]>, Vec<Vertex>);
+/// The triangles of a block's cells.
+#[derive(Default)]
+struct Cut {
+    faces: Vec<[u32; 3]>,
+    /// The middles of polygons that they need.
+    middles: Vec<Vertex>,
+    /// The vertices of cells in which sheets are near each other.
+    folded: Vec<u32>,
+}
 
 /// A vertex is kept at least this far from the nodes of its edge, in cells: no triangle shrinks to nothing.
 const LEAST: f32 = 0.03;
@@ -44,19 +52,24 @@ pub fn extract(volume: &Volume) -> Triangles {
     let cut: Vec<Cut> =
         (0..own.len()).into_par_iter().map(|index| triangles(volume, index, &own, &firsts, &patterns)).collect();
     let mut found = Triangles::default();
+    let mut normals: Vec<[f32; 3]> = Vec::new();
     for own in &own {
-        found.vertices.extend(own.vertices.iter().map(|(place, _)| *place));
-        found.support.extend(own.vertices.iter().map(|(_, support)| *support));
+        found.vertices.extend(own.vertices.iter().map(|(place, ..)| *place));
+        found.support.extend(own.vertices.iter().map(|(_, support, _)| *support));
+        normals.extend(own.vertices.iter().map(|(.., normal)| *normal));
     }
-    for (faces, middles) in cut {
+    for Cut { faces, middles, folded } in cut {
         let base = found.vertices.len() as u32;
-        found.vertices.extend(middles.iter().map(|(place, _)| *place));
-        found.support.extend(middles.iter().map(|(_, support)| *support));
+        found.vertices.extend(middles.iter().map(|(place, ..)| *place));
+        found.support.extend(middles.iter().map(|(_, support, _)| *support));
+        normals.extend(middles.iter().map(|(.., normal)| *normal));
         // middles are counted from the top
         let named = |v: u32| if v > u32::MAX / 2 { base + (u32::MAX - v) } else { v };
         found.faces.extend(faces.into_iter().map(|face| face.map(named)));
+        // finer triangles might cross there
+        folded.into_iter().for_each(|v| normals[named(v) as usize] = [0.0; 3]);
     }
-    found
+    refine(found, &normals)
 }
 
 /// Adds blocks until all cells at edges whose ends differ in sign are in one: what the surface passes through beyond the
@@ -94,33 +107,39 @@ pub fn close(volume: &mut Volume) {
 
 /// Blocks that aren't there and have a cell at an edge, of this block or beyond its border, whose ends differ in sign.
 fn missing_around(volume: &Volume, of: BlockKey) -> Vec<BlockKey> {
-    let near = around(of);
-    if near.iter().flatten().all(|key| volume.blocks.index(*key).is_some()) {
+    let keys = around(of);
+    let blocks = keys.map(|key| key.and_then(|key| volume.blocks.get(key)));
+    let is_missing = |slot: usize| keys[slot].is_some() && blocks[slot].is_none();
+    if !(0..27).any(is_missing) {
         return Vec::new();
     }
-    let Some(block) = volume.blocks.get(of) else { return Vec::new() };
     let first = first_node(of);
+    let value = |local: &[i32; 3]| match blocks[slot_of(local)] {
+        Some(block) => block.values[place_of(local)],
+        None => volume.beyond(&std::array::from_fn(|axis| first[axis] + local[axis])),
+    };
     let mut missing = Vec::new();
     for place in 0..NODES {
-        let node = node_at(&first, place);
-        let is_inside = block.values[place] < 0.0;
+        let node = node_at(&[0; 3], place);
+        // all cells at the edges of a node inside are in the block itself
+        if node.iter().all(|x| (1..EDGE - 1).contains(x)) {
+            continue;
+        }
         for axis in 0..3 {
             for direction in [-1, 1] {
                 let mut next = node;
                 next[axis] += direction;
-                if next[axis] < 0 || (volume.value(&next) < 0.0) == is_inside {
-                    continue;
-                }
                 // the four cells around the edge, by their first nodes
                 let start = if direction < 0 { next } else { node };
                 let (a, b) = ((axis + 1) % 3, (axis + 2) % 3);
-                for k in 0..4 {
+                let slots: [usize; 4] = std::array::from_fn(|k| {
                     let mut cell = start;
-                    cell[a] -= k & 1;
-                    cell[b] -= k >> 1;
-                    if cell.iter().all(|x| *x >= 0) && volume.blocks.index(block_of(&cell)).is_none() {
-                        missing.push(block_of(&cell));
-                    }
+                    cell[a] -= k as i32 & 1;
+                    cell[b] -= k as i32 >> 1;
+                    slot_of(&cell)
+                });
+                if slots.iter().any(|slot| is_missing(*slot)) && (value(&next) < 0.0) != (value(&node) < 0.0) {
+                    missing.extend(slots.into_iter().filter(|slot| is_missing(*slot)).filter_map(|slot| keys[slot]));
                 }
             }
         }
@@ -128,6 +147,13 @@ fn missing_around(volume: &Volume, of: BlockKey) -> Vec<BlockKey> {
     missing.sort_unstable();
     missing.dedup();
     missing
+}
+
+/// Which of the blocks around a block, in their order, holds a node by its offset from the block's first.
+#[inline]
+fn slot_of(local: &[i32; 3]) -> usize {
+    let at = local.map(|x| (x + EDGE) >> 3);
+    (at[2] * 9 + at[1] * 3 + at[0]) as usize
 }
 
 /// The vertices on the edges that begin at a block's nodes.
@@ -176,10 +202,49 @@ fn halo_index(at: [i32; 3]) -> usize {
     (at[2] * 81 + at[1] * 9 + at[0]) as usize
 }
 
+fn unit(of: [f32; 3]) -> [f32; 3] {
+    let length = of.iter().map(|x| x * x).sum::<f32>().sqrt().max(f32::MIN_POSITIVE);
+    of.map(|x| x / length)
+}
+
+/// A block with those around it.
+struct Around<'a> {
+    near: [Option<&'a FieldBlock>; 27],
+}
+
+impl Around<'_> {
+    /// The value at a node, by its offset from the block's first, if data is near it.
+    #[inline]
+    fn known(&self, node: &[i32; 3]) -> Option<f32> {
+        let block = self.near[slot_of(node)]?;
+        let place = place_of(node);
+        (block.weights[place] > 0.0 && block.values[place].abs() < FAR).then(|| block.values[place])
+    }
+
+    /// How the field grows at a node, as far as data is near; not normalised.
+    fn gradient(&self, node: &[i32; 3]) -> [f32; 3] {
+        let own = self.known(node);
+        std::array::from_fn(|axis| {
+            let beside = |by: i32| {
+                let mut at = *node;
+                at[axis] += by;
+                self.known(&at)
+            };
+            match (beside(-1), own, beside(1)) {
+                (Some(before), _, Some(after)) => (after - before) / 2.0,
+                (Some(before), Some(own), None) => own - before,
+                (None, Some(own), Some(after)) => after - own,
+                _ => 0.0,
+            }
+        })
+    }
+}
+
 fn own_vertices(volume: &Volume, index: usize) -> OwnVertices {
     let of = volume.blocks.keys()[index];
     let first = first_node(of);
     let halo = Halo::of(volume, of);
+    let around = Around { near: around(of).map(|near| near.and_then(|near| volume.blocks.get(near))) };
     let mut own = OwnVertices { vertices: Vec::new(), on_edge: vec![NONE; 3 * NODES].into_boxed_slice() };
     for place in 0..NODES {
         let node = node_at(&[0; 3], place);
@@ -193,11 +258,13 @@ fn own_vertices(volume: &Volume, index: usize) -> OwnVertices {
                 continue;
             }
             let share = (a / (a - b)).clamp(LEAST, 1.0 - LEAST);
+            let (from_gradient, to_gradient) = (around.gradient(&node), around.gradient(&next));
+            let normal = unit(std::array::from_fn(|k| (1.0 - share) * from_gradient[k] + share * to_gradient[k]));
             let mut position: [f32; 3] = std::array::from_fn(|k| (first[k] + node[k]) as f32);
             position[axis] += share;
             let support = (1.0 - share) * halo.weights[from] + share * halo.weights[to];
             own.on_edge[3 * place + axis] = own.vertices.len() as u16;
-            own.vertices.push((position, support));
+            own.vertices.push((position, support, normal));
         }
     }
     own
@@ -212,7 +279,7 @@ fn triangles(volume: &Volume, index: usize, own: &[OwnVertices], firsts: &[u32],
         volume.blocks.index(key([at[0] + (k & 1), at[1] + (k >> 1 & 1), at[2] + (k >> 2)]))
     });
     let halo = Halo::of(volume, of);
-    let (mut faces, mut middles) = (Vec::new(), Vec::new());
+    let mut cut = Cut::default();
     for place in 0..NODES {
         let node = node_at(&[0; 3], place);
         let corner = |c: i32| [node[0] + (c & 1), node[1] + (c >> 1 & 1), node[2] + (c >> 2)];
@@ -229,12 +296,13 @@ fn triangles(volume: &Volume, index: usize, own: &[OwnVertices], firsts: &[u32],
             let local = own[block].on_edge[3 * place_of(&from) + axis];
             (local != NONE).then(|| (firsts[block] + u32::from(local), own[block].vertices[local as usize]))
         };
-        let base = middles.len() as u32;
+        let base = cut.middles.len() as u32;
         for polygon in &pattern.middles {
             let corners: Vec<Vertex> = polygon.iter().filter_map(|edge| Some(vertex(*edge)?.1)).collect();
             let count = corners.len().max(1) as f32;
-            let place = std::array::from_fn(|k| corners.iter().map(|(place, _)| place[k]).sum::<f32>() / count);
-            middles.push((place, corners.iter().map(|(_, support)| support).sum::<f32>() / count));
+            let place = std::array::from_fn(|k| corners.iter().map(|(place, ..)| place[k]).sum::<f32>() / count);
+            let normal = unit(std::array::from_fn(|k| corners.iter().map(|(.., normal)| normal[k]).sum::<f32>()));
+            cut.middles.push((place, corners.iter().map(|(_, support, _)| support).sum::<f32>() / count, normal));
         }
         for triangle in &pattern.triangles {
             let named = triangle.map(|at| match at {
@@ -242,9 +310,12 @@ fn triangles(volume: &Volume, index: usize, own: &[OwnVertices], firsts: &[u32],
                 edge => vertex(edge).map(|(name, _)| name),
             });
             if let [Some(a), Some(b), Some(c)] = named {
-                faces.push([a, b, c]);
+                cut.faces.push([a, b, c]);
+                if pattern.is_folded {
+                    cut.folded.extend([a, b, c]);
+                }
             }
         }
     }
-    (faces, middles)
+    cut
 }

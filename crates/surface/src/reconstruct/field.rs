@@ -42,11 +42,13 @@ pub fn field(samples: &Samples) -> Field {
     let mut keys: Vec<BlockKey> = samples.blocks.keys().iter().flat_map(|key| around(*key)).flatten().collect();
     keys.par_sort_unstable();
     keys.dedup();
-    let found: Vec<(BlockKey, Option<FieldBlock>)> =
-        keys.into_par_iter().map(|key| (key, block(samples, key))).collect();
-    let (keys, values) = found.into_iter().filter_map(|(key, block)| Some((key, block?))).unzip();
-    let field = Field::new(keys, values);
-    corrected(samples, field)
+    let found: Vec<Option<(BlockKey, (FieldBlock, PackedLeading))>> =
+        keys.into_par_iter().map(|key| Some((key, block(samples, key)?))).collect();
+    let (keys, values): (Vec<BlockKey>, (Vec<FieldBlock>, Vec<PackedLeading>)) = found.into_iter().flatten().unzip();
+    let (blocks, leading) = values;
+    let mut field = Field::new(keys, blocks);
+    correct(samples, &mut field, &leading);
+    field
 }
 
 /// The samples that reach a block.
@@ -62,24 +64,33 @@ fn near(samples: &Samples, key: BlockKey) -> Vec<u32> {
     ranges.flat_map(|range| range.clone()).filter(reaches).collect()
 }
 
-/// Calls `visit` with each node of a block that a sample reaches: its place, its offset from the sample, and the squared
-/// distance.
+/// Nodes that are computed at once, beside each other along x: what a vector of the processor holds.
+const LANES: usize = 4;
+
+/// Calls `visit` for the nodes of a block that a sample reaches, [`LANES`] at a time: the place of the first, the offsets from
+/// the sample along x of all, those along y and z, and the squared distances. Some may be out of reach.
 #[inline]
-fn for_each_reached(first: &[f32; 3], sample: &Sample, mut visit: impl FnMut(usize, [f32; 3], f32)) {
+fn for_each_reached(
+    first: &[f32; 3],
+    sample: &Sample,
+    mut visit: impl FnMut(usize, [f32; LANES], [f32; 2], [f32; LANES]),
+) {
     let at: [f32; 3] = std::array::from_fn(|axis| sample.place[axis] - first[axis]);
-    let low = at.map(|x| (x - REACH).ceil().max(0.0) as i32);
-    let high = at.map(|x| (x + REACH).floor().min(EDGE as f32 - 1.0) as i32);
-    for z in low[2]..=high[2] {
+    // one more at either end does no harm: it weighs nothing
+    let within =
+        at.map(|at| ((at - REACH).max(0.0) as i32 as usize, ((at + REACH + 1.0).max(0.0) as i32).min(EDGE) as usize));
+    let [(left, right), (front, back), (bottom, top)] = within;
+    for z in bottom..top {
         let dz = z as f32 - at[2];
-        for y in low[1]..=high[1] {
+        for y in front..back {
             let dy = y as f32 - at[1];
             let rest = dz * dz + dy * dy;
-            for x in low[0]..=high[0] {
-                let dx = x as f32 - at[0];
-                let distance2 = rest + dx * dx;
-                if distance2 < REACH * REACH {
-                    visit((z << 6 | y << 3 | x) as usize, [dx, dy, dz], distance2);
-                }
+            if rest >= REACH * REACH {
+                continue;
+            }
+            for x in (left / LANES * LANES..right).step_by(LANES) {
+                let dx: [f32; LANES] = std::array::from_fn(|k| (x + k) as f32 - at[0]);
+                visit(z << 6 | y << 3 | x, dx, [dy, dz], dx.map(|dx| rest + dx * dx));
             }
         }
     }
@@ -88,7 +99,7 @@ fn for_each_reached(first: &[f32; 3], sample: &Sample, mut visit: impl FnMut(usi
 /// The weight of a sample at a squared distance: 1 at its place, smoothly to 0 at [`REACH`].
 #[inline]
 pub(super) fn falloff(distance2: f32) -> f32 {
-    let rest = 1.0 - distance2 * (1.0 / (REACH * REACH));
+    let rest = (1.0 - distance2 * (1.0 / (REACH * REACH))).max(0.0);
     let square = rest * rest;
     square * square
 }
@@ -98,55 +109,96 @@ fn dot(a: &[f32; 3], b: &[f32; 3]) -> f32 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// For each node of a block the way that the surface nearest to it looks (not normalised): of the samples around those next
-/// to the node count, and a few that strayed don't outweigh the many beside them.
-fn leading_normals(samples: &Samples, first: &[f32; 3], near: &[u32]) -> Box<[[f32; 3]; NODES]> {
-    let mut leading = Box::new([[0.0f32; 3]; NODES]);
-    for sample in near.iter().map(|index| &samples.samples[*index as usize]) {
-        for_each_reached(first, sample, |place, _, distance2| {
-            let weight = sample.weight * falloff(distance2).powi(LEADING);
+/// For each node of a block the way that the surface nearest to it looks, by axes: of the samples around those next to the
+/// node count, and a few that strayed don't outweigh the many beside them.
+struct Leading(Box<[[f32; NODES]; 3]>);
+
+/// The same in little memory, in steps of 1 / [`STEPS`].
+struct PackedLeading(Box<[[i8; NODES]; 3]>);
+
+const STEPS: f32 = 127.0;
+
+impl Leading {
+    fn of(samples: &Samples, first: &[f32; 3], near: &[u32]) -> PackedLeading {
+        let mut sums = Box::new([[0.0f32; NODES]; 3]);
+        for sample in near.iter().map(|index| &samples.samples[*index as usize]) {
+            for_each_reached(first, sample, |place, _, _, distance2| {
+                let weights = distance2.map(|distance2| sample.weight * falloff(distance2).powi(LEADING));
+                for (sums, normal) in sums.iter_mut().zip(sample.normal) {
+                    add(sums, place, &weights.map(|weight| weight * normal));
+                }
+            });
+        }
+        let mut packed = Box::new([[0i8; NODES]; 3]);
+        for place in 0..NODES {
+            let sum = [sums[0][place], sums[1][place], sums[2][place]];
+            // far off weights are so small that their squares are 0
+            let largest = sum.iter().fold(f32::MIN_POSITIVE, |largest, x| largest.max(x.abs()));
+            let scaled = sum.map(|x| x / largest);
+            let length = dot(&scaled, &scaled).sqrt();
             for axis in 0..3 {
-                leading[place][axis] += weight * sample.normal[axis];
+                packed[axis][place] = if length >= 1.0 { (STEPS * scaled[axis] / length).round() as i8 } else { 0 };
             }
-        });
+        }
+        PackedLeading(packed)
     }
-    for normal in leading.iter_mut() {
-        // far off weights are so small that their squares are 0
-        let largest = normal.iter().fold(f32::MIN_POSITIVE, |largest, x| largest.max(x.abs()));
-        let scaled = normal.map(|x| x / largest);
-        let length = dot(&scaled, &scaled).sqrt().max(f32::MIN_POSITIVE);
-        *normal = scaled.map(|x| if length >= 1.0 { x / length } else { 0.0 });
+
+    /// How far a normal looks the same way as the surface at nodes: their cosines, at least 0.
+    #[inline]
+    fn agreement(&self, place: usize, normal: &[f32; 3]) -> [f32; LANES] {
+        let [x, y, z] = &*self.0;
+        let [x, y, z] = [lanes(x, place), lanes(y, place), lanes(z, place)];
+        std::array::from_fn(|k| (normal[0] * x[k] + normal[1] * y[k] + normal[2] * z[k]).max(0.0))
     }
-    leading
+}
+
+impl PackedLeading {
+    fn unpacked(&self) -> Leading {
+        let mut found = Box::new([[0.0f32; NODES]; 3]);
+        for (to, from) in found.iter_mut().flatten().zip(self.0.iter().flatten()) {
+            *to = f32::from(*from) / STEPS;
+        }
+        Leading(found)
+    }
+}
+
+#[inline]
+fn lanes(of: &[f32; NODES], place: usize) -> [f32; LANES] {
+    std::array::from_fn(|k| of[(place + k) % NODES])
+}
+
+#[inline]
+fn add(to: &mut [f32; NODES], place: usize, values: &[f32; LANES]) {
+    to[place..place + LANES].iter_mut().zip(values).for_each(|(sum, value)| *sum += value);
 }
 
 /// The field on a block, `None` if no sample reaches it.
-fn block(samples: &Samples, key: BlockKey) -> Option<FieldBlock> {
+fn block(samples: &Samples, key: BlockKey) -> Option<(FieldBlock, PackedLeading)> {
     let first = first_node(key).map(|x| x as f32);
     let near = near(samples, key);
     if near.is_empty() {
         return None;
     }
-    let leading = leading_normals(samples, &first, &near);
+    let packed = Leading::of(samples, &first, &near);
+    let leading = packed.unpacked();
     let mut found = FieldBlock::empty();
     for sample in near.iter().map(|index| &samples.samples[*index as usize]) {
-        for_each_reached(&first, sample, |place, offset, distance2| {
-            let agreement = dot(&sample.normal, &leading[place]);
-            if agreement > 0.0 {
-                let weight = sample.weight * falloff(distance2) * agreement;
-                found.values[place] += weight * dot(&sample.normal, &offset);
-                found.weights[place] += weight;
-            }
+        for_each_reached(&first, sample, |place, dx, [dy, dz], distance2| {
+            let agreement = leading.agreement(place, &sample.normal);
+            let across = sample.normal[1] * dy + sample.normal[2] * dz;
+            let weights: [f32; LANES] = std::array::from_fn(|k| sample.weight * falloff(distance2[k]) * agreement[k]);
+            add(&mut found.values, place, &std::array::from_fn(|k| weights[k] * (sample.normal[0] * dx[k] + across)));
+            add(&mut found.weights, place, &weights);
         });
     }
     for (value, weight) in found.values.iter_mut().zip(found.weights.iter()) {
         *value /= weight.max(f32::MIN_POSITIVE);
     }
-    Some(found)
+    Some((found, packed))
 }
 
 /// A mean of planes lies inside of what bulges. What it misses at the samples is averaged in the same way and taken off.
-fn corrected(samples: &Samples, field: Field) -> Field {
+fn correct(samples: &Samples, field: &mut Field, leading: &[PackedLeading]) {
     let missed: Vec<f32> = samples
         .blocks
         .keys()
@@ -160,30 +212,27 @@ fn corrected(samples: &Samples, field: Field) -> Field {
                 .map(move |sample| interpolated(&blocks, &first, &sample.place))
         })
         .collect();
-    let values: Vec<FieldBlock> =
-        field.keys().par_iter().zip(&field.values).map(|(key, block)| correct(samples, &missed, *key, block)).collect();
-    Field::new(field.keys().to_vec(), values)
+    let keys = field.keys().to_vec();
+    keys.par_iter()
+        .zip(&mut field.values)
+        .zip(leading)
+        .for_each(|((key, block), leading)| correct_block(samples, &missed, *key, &leading.unpacked(), block));
 }
 
-fn correct(samples: &Samples, missed: &[f32], key: BlockKey, block: &FieldBlock) -> FieldBlock {
+fn correct_block(samples: &Samples, missed: &[f32], key: BlockKey, leading: &Leading, block: &mut FieldBlock) {
     let first = first_node(key).map(|x| x as f32);
-    let near = near(samples, key);
-    let leading = leading_normals(samples, &first, &near);
     let mut sums = [0.0f32; NODES];
-    for index in near {
+    for index in near(samples, key) {
         let (sample, missed) = (&samples.samples[index as usize], missed[index as usize]);
-        for_each_reached(&first, sample, |place, _, distance2| {
-            let agreement = dot(&sample.normal, &leading[place]);
-            if agreement > 0.0 {
-                sums[place] += sample.weight * falloff(distance2) * agreement * missed;
-            }
+        for_each_reached(&first, sample, |place, _, _, distance2| {
+            let agreement = leading.agreement(place, &sample.normal);
+            let weight = sample.weight * missed;
+            add(&mut sums, place, &std::array::from_fn(|k| weight * falloff(distance2[k]) * agreement[k]));
         });
     }
-    let mut corrected = block.clone();
-    for ((value, weight), sum) in corrected.values.iter_mut().zip(block.weights.iter()).zip(&sums) {
+    for ((value, weight), sum) in block.values.iter_mut().zip(block.weights.iter()).zip(&sums) {
         *value -= sum / weight.max(f32::MIN_POSITIVE);
     }
-    corrected
 }
 
 /// The field at a place of the block that begins at `first`, whose surroundings are `blocks`.

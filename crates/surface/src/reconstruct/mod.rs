@@ -4,7 +4,7 @@
 //! 2. [`field`]: near them the signed distance is the mean of their planes
 //! 3. [`coarse`]: which side is outside, over all of space; what scanners looked through is ([`free_space`])
 //! 4. [`levels`]: between data the field is carried on, from coarse to fine, wherever the surface passes
-//! 5. [`extract`]: the surface where the field is zero, closed and manifold ([`cubes`])
+//! 5. [`extract`]: the surface where the field is zero, closed and manifold ([`cubes`]), finer where it bends ([`refine`])
 //! 6. [`trim`]: what nobody saw is cut off, but for what is to be closed; [`colors`]
 //!
 //! The resolution is the scans' own: the edge of a cell goes with the spacing of a single scan and the cube root of the
@@ -23,6 +23,7 @@ pub mod layers;
 pub mod levels;
 pub mod mask;
 pub mod noise;
+pub mod refine;
 pub mod rims;
 pub mod samples;
 pub mod simple;

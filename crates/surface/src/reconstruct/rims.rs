@@ -8,20 +8,20 @@ use super::extract::Triangles;
 /// The rims, each as vertices in the order in which a triangle that closes it passes them. Where rims touch at a vertex they
 /// are left out.
 fn rims(faces: &[[u32; 3]]) -> Vec<Vec<u32>> {
-    let mut edges: Vec<(u32, u32, bool)> = faces
-        .iter()
-        .flat_map(|face| (0..3).map(|k| (face[k], face[(k + 1) % 3])))
-        .map(|(a, b)| (a.min(b), a.max(b), a < b))
-        .collect();
+    // an edge and its direction in one number: they are many, and sorted
+    let packed = |a: u32, b: u32| u64::from(a.min(b)) << 33 | u64::from(a.max(b)) << 1 | u64::from(a < b);
+    let mut edges: Vec<u64> =
+        faces.iter().flat_map(|face| (0..3).map(|k| packed(face[k], face[(k + 1) % 3]))).collect();
     edges.sort_unstable();
     // from each vertex where the rim goes on, against the direction of the triangle there; None: to several
     let mut next: BTreeMap<u32, Option<u32>> = BTreeMap::new();
-    let is_same = |k: usize, l: usize| edges.get(k).zip(edges.get(l)).is_some_and(|(a, b)| (a.0, a.1) == (b.0, b.1));
-    for (k, (low, high, is_upward)) in edges.iter().enumerate() {
+    let is_same = |k: usize, l: usize| edges.get(k).zip(edges.get(l)).is_some_and(|(a, b)| a >> 1 == b >> 1);
+    for (k, edge) in edges.iter().enumerate() {
         if (k > 0 && is_same(k - 1, k)) || is_same(k, k + 1) {
             continue;
         }
-        let (from, to) = if *is_upward { (*high, *low) } else { (*low, *high) };
+        let (low, high, is_upward) = ((edge >> 33) as u32, (edge >> 1) as u32, edge & 1 == 1);
+        let (from, to) = if is_upward { (high, low) } else { (low, high) };
         next.entry(from).and_modify(|other| *other = None).or_insert(Some(to));
     }
     let mut found = Vec::new();
