@@ -5,6 +5,7 @@ use reqwest::StatusCode;
 use reqwest::multipart::{Form, Part};
 use serde_json::{Value, json};
 use visage::geometry::{Mesh, Motion, Point3, Vector3};
+use visage::synthetic::scanner::Scanner;
 use visage::synthetic::shapes;
 
 fn thing(name: &str) -> Mesh {
@@ -85,6 +86,55 @@ async fn a_probe_is_laid_onto_what_it_is_found_on() {
     assert!(plain["matches"][0].get("place").is_none());
     let refused = server.post("/v1/queries", &json!({"standard": "face", "place": true})).await;
     expect_problem(refused, 422, "invalid_field").await;
+}
+
+/// The points of one scan of a thing in a unit that nobody says, as text.
+fn single_scan(mesh: &Mesh) -> Part {
+    let diagonal = mesh.bounds().expect("it has vertices").diagonal();
+    let scanner = Scanner {
+        views: 1,
+        distance: 2.5 * diagonal,
+        resolution: 0.01 * diagonal,
+        noise: 0.003 * diagonal,
+        ..Scanner::default()
+    };
+    let points = scanner.scan_set(mesh, 3).scans.remove(0).cloud.points;
+    let lines = points.iter().map(|p| format!("{} {} {}\n", 0.01 * p.x, 0.01 * p.y, 0.01 * p.z));
+    Part::bytes(lines.collect::<String>().into_bytes()).file_name("scan.xyz")
+}
+
+#[tokio::test]
+async fn a_single_scan_is_laid_onto_its_first_answers_and_what_it_lies_on_comes_first() {
+    let server = ready().await;
+    let names =
+        ["animal", "bean", "bracket", "mug", "teapot", "propeller", "gem", "leaf", "crank", "vase", "torus", "rope"];
+    let known: Vec<_> = shapes::catalogue().into_iter().filter(|shape| names.contains(&shape.name)).collect();
+    let things = known.iter().flat_map(|shape| [1, 2].map(|seed| shape.mesh_of(seed, 8.0)));
+    let mut models = Vec::new();
+    for mesh in things {
+        models.push((upload(&server, &mesh, "mm").await, mesh));
+    }
+    for (id, mesh) in models.iter().step_by(3).take(2) {
+        let ask = |place: &str| {
+            let form =
+                Form::new().part("probe", single_scan(mesh)).text("likeness", "view").text("place", place.to_owned());
+            server.post_form("/v1/queries/probe", form.text("limit", "12"))
+        };
+        let plain = expect_json(ask("false").await, StatusCode::OK).await;
+        let answer = expect_json(ask("true").await, StatusCode::OK).await;
+        let ids = |of: &Value| -> Vec<String> {
+            of["matches"].as_array().expect("matches").iter().map(|found| text(found, "/model_id")).collect()
+        };
+        assert!(plain.get("placed").is_none() && answer["placed"] == json!(10), "{answer}");
+        let [mut before, mut after] = [ids(&plain), ids(&answer)];
+        assert_eq!(before[10..], after[10..], "what was not laid stays where it was");
+        let same = |index: usize| answer["matches"][index]["place"]["same_object"].as_f64().unwrap_or(0.0);
+        assert_eq!((&after[0], same(0) > 0.5, same(1) < 0.5), (id, true, true), "{answer}");
+        assert!(answer["matches"][0]["place"]["sighted"]["in_front"].is_f64());
+        before.sort();
+        after.sort();
+        assert_eq!(before, after);
+    }
 }
 
 /// All pages of the list, each of one model at most: what repeats what, in which way.

@@ -1,14 +1,22 @@
-//! Single scans: models ranked by the nearest of their simulated scans. All views of all models are measured.
+//! Single scans: models ranked by the nearest of their simulated scans.
+//!
+//! A sum of squares only grows: a view is left as soon as what was summed up is more than its model could still come in with. What is left is
+//! no nearer than that, so the answer is the one of measuring all.
 
 use rayon::prelude::*;
 
 use super::column::Column;
 use super::columns::stored;
-use super::likeness::as_views;
+use super::likeness::{as_views, reach_of_views};
 use super::live_segment::LiveSegment;
 use super::probe::{Found, Probe};
 use super::{Match, ModelId, TopK};
-use visage_shape::descriptor::{ViewCode, view_distance};
+use visage_shape::descriptor::{ViewCode, steps, view_distance};
+
+/// Bytes that are summed up before what was summed is looked at.
+const CHUNK: usize = 32;
+/// Models that are measured against one reach; the next ones against that of what was found by then.
+const BLOCK: usize = if cfg!(test) { 16 } else { 8192 };
 
 /// The views of a list of models, one model's after the other's.
 #[derive(Debug, Default)]
@@ -52,9 +60,29 @@ impl ViewRows {
     }
 }
 
-/// How far a scan is from the nearest view; `None` without views.
-fn nearest(scan: &ViewCode, views: &[ViewCode]) -> Option<f64> {
-    views.iter().map(|view| view_distance(scan, view)).min_by(f64::total_cmp)
+/// How far a scan is from the nearest view; `None` if none is within `reach`.
+fn nearest(scan: &ViewCode, views: &[ViewCode], reach: f64) -> Option<f64> {
+    // in steps of bytes; a hair more, for roundings
+    let mut most = ((steps(reach).powi(2) * (1.0 + 1e-6)) as u32).saturating_add(1);
+    let mut nearest = None;
+    for view in views {
+        if let Some(square) = square_within(scan, view, most) {
+            (most, nearest) = (square, Some(view));
+        }
+    }
+    nearest.map(|view| view_distance(scan, view))
+}
+
+/// The squared distance in steps of bytes; `None` if it is more than `most`.
+fn square_within(a: &ViewCode, b: &ViewCode, most: u32) -> Option<u32> {
+    let mut sum = 0;
+    for (a, b) in a.chunks_exact(CHUNK).zip(b.chunks_exact(CHUNK)) {
+        sum += a.iter().zip(b).map(|(a, b)| u32::from(a.abs_diff(*b)).pow(2)).sum::<u32>();
+        if sum > most {
+            return None;
+        }
+    }
+    Some(sum)
 }
 
 impl Probe {
@@ -64,11 +92,15 @@ impl Probe {
         let Some(scan) = self.shape.as_ref().map(|shape| shape.as_view()) else { return Vec::new() };
         for (which, live) in segments.iter().enumerate() {
             let places: Vec<u32> = live.places().collect();
-            let scored = |place: &u32| {
-                (live.segment.ids[*place as usize], *place, as_views(nearest(&scan, live.segment.views.of(*place))))
-            };
-            let scores: Vec<(ModelId, u32, f64)> = places.par_iter().with_min_len(256).map(scored).collect();
-            scores.into_iter().for_each(|(id, place, score)| found.offer(id, (which, place), score));
+            for block in places.chunks(BLOCK) {
+                let reach = reach_of_views(found.least());
+                let scored = |place: &u32| {
+                    let nearest = nearest(&scan, live.segment.views.of(*place), reach);
+                    (live.segment.ids[*place as usize], *place, as_views(nearest))
+                };
+                let scores: Vec<(ModelId, u32, f64)> = block.par_iter().with_min_len(256).map(scored).collect();
+                scores.into_iter().for_each(|(id, place, score)| found.offer(id, (which, place), score));
+            }
         }
         self.answers(segments, found)
     }
@@ -88,13 +120,17 @@ mod tests {
         assert!(gallery.remove(7));
         let probe = example(3.3, 5);
         let scan = probe.shape().expect("it has one").as_view();
-        let score = |views: &[ViewCode]| as_views(nearest(&scan, views));
+        let distances = |views: &[ViewCode]| views.iter().map(|view| view_distance(&scan, view)).min_by(f64::total_cmp);
+        let score = |views: &[ViewCode]| as_views(distances(views));
         let others = models.iter().filter(|(id, _)| *id != 7);
         let mut expected: Vec<(f64, u128)> = others.map(|(id, model)| (score(model.views()), *id)).collect();
         expected.retain(|(score, _)| *score > 0.0);
         expected.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-        let found = gallery.by_likeness(&probe, Likeness::View, None, &TopK::best(100));
-        assert_eq!(found.iter().map(|m| (m.score, m.model_id)).collect::<Vec<_>>(), expected);
+        for limit in [1, 2, 5, 100] {
+            let found = gallery.by_likeness(&probe, Likeness::View, None, &TopK::best(limit));
+            let expected = &expected[..limit.min(expected.len())];
+            assert_eq!(found.iter().map(|m| (m.score, m.model_id)).collect::<Vec<_>>(), expected);
+        }
         assert!(expected.len() > 20 && expected.len() < 59, "some have no views");
     }
 }

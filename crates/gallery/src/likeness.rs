@@ -29,10 +29,20 @@ pub(super) fn as_things(distance: Option<f64>) -> f64 {
 
 /// The distance of shapes beyond which likeness as things is less than `least`; a hair more.
 pub(super) fn reach_of_things(least: f64) -> f64 {
+    reach(least, SAME_CLASS, SAME_CLASS_POWER)
+}
+
+/// The distance of views beyond which the score by views is less than `least`; a hair more.
+pub(super) fn reach_of_views(least: f64) -> f64 {
+    reach(least, SAME_VIEW, SAME_VIEW_POWER)
+}
+
+/// Where odds that are even at `middle` and fall with a power of the distance give `least`; a hair more.
+fn reach(least: f64, middle: f64, power: f64) -> f64 {
     if least <= 0.0 {
         return f64::INFINITY;
     }
-    SAME_CLASS * (1.0 / least - 1.0).max(0.0).powf(1.0 / SAME_CLASS_POWER) * (1.0 + 1e-9) + 1e-9
+    middle * (1.0 / least - 1.0).max(0.0).powf(1.0 / power) * (1.0 + 1e-9) + 1e-9
 }
 
 /// That a single scan is of a model, by the distance of the nearest view of it; 0 without views.
@@ -113,6 +123,8 @@ mod tests {
         for least in [1e-9, 0.01, 0.4, 0.999_999] {
             let reach = reach_of_things(least);
             assert!(as_things(Some(reach)) < least && as_things(Some((reach - 1e-6).max(0.0))) > least - 1e-3);
+            let reach = reach_of_views(least);
+            assert!(as_views(Some(reach)) < least && as_views(Some((reach - 1e-6).max(0.0))) > least - 1e-3);
         }
         assert_eq!(reach_of_things(0.0), f64::INFINITY);
     }

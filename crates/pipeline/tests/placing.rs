@@ -2,7 +2,7 @@
 
 use visage_geometry::progress::Progress;
 use visage_geometry::{Cloud, Mesh, Motion, Point3, Surface, Vector3};
-use visage_pipeline::placing::{Placeable, Placed, Pose, place};
+use visage_pipeline::placing::{Placeable, Placed, Pose, Scan, place, place_scan};
 use visage_synthetic::scanner::Scanner;
 use visage_synthetic::shapes;
 
@@ -44,7 +44,7 @@ fn a_model_moved_scaled_and_mirrored_is_laid_back() {
         let model = thing(name, 3);
         for pose in [some_pose(1.0, false), some_pose(0.031, false), some_pose(25.4, true)] {
             let placed = found(&moved(&model, &pose), &model, None);
-            let Placed { pose: found, verified } = placed;
+            let Placed { pose: found, verified, .. } = placed;
             println!("{name} {pose:?}: {placed:?}");
             assert!((found.scale * pose.scale - 1.0).abs() < 3e-3, "{name}: {placed:?}");
             assert!(verified.probe_overlap > 0.99 && verified.model_overlap > 0.99, "{name}: {placed:?}");
@@ -93,6 +93,46 @@ fn a_single_scan_is_laid_where_it_was_taken() {
         }
     }
     assert!(right >= 6, "{right} of 8");
+}
+
+#[test]
+fn a_single_scan_is_surely_of_the_model_that_it_was_taken_of_and_of_no_other() {
+    let names = ["animal", "teapot", "bean", "crank"];
+    let models: Vec<Mesh> = names.iter().map(|name| thing(name, 2)).collect();
+    let ready: Vec<Placeable> = models.iter().map(|model| placeable(&surface(model.clone()))).collect();
+    for (own, model) in models.iter().enumerate() {
+        let diagonal = model.bounds().expect("it has vertices").diagonal();
+        let scanner = Scanner {
+            views: 2,
+            distance: 2.5 * diagonal,
+            resolution: 0.008 * diagonal,
+            noise: 0.003 * diagonal,
+            ..Scanner::default()
+        };
+        let set = scanner.scan_set(model, own as u64);
+        // where the scanner stood is known of the first scan, and the unit of none
+        let unplaced = Surface { sensor: None, grid: None, ..set.scans[1].clone() };
+        for scan in [&set.scans[0], &unplaced] {
+            let in_other_unit = moved_surface(scan, 1e-3);
+            let scan =
+                Scan::new(&in_other_unit, &Progress::silent()).expect("it is described").expect("it has an area");
+            let same: Vec<f64> = ready
+                .iter()
+                .map(|model| place_scan(&scan, model, None, &Progress::silent()).expect("not canceled"))
+                .map(|placed| placed.map_or(0.0, |placed| placed.same_object))
+                .collect();
+            println!("{}: {same:?}", names[own]);
+            for (model, same) in same.iter().enumerate() {
+                assert!((*same > 0.8) == (model == own) && (*same < 0.2) != (model == own), "{}: {same:?}", names[own]);
+            }
+        }
+    }
+}
+
+/// The same in another unit.
+fn moved_surface(scan: &Surface, scale: f64) -> Surface {
+    let cloud = Cloud::from_points(scan.cloud.points.iter().map(|p| p * scale).collect());
+    Surface { cloud, sensor: scan.sensor.map(|p| p * scale), ..scan.clone() }
 }
 
 #[test]

@@ -5,11 +5,12 @@ use super::super::model_views;
 use super::super::problem::Problem;
 use super::super::state::{AppState, blocking};
 use super::super::verdicts::{ExplanationView, ReasonView, VerdictView, places};
-use super::placing;
+use super::placing::{self, PlaceView};
 use super::question::{Asked, ClassVerdict, GalleryQuestion, Verdict, unknown_standard};
 use super::views::{MatchView, QueryAnswer};
 use visage_domain::MatchedModel;
 use visage_gallery::{Evidence, Match};
+use visage_service::app::placing::{Placed, Shows, surest_first};
 use visage_service::app::queries::{self, Answer, Grounds, Matches, QueryError};
 
 /// The answer to what is asked.
@@ -22,20 +23,25 @@ pub async fn answer(state: &AppState, asked: Asked) -> Result<QueryAnswer, Probl
 }
 
 async fn ask_gallery(state: &AppState, mut asked: GalleryQuestion) -> Result<QueryAnswer, Problem> {
-    let Answer { matches, searched, pending, next } = queries::ask(&state.context, &asked.question).await?;
-    let places = match (asked.place.take(), &matches) {
-        (Some(probe), Matches::Found(found)) => {
-            let models = found.iter().map(|(_, model)| model.id).collect();
-            placing::placed(state, probe, models).await?
-        }
-        _ => Vec::new(),
-    };
+    let Answer { mut matches, searched, pending, next } = queries::ask(&state.context, &asked.question).await?;
+    let mut laid = None;
+    if let (Some(probe), Matches::Found(found)) = (asked.place.take(), &mut matches) {
+        let models = found.iter().map(|(_, model)| model.id).collect();
+        let shows = asked.question.probe_shows();
+        let placed = placing::placed(state, probe, shows, models).await?;
+        laid = Some(match shows {
+            Shows::Whole => placed,
+            Shows::SingleScan => with_surest_first(found, placed),
+        });
+    }
+    let placed = laid.as_ref().map(Vec::len);
     let next_cursor = next.map(|rank| cursor::after(&asked.fingerprint, rank));
     // signatures are read for it
     blocking(move || {
         let matches = match matches {
             Matches::Found(matches) => {
-                let places = places.into_iter().chain(std::iter::repeat(None));
+                let places = laid.unwrap_or_default().into_iter().map(|placed| placed.map(PlaceView::from));
+                let places = places.chain(std::iter::repeat(None));
                 let placed = matches.into_iter().zip(places);
                 placed.map(|((found, model), place)| MatchView { place, ..match_view(&asked, &found, model) }).collect()
             }
@@ -47,9 +53,18 @@ async fn ask_gallery(state: &AppState, mut asked: GalleryQuestion) -> Result<Que
                 verdicts.collect()
             }
         };
-        QueryAnswer { matches, searched, pending, next_cursor, verdict: None, explain: None }
+        QueryAnswer { matches, searched, pending, placed, next_cursor, verdict: None, explain: None }
     })
     .await
+}
+
+/// Brings the matches that a single scan surely lies on to the front, and what was found of each along.
+fn with_surest_first(matches: &mut Vec<(Match, MatchedModel)>, placed: Vec<Option<Placed>>) -> Vec<Option<Placed>> {
+    let order = surest_first(&placed.iter().map(|placed| placed.map(|placed| placed.same_object)).collect::<Vec<_>>());
+    let mut first: Vec<Option<(Match, MatchedModel)>> = matches.drain(..placed.len()).map(Some).collect();
+    let reordered: Vec<_> = order.iter().filter_map(|index| first[*index].take()).collect();
+    matches.splice(0..0, reordered);
+    order.into_iter().map(|index| placed[index]).collect()
 }
 
 fn verdict(asked: &Verdict) -> QueryAnswer {
@@ -65,7 +80,15 @@ fn class_verdict(asked: &ClassVerdict) -> QueryAnswer {
 }
 
 fn verdict_alone(verdict: VerdictView, explain: Option<ExplanationView>) -> QueryAnswer {
-    QueryAnswer { matches: Vec::new(), searched: 0, pending: 0, next_cursor: None, verdict: Some(verdict), explain }
+    QueryAnswer {
+        matches: Vec::new(),
+        searched: 0,
+        pending: 0,
+        placed: None,
+        next_cursor: None,
+        verdict: Some(verdict),
+        explain,
+    }
 }
 
 fn match_view(asked: &GalleryQuestion, found: &Match, model: MatchedModel) -> MatchView {

@@ -8,10 +8,30 @@ use super::super::problem::{Code, Problem};
 use super::super::schemas::Matrix;
 use super::super::state::AppState;
 use visage_domain::ModelId;
-use visage_service::app::placing::{Placed, Placing, PlacingError, Probe};
+use visage_service::app::placing::{Placed, Placing, PlacingError, Probe, Shows, Sighted};
 
-/// Matches of a page that a probe is laid onto: each takes about a second.
-const PLACED: usize = 5;
+/// Matches of a page that a probe is laid onto: each takes about a second. Of a single scan more, since its views know less.
+fn most_placed(shows: Shows) -> usize {
+    match shows {
+        Shows::Whole => 5,
+        Shows::SingleScan => 10,
+    }
+}
+
+/// What a single scan's scanner would have seen of a model that lies so, in shares of it.
+#[derive(Debug, Clone, Copy, Serialize, ToSchema)]
+#[schema(as = Sighted)]
+pub struct SightedView {
+    /// Stands where the scanner looked through.
+    #[schema(minimum = 0, maximum = 1)]
+    pub in_front: f64,
+    /// Stands where it saw nothing.
+    #[schema(minimum = 0, maximum = 1)]
+    pub missed: f64,
+    /// Is behind what it saw.
+    #[schema(minimum = 0, maximum = 1)]
+    pub behind: f64,
+}
 
 /// Where a probe lies on a model, verified on the surfaces of both. Lengths are in the unit of the model.
 #[derive(Debug, Clone, Copy, Serialize, ToSchema)]
@@ -38,10 +58,22 @@ pub struct PlaceView {
     /// all of it, in which what is far off counts 0.15. Copies stay below 0.001, other things of one kind may come as near as 0.002.
     #[schema(minimum = 0, maximum = 0.15)]
     pub deviation: f64,
+    /// The probability that the probe is the same object as the model, or a scan of it, by all of this.
+    #[schema(minimum = 0, maximum = 1)]
+    pub same_object: f64,
+    /// Of a single scan: what its scanner should have seen and did not.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sighted: Option<SightedView>,
+}
+
+impl From<Sighted> for SightedView {
+    fn from(Sighted { in_front, missed, behind }: Sighted) -> Self {
+        SightedView { in_front, missed, behind }
+    }
 }
 
 impl From<Placed> for PlaceView {
-    fn from(Placed { pose, verified }: Placed) -> Self {
+    fn from(Placed { pose, verified, sighted, same_object }: Placed) -> Self {
         PlaceView {
             model_from_probe: pose.matrix(),
             scale: pose.scale,
@@ -51,6 +83,8 @@ impl From<Placed> for PlaceView {
             residual: verified.residual,
             tolerance: verified.tolerance,
             deviation: verified.deviation(),
+            same_object,
+            sighted: sighted.map(SightedView::from),
         }
     }
 }
@@ -59,14 +93,14 @@ impl From<Placed> for PlaceView {
 pub async fn placed(
     state: &AppState,
     probe: Probe,
+    shows: Shows,
     mut models: Vec<ModelId>,
-) -> Result<Vec<Option<PlaceView>>, Problem> {
-    models.truncate(PLACED);
-    let placing = Placing::find(&state.context, probe, models).await?;
+) -> Result<Vec<Option<Placed>>, Problem> {
+    models.truncate(most_placed(shows));
+    let placing = Placing::find(&state.context, probe, shows, models).await?;
     let turn = describe::turn_of(state, placing.bytes()).await?;
     let context = state.context.clone();
-    let placed = describe::computed(state, turn, move |_, progress| Ok(placing.run(&context, progress)?)).await?;
-    Ok(placed.into_iter().map(|placed| placed.map(PlaceView::from)).collect())
+    describe::computed(state, turn, move |_, progress| Ok(placing.run(&context, progress)?)).await
 }
 
 impl From<PlacingError> for Problem {

@@ -155,7 +155,8 @@ pub struct QueryBody {
     pub cursor: Option<String>,
     /// Tell each step's figure.
     pub explain: Option<bool>,
-    /// Tell where the stored model lies on the first five matches of the page, and how far the surfaces agree: some seconds of work.
+    /// Tell where the stored model lies on the first five matches of the page (ten with `likeness: view`), how far the surfaces agree, and how sure it
+    /// is that both are the same object: some seconds of work.
     pub place: Option<bool>,
 }
 
@@ -196,7 +197,8 @@ pub struct ProbeForm {
     /// Tell each step's figure.
     #[schema(required = false)]
     explain: bool,
-    /// Tell where the probe lies on the first five matches of the page, and how far the surfaces agree: some seconds of work.
+    /// Tell where the probe lies on the first five matches of the page (ten with `likeness: view`), how far the surfaces agree, and how sure it is that
+    /// both are the same object: some seconds of work.
     #[schema(required = false)]
     place: bool,
 }
@@ -240,7 +242,7 @@ pub struct MatchView {
     /// Each step's figure, if asked for.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub explain: Option<ExplanationView>,
-    /// Where the probe lies on it, if asked for and found; of the first five matches.
+    /// Where the probe lies on it, if asked for and found; of the first `placed` matches of the page.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub place: Option<PlaceView>,
     /// The model's address.
@@ -250,13 +252,17 @@ pub struct MatchView {
 /// The answer to a query.
 #[derive(Debug, Clone, Serialize, ToSchema)]
 pub struct QueryAnswer {
-    /// Best first, ties by id.
+    /// Best first, ties by id. With `place` and `likeness: view` those that the scan surely lies on (`place.same_object` from 0.5 on) come before
+    /// all others of the page, the surest first.
     pub matches: Vec<MatchView>,
     /// How many models the gallery holds that have a signature; filters are not counted.
     pub searched: usize,
     /// Models that are not judged against the standard yet: while there are any, the answer is not complete. Always 0 for
     /// the face, probes and triangles.
     pub pending: u64,
+    /// How many matches of the page the probe was laid onto, if that was asked for: ten of a single scan at most, else five.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub placed: Option<usize>,
     /// What to send as `cursor` for the next page; null on the last one.
     pub next_cursor: Option<String>,
     /// How an uploaded probe was judged, if asked with a `standard`.

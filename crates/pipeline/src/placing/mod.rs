@@ -2,15 +2,23 @@
 //!
 //! - `hypotheses`: poses by the frames that surfaces give themselves; `refinement`: the best of them laid onto the surface
 //! - [`mod@pose`]: what is found; [`verification`]: how far the surfaces then agree
+//! - [`scan`]: a single scan, of which also counts what its scanner saw nothing of (`sight`)
+//! - [`same_object`]: how sure it is that both are the same object
 
 mod hypotheses;
 pub mod pose;
 mod refinement;
+pub mod same_object;
+pub mod scan;
+mod sight;
 pub mod verification;
 
 use hypotheses::hypotheses;
 pub use pose::Pose;
 use refinement::Ground;
+use same_object::ProbeKind;
+pub use scan::{Scan, place_scan};
+pub use sight::Sighted;
 use verification::Verified;
 use visage_geometry::Surface;
 use visage_geometry::progress::{Canceled, Progress};
@@ -34,6 +42,7 @@ pub struct Placeable {
     shape: SampledShape,
     ground: Ground,
     reference: Reference,
+    is_mesh: bool,
 }
 
 /// Where a probe lies, and how far the surfaces agree.
@@ -43,6 +52,10 @@ pub struct Placed {
     pub pose: Pose,
     /// What the surfaces say of it.
     pub verified: Verified,
+    /// What a single scan's scanner says of it; `None` of a whole.
+    pub sighted: Option<Sighted>,
+    /// The probability that the probe is the model, or is of it: see [`same_object`].
+    pub same_object: f64,
 }
 
 impl Placeable {
@@ -55,7 +68,8 @@ impl Placeable {
         progress.check()?;
         let Some(reference) = Reference::new(surface) else { return Ok(None) };
         progress.check()?;
-        Ok(Some(Placeable { ground: Ground::new(&shape), shape, reference }))
+        let is_mesh = !surface.faces.is_empty();
+        Ok(Some(Placeable { ground: Ground::new(&shape), shape, reference, is_mesh }))
     }
 
     /// How large it is: the mean distance of its surface from its centroid.
@@ -81,7 +95,10 @@ pub fn place(
         for (_, pose) in model.ground.laid(&probe.shape, proposed, false) {
             progress.check()?;
             let pose = with_known_scale(probe, model, pose, known_scale);
-            let placed = Placed { pose, verified: Verified::of(probe, model, &pose, progress)? };
+            let verified = Verified::of(probe, model, &pose, progress)?;
+            let kind = if probe.is_mesh && model.is_mesh { ProbeKind::Mesh } else { ProbeKind::Cloud };
+            let same_object = same_object::of_wholes(kind, &verified);
+            let placed = Placed { pose, verified, sighted: None, same_object };
             let is_better = |best: &Placed| placed.verified.deviation() < best.verified.deviation();
             if slot.as_ref().is_none_or(is_better) {
                 *slot = Some(placed);

@@ -30,6 +30,11 @@ impl Pose {
         Point3::from(self.seen(&back))
     }
 
+    /// The direction of the probe that is this one on the model.
+    pub fn probe_direction(&self, n: &Vector3) -> Vector3 {
+        self.seen(&(self.motion.rotation.inverse() * n))
+    }
+
     /// The matrix that does it, row by row.
     pub fn matrix(&self) -> [[f64; 4]; 4] {
         let turn = self.motion.rotation.to_rotation_matrix();

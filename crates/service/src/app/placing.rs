@@ -5,9 +5,12 @@ use super::model_file::{ModelFile, ModelFileError};
 use visage_domain::ModelId;
 use visage_geometry::progress::{Canceled, Progress};
 use visage_geometry::{Surface, Unit};
-use visage_pipeline::placing::{Placeable, place};
-pub use visage_pipeline::placing::{Placed, Pose};
+use visage_pipeline::placing::{Placeable, Scan, place, place_scan};
+pub use visage_pipeline::placing::{Placed, Pose, Sighted};
 use visage_shape::faces::DescribeError;
+
+/// From this probability on a probe is rather the same object than not.
+const SURE: f64 = 0.5;
 
 /// A probe that is to be laid onto models.
 #[derive(Debug, Clone)]
@@ -18,10 +21,20 @@ pub enum Probe {
     Surface(Box<Surface>, Unit),
 }
 
+/// What a probe shows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Shows {
+    /// All of a thing.
+    Whole,
+    /// What one scan sees of it.
+    SingleScan,
+}
+
 /// A probe and models, by their files.
 #[derive(Debug, Clone)]
 pub struct Placing {
     probe: ProbeFile,
+    shows: Shows,
     /// `None` for a model that has gone, or has no surface any more.
     models: Vec<Option<ModelFile>>,
 }
@@ -51,6 +64,7 @@ impl Placing {
     pub async fn find(
         context: &ServiceContext,
         probe: Probe,
+        shows: Shows,
         models: impl IntoIterator<Item = ModelId>,
     ) -> Result<Placing, ModelFileError> {
         let probe = match probe {
@@ -61,7 +75,7 @@ impl Placing {
         for id in models {
             found.push(ModelFile::find_if_there(context, id).await?);
         }
-        Ok(Placing { probe, models: found })
+        Ok(Placing { probe, shows, models: found })
     }
 
     /// The bytes of the largest files that are in memory together.
@@ -80,7 +94,7 @@ impl Placing {
             ProbeFile::Stored(file) => (Box::new(file.read(context)?), file.unit),
             ProbeFile::Surface(surface, unit) => (surface, unit),
         };
-        let probe = match Placeable::new(&surface, progress) {
+        let probe = match ReadyProbe::new(&surface, self.shows, progress) {
             Ok(probe) => probe,
             Err(DescribeError::Canceled(canceled)) => return Err(canceled.into()),
             Err(error) => return Err(PlacingError::Probe(error)),
@@ -89,10 +103,47 @@ impl Placing {
         let on = |file: ModelFile| -> Result<Option<Placed>, PlacingError> {
             let Some(probe) = &probe else { return Ok(None) };
             let Some(model) = placeable(context, &file, progress)? else { return Ok(None) };
-            Ok(place(probe, &model, known_scale(unit, file.unit), progress)?)
+            Ok(probe.placed(&model, known_scale(unit, file.unit), progress)?)
         };
         self.models.into_iter().map(|file| file.map_or(Ok(None), &on)).collect()
     }
+}
+
+/// A probe ready to be laid onto models.
+enum ReadyProbe {
+    Whole(Placeable),
+    SingleScan(Scan),
+}
+
+impl ReadyProbe {
+    fn new(surface: &Surface, shows: Shows, progress: &Progress) -> Result<Option<ReadyProbe>, DescribeError> {
+        Ok(match shows {
+            Shows::Whole => Placeable::new(surface, progress)?.map(ReadyProbe::Whole),
+            Shows::SingleScan => Scan::new(surface, progress)?.map(ReadyProbe::SingleScan),
+        })
+    }
+
+    fn placed(
+        &self,
+        model: &Placeable,
+        known_scale: Option<f64>,
+        progress: &Progress,
+    ) -> Result<Option<Placed>, Canceled> {
+        match self {
+            ReadyProbe::Whole(probe) => place(probe, model, known_scale, progress),
+            ReadyProbe::SingleScan(scan) => place_scan(scan, model, known_scale, progress),
+        }
+    }
+}
+
+/// The order of a ranking once a probe was laid onto the first of it, by the probabilities that it is the same object: what rather is than not
+/// comes first, the surest before all; the others stay in their order.
+pub fn surest_first(same_object: &[Option<f64>]) -> Vec<usize> {
+    let sure = |index: &usize| same_object[*index].filter(|same| *same >= SURE);
+    let mut order: Vec<usize> = (0..same_object.len()).collect();
+    // the sort is stable
+    order.sort_by(|a, b| sure(b).unwrap_or(0.0).total_cmp(&sure(a).unwrap_or(0.0)));
+    order
 }
 
 /// A stored model made ready; `None` if it can't be laid onto anything, or is gone.
@@ -116,4 +167,17 @@ pub(super) fn placeable(
 /// Lengths on the model in one of the probe, if both units are known.
 pub(super) fn known_scale(probe: Unit, model: Unit) -> Option<f64> {
     Some(probe.in_mm()? / model.in_mm()?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::surest_first;
+
+    #[test]
+    fn what_a_scan_surely_lies_on_comes_first_and_the_rest_stays_in_its_order() {
+        let same_object = [Some(0.3), None, Some(0.7), Some(0.49), Some(0.99), Some(0.7)];
+        assert_eq!(surest_first(&same_object), [4, 2, 5, 0, 1, 3]);
+        assert_eq!(surest_first(&[Some(0.1), Some(0.4)]), [0, 1]);
+        assert!(surest_first(&[]).is_empty());
+    }
 }

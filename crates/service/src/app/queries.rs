@@ -4,6 +4,7 @@ use std::collections::{HashMap, HashSet};
 
 use super::context::ServiceContext;
 use super::live_gallery::NotReady;
+use super::placing::Shows;
 use super::standards::{self, Ranking};
 use crate::storage::DatabaseError;
 use visage_domain::{MatchedModel, ModelId, StandardRecord, StoredVerdict};
@@ -239,6 +240,14 @@ impl Question {
                 matches
             }
             About::Standard { .. } => Vec::new(),
+        }
+    }
+
+    /// What its probe shows of a thing.
+    pub fn probe_shows(&self) -> Shows {
+        match self.about {
+            About::Probe { likeness: Likeness::View, .. } => Shows::SingleScan,
+            _ => Shows::Whole,
         }
     }
 
