@@ -112,7 +112,7 @@ mod tests {
         let signature = example(0.3, 5);
         let model = NewModel { signature: Some((&signature).into()), ..NewModel::example(None) };
         let (id, file) = (model.id, file(context, b"a mesh").await);
-        add(context, Upload { model, file, signature }, None).await.expect("added");
+        add(context, Upload { model, file, thumbnail: None, signature }, None).await.expect("added");
         id
     }
 
