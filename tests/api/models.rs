@@ -194,7 +194,7 @@ async fn the_gallery_finds_what_it_holds_and_forgets_what_is_deleted() {
     assert_eq!(server.delete(&format!("/v1/models/{a}")).await, StatusCode::NO_CONTENT);
     assert_eq!(server.delete(&format!("/v1/models/{a}")).await, StatusCode::NOT_FOUND);
     assert_eq!(found(&ask(&server, &json!({"standard": "face"})).await), [b]);
-    assert_eq!(server.files("models"), 1);
+    assert_eq!(server.files("models"), 2, "its file and its thumbnail");
 }
 
 #[tokio::test]
@@ -266,7 +266,7 @@ async fn a_repeated_upload_of_a_model_is_stored_once() {
     let first = expect_json(post().await.expect("an answer"), StatusCode::CREATED).await;
     let again = expect_json(post().await.expect("an answer"), StatusCode::CREATED).await;
     assert_eq!(first, again);
-    assert_eq!(server.files("models"), 1);
+    assert_eq!(server.files("models"), 2, "its file and its thumbnail");
 }
 
 #[tokio::test]

@@ -92,7 +92,7 @@ async fn a_face_is_answered_with_its_landmarks_and_anything_else_with_a_reason()
     let answer = expect_json(server.post_form("/v1/queries", form).await, StatusCode::OK).await;
     assert_eq!((&answer["verdict"]["is_match"], &answer["verdict"]["method"]), (&json!(false), &json!("descriptors")));
     assert!(answer["verdict"]["reason"]["text"].is_string(), "{answer}");
-    assert_eq!((server.files("models"), server.files("staging")), (2, 0));
+    assert_eq!((server.files("models"), server.files("staging")), (4, 0));
 }
 
 #[tokio::test]

@@ -114,9 +114,9 @@ fn dot(a: &[f32; 3], b: &[f32; 3]) -> f32 {
 struct Leading(Box<[[f32; NODES]; 3]>);
 
 /// The same in little memory, in steps of 1 / [`STEPS`].
-struct PackedLeading(Box<[[i8; NODES]; 3]>);
+struct PackedLeading(Box<[[i16; NODES]; 3]>);
 
-const STEPS: f32 = 127.0;
+const STEPS: f32 = 32767.0;
 
 impl Leading {
     fn of(samples: &Samples, first: &[f32; 3], near: &[u32]) -> PackedLeading {
@@ -129,7 +129,7 @@ impl Leading {
                 }
             });
         }
-        let mut packed = Box::new([[0i8; NODES]; 3]);
+        let mut packed = Box::new([[0i16; NODES]; 3]);
         for place in 0..NODES {
             let sum = [sums[0][place], sums[1][place], sums[2][place]];
             // far off weights are so small that their squares are 0
@@ -137,7 +137,7 @@ impl Leading {
             let scaled = sum.map(|x| x / largest);
             let length = dot(&scaled, &scaled).sqrt();
             for axis in 0..3 {
-                packed[axis][place] = if length >= 1.0 { (STEPS * scaled[axis] / length).round() as i8 } else { 0 };
+                packed[axis][place] = if length >= 1.0 { (STEPS * scaled[axis] / length).round() as i16 } else { 0 };
             }
         }
         PackedLeading(packed)
