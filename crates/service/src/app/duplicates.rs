@@ -23,7 +23,7 @@ const SAME_SURFACE: f64 = 1e-3;
 const SAME_SIZE: f64 = 0.005;
 /// Models that are looked up for one page, and pairs that are laid onto each other for it.
 const LOOKED_UP: usize = 500;
-const COMPARED: usize = 24;
+const COMPARED: usize = 8;
 
 /// In which way a model repeats another one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
