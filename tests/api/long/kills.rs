@@ -9,7 +9,7 @@ use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use crate::binary::{Process, client, coarse_scan, disturbed_poses};
-use crate::common::files;
+use crate::common::{expect_json, files, text};
 use crate::gallery::multiply;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -278,9 +278,8 @@ async fn started(folder: &Path) -> (Process, Duration, Duration) {
     let process = Process::start_with(folder, &["--bin-days", "1"], std::process::Stdio::null());
     let listens = begin.elapsed();
     let client = client();
-    while client.get(format!("{}/readyz", process.url)).send().await.expect("an answer").status() != StatusCode::OK {
-        tokio::time::sleep(Duration::from_millis(5)).await;
-    }
+    // each look takes as long as an answer
+    while client.get(format!("{}/readyz", process.url)).send().await.expect("an answer").status() != StatusCode::OK {}
     (process, listens, begin.elapsed())
 }
 
@@ -315,12 +314,11 @@ async fn kill(folder: &Path, kills: usize) {
     }
     let (process, ..) = started(folder).await;
     settle(&process, &client, &ledger).await;
-    while all(&process, "jobs")
-        .await
-        .iter()
-        .any(|job| ["queued", "running"].contains(&job["status"].as_str().unwrap_or("")))
-    {
-        tokio::time::sleep(Duration::from_millis(100)).await;
+    let is_open = |job: &&Value| ["queued", "running"].contains(&job["status"].as_str().unwrap_or(""));
+    while let Some(id) = all(&process, "jobs").await.iter().find(is_open).map(|job| text(job, "/id")) {
+        // answered when the job ends
+        let end = client.get(format!("{}/v1/jobs/{id}?wait=20", process.url)).send().await;
+        expect_json(end.expect("an answer"), StatusCode::OK).await;
     }
     compare(&process, &ledger).await;
     process.signal("-TERM");
