@@ -53,9 +53,11 @@ impl Upkeep for SqliteDatabase {
         Ok(lines.into_iter().filter(|line| line != "ok").collect())
     }
 
-    /// The write-ahead log is folded into the file.
+    /// The write-ahead log is folded into the file. SQLite does that at the close of the last connection alone, and there
+    /// may be others: those of another program, or one that was still being opened for somebody who has left.
     async fn close(&self) {
         self.readers.close().await;
+        self.fold_log().await;
         self.writer.close().await;
     }
 }
@@ -89,5 +91,24 @@ impl SqliteDatabase {
         let mut tx = self.begin_any().await?;
         sqlx::query("INSERT INTO folder (only_row, id) VALUES (1, ?)").bind(id.to_string()).execute(&mut *tx).await?;
         tx.commit().await
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::testing::{other_program, store};
+    use super::*;
+
+    #[tokio::test]
+    async fn a_closed_database_is_one_file_though_somebody_else_has_it_open() {
+        let (store, folder) = store().await;
+        let mut other = other_program(&folder).await;
+        let before: i64 = sqlx::query_scalar("SELECT count(*) FROM folder").fetch_one(&mut other).await.expect("read");
+        assert_eq!(before, 1);
+        let log = folder.path().join("test.sqlite-wal");
+        assert!(std::fs::metadata(&log).expect("there").len() > 0);
+        store.close().await;
+        let left = std::fs::metadata(&log).expect("somebody else has it open").len();
+        assert_eq!(left, 0);
     }
 }
