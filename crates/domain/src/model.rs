@@ -1,6 +1,6 @@
 //! Models: what they are made of, and their files.
 
-use super::asset::{Asset, Origin};
+use super::asset::{Asset, Kind, Origin};
 use super::{JobId, ModelId, ScanSetId, StoredSignature};
 use visage_geometry::Unit;
 use visage_shape::faces::SignatureSummary;
@@ -71,6 +71,13 @@ impl ModelRecord {
     pub fn origin(&self) -> Origin {
         if self.job_id.is_some() { Origin::Registered } else { Origin::Uploaded }
     }
+
+    /// Of its files the one of this kind that shows all of it: coarse copies are for pages alone.
+    pub fn whole<'a>(&self, files: &'a [AssetRecord], kind: Kind) -> Option<&'a AssetRecord> {
+        let is_whole = |asset: &Asset| asset.role().kind == kind && !asset.is_coarse_copy();
+        let names = Asset::of(self.origin()).into_iter().filter(is_whole).map(Asset::name);
+        names.into_iter().find_map(|name| files.iter().find(|file| file.name == name))
+    }
 }
 
 /// Which models a list shows.
@@ -124,5 +131,35 @@ impl NewModel {
             reading: None,
             signature: None,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_coarse_copy_is_never_taken_for_the_surface() {
+        let model = ModelRecord {
+            id: ModelId::new(),
+            job_id: Some(JobId::new()),
+            scan_set_id: None,
+            name: "head".into(),
+            label: None,
+            unit: Unit::default(),
+            points: 3,
+            quality: None,
+            reading: None,
+            signature: None,
+        };
+        let file = |asset: &Asset| AssetRecord { name: asset.name().into(), bytes: 1, checksum: String::new() };
+        // as a database lists them
+        let mut files: Vec<AssetRecord> = Asset::RESULTS.iter().map(file).collect();
+        files.sort_by(|a, b| a.name.cmp(&b.name));
+        let whole = |files: &[AssetRecord], kind| model.whole(files, kind).map(|file| file.name.clone());
+        assert_eq!(whole(&files, Kind::Mesh).as_deref(), Some("mesh.ply"));
+        assert_eq!(whole(&files, Kind::Cloud).as_deref(), Some("cloud.ply"));
+        files.retain(|file| file.name != "mesh.ply");
+        assert_eq!(whole(&files, Kind::Mesh), None);
     }
 }

@@ -2,7 +2,7 @@
 
 use super::context::ServiceContext;
 use crate::storage::{DatabaseError, ObjectError};
-use visage_domain::asset::{Asset, Kind};
+use visage_domain::asset::Kind;
 use visage_domain::{AssetRecord, ModelId};
 use visage_geometry::{Surface, Unit};
 use visage_pipeline::deviation::{FormatError, read_surface};
@@ -40,12 +40,8 @@ impl ModelFile {
     pub async fn find(context: &ServiceContext, id: ModelId) -> Result<ModelFile, ModelFileError> {
         let model = context.database.model(id).await?;
         let known = context.database.assets(id).await?;
-        let of_kind = |kind: Kind| {
-            let assets = Asset::of(model.origin()).into_iter();
-            let wanted = assets.filter(move |asset| asset.role().kind == kind && !asset.is_coarse_copy());
-            wanted.map(Asset::name).find_map(|name| known.iter().find(|record| record.name == name))
-        };
-        let asset = of_kind(Kind::Mesh).or_else(|| of_kind(Kind::Cloud)).ok_or(ModelFileError::NoSurface(id))?;
+        let whole = |kind: Kind| model.whole(&known, kind);
+        let asset = whole(Kind::Mesh).or_else(|| whole(Kind::Cloud)).ok_or(ModelFileError::NoSurface(id))?;
         Ok(ModelFile { id, asset: asset.clone(), unit: model.unit })
     }
 

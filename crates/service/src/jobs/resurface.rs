@@ -112,12 +112,8 @@ impl Resurfacing {
 
     /// The points of a model: of what a registration made its cloud, of an upload the file.
     fn points(&self, model: &ModelRecord, assets: &[AssetRecord]) -> Result<Points, WorkError> {
-        let of_kind = |kind: Kind| {
-            let known = Asset::of(model.origin()).into_iter().filter(move |asset| asset.role().kind == kind);
-            known.map(Asset::name).find_map(|name| assets.iter().find(|record| record.name == name))
-        };
-        let upload = || if model.origin() == Origin::Uploaded { of_kind(Kind::Mesh) } else { None };
-        let asset = of_kind(Kind::Cloud).or_else(upload).ok_or_else(|| {
+        let upload = || if model.origin() == Origin::Uploaded { model.whole(assets, Kind::Mesh) } else { None };
+        let asset = model.whole(assets, Kind::Cloud).or_else(upload).ok_or_else(|| {
             let hint = "register the scans again with options.cloud, or upload a cloud";
             failed("no_cloud", "the model has no cloud", None, hint)
         })?;

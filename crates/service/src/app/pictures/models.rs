@@ -195,13 +195,9 @@ fn read(name: &str, bytes: &[u8]) -> Result<Surface, PicturesError> {
 
 /// The file of a model that a source stands for.
 fn asset_of<'a>(model: &ModelRecord, assets: &'a [AssetRecord], source: Source) -> Option<&'a AssetRecord> {
-    let is_it = |record: &&AssetRecord| {
-        let Some(asset) = Asset::named(&record.name, model.origin()) else { return false };
-        match source {
-            Source::Preview => asset == Asset::Preview,
-            Source::Mesh => asset.role().kind == asset::Kind::Mesh && asset != Asset::Preview,
-            Source::Cloud => asset.role().kind == asset::Kind::Cloud,
-        }
-    };
-    assets.iter().find(is_it)
+    match source {
+        Source::Preview => assets.iter().find(|asset| asset.name == Asset::Preview.name()),
+        Source::Mesh => model.whole(assets, asset::Kind::Mesh),
+        Source::Cloud => model.whole(assets, asset::Kind::Cloud),
+    }
 }

@@ -7,7 +7,7 @@ use tokio::sync::Semaphore;
 use super::{Desk, RenditionError, STORED, content, model_of, stage};
 use crate::app::context::ServiceContext;
 use crate::storage::StagedFile;
-use visage_domain::asset::{Asset, Kind, Origin};
+use visage_domain::asset::Kind;
 use visage_domain::{AssetRecord, ModelId, ModelRecord};
 use visage_formats::written::{Written, scaled};
 use visage_formats::{Format, check_name, read_surface, write_mesh_of};
@@ -25,19 +25,12 @@ impl SurfaceSource {
     /// Finds it: for a mesh the mesh, for a cloud the cloud, or the vertices of a model that was uploaded as a mesh.
     pub async fn find(context: &ServiceContext, id: ModelId, wanted: Written) -> Result<Self, RenditionError> {
         let (model, assets) = model_of(context, id).await?;
-        let origin = if model.job_id.is_some() { Origin::Registered } else { Origin::Uploaded };
         let kinds: &[Kind] = if wanted == Written::Mesh { &[Kind::Mesh] } else { &[Kind::Cloud, Kind::Mesh] };
-        let of_kind = |kind: &Kind| {
-            let is_it = |asset: &&AssetRecord| {
-                Asset::named(&asset.name, origin).is_some_and(|asset| asset.role().kind == *kind)
-            };
-            assets.iter().find(is_it)
-        };
         let (what, hint) = match wanted {
             Written::Mesh => ("mesh", "register the scans with the option mesh, or fetch the cloud"),
             _ => ("cloud", "register the scans with the option cloud"),
         };
-        let asset = kinds.iter().find_map(of_kind).cloned();
+        let asset = kinds.iter().find_map(|kind| model.whole(&assets, *kind)).cloned();
         let asset = asset.ok_or(RenditionError::Missing { model: id, what, hint })?;
         Ok(SurfaceSource { model, asset, wanted })
     }
