@@ -176,9 +176,9 @@ impl Camera {
         camera
     }
 
-    /// The same with the picture moved to the right by so many pixels.
-    pub fn moved(self, pixels: f64) -> Camera {
-        Camera { middle: [self.middle[0] + pixels, self.middle[1]], ..self }
+    /// The same with the picture moved to the right and down by so many pixels.
+    pub fn moved(self, [right, down]: [f64; 2]) -> Camera {
+        Camera { middle: [self.middle[0] + right, self.middle[1] + down], ..self }
     }
 
     /// A part of the picture that this camera takes, as a picture of its own: its centre, and how much larger.

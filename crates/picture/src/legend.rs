@@ -88,6 +88,11 @@ pub fn key(drawing: &mut Drawing, entries: &[(String, Rgb)]) {
     }
 }
 
+/// How high a line of words at the top of a picture is, with its rim.
+pub fn title_height(size: Size) -> f64 {
+    RIM + font_of(size).height()
+}
+
 /// A title in the upper left corner.
 pub fn title(drawing: &mut Drawing, text: &str) {
     let font = font(drawing);
@@ -174,10 +179,13 @@ pub fn number(value: f64) -> String {
         return "-".to_owned();
     }
     let size = value.abs();
-    if size != 0.0 && !(1e-4..1e6).contains(&size) {
+    if size == 0.0 {
+        return "0".to_owned();
+    }
+    if !(1e-4..1e6).contains(&size) {
         return format!("{value:.1e}");
     }
-    let digits = if size == 0.0 { 0.0 } else { (2.0 - size.log10().floor()).clamp(0.0, 6.0) };
+    let digits = (2.0 - size.log10().floor()).clamp(0.0, 6.0);
     let text = format!("{value:.0$}", digits as usize);
     if !text.contains('.') {
         return text;
@@ -200,8 +208,8 @@ mod tests {
 
     #[test]
     fn numbers_are_short() {
-        let told = [0.0, 1.0, 0.5, 12.345, 1234.5, 0.000_012, 3e9, -0.25, f64::NAN].map(number);
-        assert_eq!(told, ["0", "1", "0.5", "12.3", "1234", "1.2e-5", "3.0e9", "-0.25", "-"]);
+        let told = [0.0, -0.0, 1.0, 0.5, 12.345, 1234.5, 0.000_012, 3e9, -0.25, f64::NAN].map(number);
+        assert_eq!(told, ["0", "0", "1", "0.5", "12.3", "1234", "1.2e-5", "3.0e9", "-0.25", "-"]);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Figures on the surface: how much was measured, how far it is from another.
 
-use super::{Beside, in_unit, lacking, rendered, with_legend};
+use super::{Margins, in_unit, lacking, rendered, with_legend};
 use crate::kind::Kind;
 use crate::material::{Material, PictureError, Wish};
 use visage_geometry::progress::Progress;
@@ -32,7 +32,7 @@ pub(super) fn support(of: &Material, wish: &Wish, progress: &Progress) -> Result
             *color = ALARM;
         }
     }
-    let rendered = rendered(of, wish, Some(&colors), Paint::Figure, Beside::Bar, progress)?;
+    let rendered = rendered(of, wish, Some(&colors), Paint::Figure, Margins::of_bar(wish.size), progress)?;
     Ok(with_legend(rendered, of, |drawing, _| {
         legend::color_bar(drawing, Map::Sequential, [0.0, most], "points that stand for a place");
         legend::key(drawing, &[("nobody saw it".to_owned(), ALARM)]);
@@ -54,7 +54,7 @@ pub(super) fn deviation(of: &Material, wish: &Wish, progress: &Progress) -> Resu
     let (map, least) = if reference.has_sides() { (Map::Diverging, -most) } else { (Map::Sequential, 0.0) };
     let shown = if reference.has_sides() { &distances } else { &sizes };
     let colors: Vec<Rgb> = map.colors(shown, [least, most]);
-    let rendered = rendered(of, wish, Some(&colors), Paint::Figure, Beside::Bar, progress)?;
+    let rendered = rendered(of, wish, Some(&colors), Paint::Figure, Margins::of_bar(wish.size), progress)?;
     let has_gaps = distances.iter().any(|distance| distance.is_nan());
     Ok(with_legend(rendered, of, |drawing, _| {
         legend::color_bar(drawing, map, [least, most], &in_unit("deviation", of));

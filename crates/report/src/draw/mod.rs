@@ -87,20 +87,38 @@ pub(crate) fn upright(axes: Axes, points: &[Point3]) -> Axes {
     if is_ahead { axes.of_camera_frame() } else { axes }
 }
 
-/// What is written beside a picture: the model leaves room for it.
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Beside {
-    Nothing,
-    /// A list on the left, so many pixels wide.
-    Key(f64),
-    /// A bar of colours on the right.
-    Bar,
+/// Pixels at the rims of a picture that the model leaves to what is written there.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+struct Margins {
+    left: f64,
+    right: f64,
+    top: f64,
 }
 
-/// Pixels that a bar gets: what letters need, but no more than a quarter of a small picture.
-fn beside_width(size: Size) -> u32 {
-    const LETTERS: u32 = 110;
-    (size.width() / 9).max(LETTERS.min(size.width() / 4))
+impl Margins {
+    /// For a list on the left.
+    fn of_key(size: Size, entries: &[(String, Rgb)]) -> Margins {
+        Margins { left: legend::key_width(size, entries), ..Margins::default() }
+    }
+
+    /// For a line of words.
+    fn of_title(size: Size) -> Margins {
+        Margins { top: legend::title_height(size), ..Margins::default() }
+    }
+
+    /// For a bar of colours on the right with its title: what letters need, but no more than a quarter of a small picture.
+    fn of_bar(size: Size) -> Margins {
+        const LETTERS: f64 = 110.0;
+        let width = f64::from(size.width());
+        Margins { right: (width / 9.0).max(LETTERS.min(width / 4.0)), ..Margins::of_title(size) }
+    }
+
+    /// A camera that has these points in what is left of a picture.
+    fn camera(self, points: &[Point3], axes: Axes, size: Size, is_perspective: bool) -> Camera {
+        let room = [f64::from(size.width()) - self.left - self.right, f64::from(size.height()) - self.top];
+        let room = Size::clamped(room[0] as u32, room[1] as u32);
+        Camera::fit(points, axes, room, is_perspective).moved([self.left, self.top])
+    }
 }
 
 /// A surface with a camera before it.
@@ -109,17 +127,11 @@ fn rendered(
     wish: &Wish,
     colors: Option<&[Rgb]>,
     paint: Paint,
-    beside: Beside,
+    margins: Margins,
     progress: &Progress,
 ) -> Result<Rendered, PictureError> {
     let is_perspective = wish.side == Side::Default;
-    let (on_left, on_right) = match beside {
-        Beside::Nothing => (0.0, 0),
-        Beside::Key(width) => (width, 0),
-        Beside::Bar => (0.0, beside_width(wish.size)),
-    };
-    let room = Size::clamped(wish.size.width() - on_left as u32 - on_right, wish.size.height());
-    let camera = Camera::fit(&of.surface.cloud.points, axes(of, wish.side), room, is_perspective).moved(on_left);
+    let camera = margins.camera(&of.surface.cloud.points, axes(of, wish.side), wish.size, is_perspective);
     Ok(render(&scene(&of.surface, colors, paint), &camera, wish.size, progress)?)
 }
 

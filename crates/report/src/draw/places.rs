@@ -1,6 +1,6 @@
 //! Places on the surface that have a meaning: regions, the triangle, the face.
 
-use super::{Beside, lacking, rendered, with_legend};
+use super::{Margins, lacking, rendered, with_legend};
 use crate::kind::Kind;
 use crate::material::{Material, PictureError, Wish};
 use visage_geometry::Point3;
@@ -33,7 +33,7 @@ pub(super) fn regions(of: &Material, wish: &Wish, progress: &Progress) -> Result
     let signature = signature(Kind::Regions, of)?;
     let verdict = judge(signature, &standard::face(), MatchMethod::Descriptors);
     let plain = vec![PLAIN; of.surface.cloud.len()];
-    let rendered = rendered(of, wish, Some(&plain), Paint::Material, Beside::Nothing, progress)?;
+    let rendered = rendered(of, wish, Some(&plain), Paint::Material, Margins::of_title(wish.size), progress)?;
     let tolerance = tolerance(of);
     Ok(with_legend(rendered, of, |drawing, rendered| {
         let strongest = signature.regions().map(|region| region.strength).fold(f64::MIN_POSITIVE, f64::max);
@@ -81,7 +81,14 @@ pub(super) fn landmarks(of: &Material, wish: &Wish, progress: &Progress) -> Resu
             "ask for the picture regions, which shows what was found",
         )
     })?;
-    let rendered = rendered(of, wish, of.surface.cloud.colors.as_deref(), Paint::Material, Beside::Nothing, progress)?;
+    let rendered = rendered(
+        of,
+        wish,
+        of.surface.cloud.colors.as_deref(),
+        Paint::Material,
+        Margins::of_title(wish.size),
+        progress,
+    )?;
     let score = judge(signature, &standard::face(), MatchMethod::Verified).score;
     let tolerance = tolerance(of);
     Ok(with_legend(rendered, of, |drawing, rendered| {

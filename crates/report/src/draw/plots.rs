@@ -19,7 +19,7 @@ fn found(kind: Kind, of: &Material) -> Result<&Found, PictureError> {
 pub(super) fn overlap(of: &Material, wish: &Wish) -> Result<Drawing, PictureError> {
     let Findings { overlaps, .. } = &found(Kind::Overlap, of)?.result;
     let names = found(Kind::Overlap, of)?.names();
-    Ok(plots::matrix(wish.size, "share of the scan in a row that the one in a column saw too", &names, overlaps))
+    Ok(plots::matrix(wish.size, "share of a row's scan that a column's saw", &names, overlaps))
 }
 
 /// Which scans hold which.

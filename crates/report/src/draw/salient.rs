@@ -1,7 +1,7 @@
 //! What stands out of the surface: as a picture, and as a file for those who draw themselves.
 
 use super::figures::{MOST, quantile};
-use super::{Beside, rendered, with_legend, without_surface};
+use super::{Margins, rendered, with_legend, without_surface};
 use crate::kind::Kind;
 use crate::material::{Material, PictureError, Wish};
 use visage_formats::ply::{VertexAttributes, write_surface};
@@ -36,7 +36,7 @@ impl Salient {
 /// As a picture.
 pub(super) fn saliency(of: &Material, wish: &Wish, progress: &Progress) -> Result<Image, PictureError> {
     let Salient { most, colors, .. } = Salient::of(&of.surface, progress)?;
-    let rendered = rendered(of, wish, Some(&colors), Paint::Figure, Beside::Bar, progress)?;
+    let rendered = rendered(of, wish, Some(&colors), Paint::Figure, Margins::of_bar(wish.size), progress)?;
     Ok(with_legend(rendered, of, |drawing, _| {
         legend::color_bar(drawing, Map::Sequential, [0.0, most], "saliency");
     }))

@@ -2,7 +2,7 @@
 //! that refinement began with.
 
 use super::surfaces::{colors_of, key, views_of};
-use super::{lacking, reach_of_neighbours, upright, with_legend};
+use super::{Margins, lacking, reach_of_neighbours, upright, with_legend};
 use crate::kind::Kind;
 use crate::material::{Axis, Material, PictureError, Plane, Wish};
 use visage_geometry::progress::Progress;
@@ -18,8 +18,10 @@ use visage_picture::size::Size;
 /// Half the thickness of what is shown, in distances of neighbours: each scan has points in it wherever the plane cuts it.
 const HALF_THICKNESS: f64 = 0.75;
 /// The share of the picture's shorter side that the magnified part takes, and how much it is magnified.
-const INSET: f64 = 0.42;
+const INSET: f64 = 0.36;
 const MAGNIFIED: f64 = 8.0;
+/// Room to the rim of the picture.
+const RIM: f64 = 12.0;
 /// Radii of points in pixels, as shares of the picture's shorter side.
 const DOT: f64 = 1.0 / 420.0;
 
@@ -74,12 +76,15 @@ fn drawn(
     let side = INSET * width.min(height);
     let key =
         if views_of(of).is_some() { key(of, &[framing.views.as_slice(), &slab.views].concat()) } else { Vec::new() };
-    // the magnified part stands beside the whole if there is room
-    let is_wide = width > 1.2 * height;
-    let (on_left, on_right) = if is_wide { (legend::key_width(wish.size, &key), 0.75 * side) } else { (0.0, 0.0) };
-    let room = Size::clamped((width - on_left - on_right) as u32, wish.size.height());
-    let camera = Camera::fit(&framing.points, upright(axes(plane.axis), &of.surface.cloud.points), room, false);
-    let camera = camera.moved(on_left);
+    // the magnified part stands beside the whole, or above it where a picture is high
+    let beside = side + 2.0 * RIM;
+    let margins = if width > height {
+        Margins { right: beside, ..Margins::of_key(wish.size, &key) }
+    } else {
+        Margins { top: beside, ..Margins::default() }
+    };
+    let axes = upright(axes(plane.axis), &of.surface.cloud.points);
+    let camera = margins.camera(&framing.points, axes, wish.size, false);
     let rendered = dots(&slab, &camera, wish.size, 1.0, progress)?;
     let magnified = busiest(&framing, &camera, side / MAGNIFIED)
         .map(|at| {
@@ -90,24 +95,31 @@ fn drawn(
             ))
         })
         .transpose()?;
-    let words = format!("{when}section {} = {} {}", plane.axis.name(), legend::number(slab.offset), unit_words(of));
+    let offset = legend::number(to_thousandths(slab.offset, &bounds));
+    let words = format!("{when}section {} = {offset} {}", plane.axis.name(), unit_words(of));
     let mut image = with_legend(rendered, of, |drawing, _| {
         legend::key(drawing, &key);
         let font = legend::font(drawing);
-        let at = [width - 12.0, height - 12.0 - font.height() / 2.0];
+        let at = [width - RIM, height - RIM - font.height() / 2.0];
         drawing.text(at, words.trim_end(), Anchor::End, font, INK);
     });
     if let Some((at, inset)) = magnified {
-        let left = (width - side - 12.0).max(0.0);
-        image.put(left as i64, 12, &inset.image);
+        let left = (width - side - RIM).max(0.0);
+        image.put(left as i64, RIM as i64, &inset.image);
         let mut frames = Drawing::new(wish.size);
         let part = side / MAGNIFIED;
         frames.frame([at[0] - part / 2.0, at[1] - part / 2.0], [part, part], 1.5, INK);
-        frames.frame([left, 12.0], [side.floor(), side.floor()], 1.5, INK);
-        frames.line([at[0], at[1] - part / 2.0], [left, 12.0 + side], 1.0, INK);
+        frames.frame([left, RIM], [side.floor(), side.floor()], 1.5, INK);
+        frames.line([at[0], at[1] - part / 2.0], [left, RIM + side], 1.0, INK);
         frames.paint(&mut image);
     }
     Ok(image)
+}
+
+/// A place of a plane as people say it: what is below a thousandth of the model's size tells them nothing.
+fn to_thousandths(offset: f64, bounds: &Bounds) -> f64 {
+    let step = legend::round_below((bounds.max - bounds.min).norm() / 1000.0);
+    if step.is_finite() { (offset / step).round() * step } else { offset }
 }
 
 fn unit_words(of: &Material) -> &'static str {

@@ -1,6 +1,6 @@
 //! The surface itself: at a glance, from any side, and by scans.
 
-use super::{Beside, lacking, rendered, with_legend};
+use super::{Margins, lacking, rendered, with_legend};
 use crate::kind::Kind;
 use crate::material::{Material, PictureError, Wish};
 use visage_geometry::progress::Progress;
@@ -11,12 +11,13 @@ use visage_picture::raster::Paint;
 
 /// The model at a glance.
 pub(super) fn thumbnail(of: &Material, wish: &Wish, progress: &Progress) -> Result<Image, PictureError> {
-    Ok(rendered(of, wish, of.surface.cloud.colors.as_deref(), Paint::Material, Beside::Nothing, progress)?.image)
+    Ok(rendered(of, wish, of.surface.cloud.colors.as_deref(), Paint::Material, Margins::default(), progress)?.image)
 }
 
 /// In light and shadow.
 pub(super) fn shaded(of: &Material, wish: &Wish, progress: &Progress) -> Result<Image, PictureError> {
-    let rendered = rendered(of, wish, of.surface.cloud.colors.as_deref(), Paint::Material, Beside::Nothing, progress)?;
+    let rendered =
+        rendered(of, wish, of.surface.cloud.colors.as_deref(), Paint::Material, Margins::default(), progress)?;
     Ok(with_legend(rendered, of, |_, _| {}))
 }
 
@@ -30,7 +31,7 @@ pub(super) fn views(of: &Material, wish: &Wish, progress: &Progress) -> Result<I
         )
     })?;
     let key = key(of, views);
-    let beside = Beside::Key(legend::key_width(wish.size, &key));
+    let beside = Margins::of_key(wish.size, &key);
     let rendered = rendered(of, wish, Some(&colors_of(views)), Paint::Figure, beside, progress)?;
     Ok(with_legend(rendered, of, |drawing, _| legend::key(drawing, &key)))
 }
