@@ -60,6 +60,9 @@ impl From<DatabaseError> for Problem {
                 Problem::new(Code::DatabaseLocked, "nothing was stored: another program holds the database", hint)
                     .retry_after(5)
             }
+            DatabaseError::Busy => {
+                Problem::new(Code::Overloaded, detail, "send the request again in a moment").retry_after(2)
+            }
             DatabaseError::Failed(_)
             | DatabaseError::Shortage(_)
             | DatabaseError::Migration(_)

@@ -19,6 +19,9 @@ pub enum DatabaseError {
     /// Another program holds the lock of the database: nothing was written.
     #[error("the database is locked by another program")]
     Locked,
+    /// All connections to the database stayed in use: nothing was written.
+    #[error("no connection to the database came free in time")]
+    Busy,
     /// The database file is broken.
     #[error("the database is damaged: {found}; stop the server and look with `visage doctor --data DIR`")]
     Corrupt {

@@ -28,8 +28,7 @@ mod code {
 impl From<sqlx::Error> for DatabaseError {
     fn from(error: sqlx::Error) -> Self {
         if matches!(error, sqlx::Error::PoolTimedOut) {
-            // everybody before waits for a lock
-            return DatabaseError::Locked;
+            return DatabaseError::Busy;
         }
         let extended = error.as_database_error().and_then(|error| error.code()?.parse::<i32>().ok());
         match extended.map(|extended| (extended & 0xff, extended)) {
@@ -255,5 +254,10 @@ mod tests {
         assert!(matches!(refused, DatabaseError::Locked), "{refused}");
         sqlx::query("ROLLBACK").execute(&mut other).await.expect("free");
         store.create_scan_set(&large_set(), None).await.expect("free again");
+    }
+
+    #[test]
+    fn connections_that_are_all_in_use_are_no_lock() {
+        assert!(matches!(DatabaseError::from(sqlx::Error::PoolTimedOut), DatabaseError::Busy));
     }
 }
