@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 
 use crate::common::{Mode, TestServer, config, expect_json, text};
 use reqwest::StatusCode;
+use serde_json::json;
 use visage::domain::{FileId, ModelId, StoredFile};
 use visage::http::{Server, StartError};
 use visage::storage::data_folder::OpenError;
@@ -135,4 +136,45 @@ async fn what_a_crash_left_on_disk_is_swept() {
     assert_eq!([lost, of_others].map(is_there), [false, true], "another process may still be storing it");
     let models = expect_json(server.get("/v1/models").await, StatusCode::OK).await;
     assert_eq!(models["items"].as_array().map(Vec::len), Some(1));
+}
+
+#[tokio::test]
+async fn a_job_that_does_not_stop_is_left_behind_and_its_worker_goes_on() {
+    let server = TestServer::start_with(|config| config.queue.deaf = Duration::ZERO).await;
+    server.engine.set(Mode::Stuck);
+    let job = server.job().await;
+    server.until(&job, "running").await;
+    server.post(&format!("/v1/jobs/{job}/cancel"), &json!({})).await;
+    assert_eq!(server.finished(&job).await["status"], "canceled");
+
+    server.engine.set(Mode::Quick);
+    let next = server.job().await;
+    assert_eq!(server.finished(&next).await["status"], "succeeded");
+    let mut changes = server.handle.changes();
+    assert!(left_behind(&server, 1).await);
+    server.engine.release();
+    while !left_behind(&server, 0).await {
+        changes.changed().await.expect("the server runs");
+    }
+}
+
+#[tokio::test]
+async fn a_job_without_a_sign_of_life_fails() {
+    let server = TestServer::start_with(|config| {
+        config.queue.stall = config.queue.heartbeat;
+        config.queue.deaf = Duration::ZERO;
+    })
+    .await;
+    server.engine.set(Mode::Stuck);
+    let job = server.job().await;
+    let ended = server.finished(&job).await;
+    assert_eq!((&ended["status"], &ended["error"]["code"]), (&json!("failed"), &json!("stuck")), "{ended}");
+    server.engine.release();
+}
+
+async fn left_behind(server: &TestServer, count: usize) -> bool {
+    let text = server.get("/metrics").await.text().await.expect("a body");
+    text.lines().any(|line| {
+        line == format!("visage_jobs_left_behind {count}") || line == format!("visage_jobs_left_behind {count}.0")
+    })
 }

@@ -113,6 +113,13 @@ async fn jobs(all: &mut Registry, state: &AppState) -> Result<(), Problem> {
         "Attempts to deliver messages to webhooks since the start, by what came of them",
         messages,
     );
+    let left_behind = state.context.monitor.left_behind();
+    gauge(
+        all,
+        "jobs_left_behind",
+        "Threads that go on though their jobs have ended: they do not stop",
+        left_behind as f64,
+    );
     all.register("stage_runs", "Runs of jobs that came to a stage", stages);
     all.register("stage_seconds", "Seconds that runs of jobs took in a stage", seconds);
     Ok(())

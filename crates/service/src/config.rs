@@ -274,6 +274,10 @@ pub struct QueueTiming {
     pub poll: Duration,
     /// How often a job is started before it counts as failed.
     pub max_attempts: u32,
+    /// A job that reports nothing for so long is stopped, and has failed.
+    pub stall: Duration,
+    /// A job that has not stopped so long after it was asked to is left behind: it has ended, and its worker takes another.
+    pub deaf: Duration,
 }
 
 impl Default for QueueTiming {
@@ -283,6 +287,8 @@ impl Default for QueueTiming {
             heartbeat: Duration::from_millis(300),
             poll: Duration::from_secs(5),
             max_attempts: 3,
+            stall: Duration::from_secs(3600),
+            deaf: Duration::from_secs(60),
         }
     }
 }

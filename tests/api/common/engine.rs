@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Mutex, OnceLock};
+use std::sync::{Condvar, Mutex, OnceLock};
 use std::time::{Duration, Instant};
 
 use visage::app::engine::{Engine, PipelineEngine};
@@ -24,6 +24,8 @@ pub enum Mode {
     Slow(Duration),
     /// The same after a while, and does not listen.
     Deaf(Duration),
+    /// The same when it is released, without a sign of life before, and does not listen.
+    Stuck,
     /// Panics.
     Panic,
     /// Refuses the second scan.
@@ -38,6 +40,8 @@ pub enum Mode {
 #[derive(Debug, Default)]
 pub struct FakeEngine {
     mode: Mutex<Mode>,
+    is_released: Mutex<bool>,
+    release: Condvar,
     /// Registrations that were begun.
     pub runs: AtomicUsize,
     /// Models that were looked at for classes.
@@ -52,6 +56,12 @@ pub struct FakeEngine {
 impl FakeEngine {
     pub fn set(&self, mode: Mode) {
         *self.mode.lock().expect("never poisoned") = mode;
+    }
+
+    /// Lets those that are stuck go on.
+    pub fn release(&self) {
+        *self.is_released.lock().expect("never poisoned") = true;
+        self.release.notify_all();
     }
 
     fn signature_of_a_ball(&self) -> Signature {
@@ -79,6 +89,10 @@ impl Engine for FakeEngine {
             Mode::Quick | Mode::Described | Mode::Meshed => progress.report(Stage::Registering, 1.0),
             Mode::Slow(time) => wait(time, progress, true)?,
             Mode::Deaf(time) => wait(time, progress, false)?,
+            Mode::Stuck => {
+                let stuck = self.is_released.lock().expect("never poisoned");
+                drop(self.release.wait_while(stuck, |is_released| !*is_released).expect("never poisoned"));
+            }
             Mode::Panic => panic!("told to"),
             Mode::Refuse => {
                 return Err(PipelineError::Unusable {

@@ -19,6 +19,8 @@ pub enum StopReason {
     Shutdown,
     /// The lease was lost: the job is somebody else's.
     LeaseLost,
+    /// It has shown no sign of life for too long.
+    Stuck,
 }
 
 /// Tells a job's algorithms to stop, and its worker why.
@@ -58,6 +60,7 @@ struct Running {
 #[derive(Debug)]
 pub struct JobMonitor {
     running: Mutex<HashMap<JobId, Running>>,
+    left_behind: Mutex<Vec<u64>>,
     workers: Mutex<BTreeSet<WorkerId>>,
     changes: watch::Sender<u64>,
     work: Notify,
@@ -71,6 +74,7 @@ impl Default for JobMonitor {
     fn default() -> Self {
         JobMonitor {
             running: Mutex::default(),
+            left_behind: Mutex::default(),
             workers: Mutex::default(),
             changes: watch::Sender::new(0),
             work: Notify::new(),
@@ -113,9 +117,20 @@ impl JobMonitor {
         self.workers().iter().copied().collect()
     }
 
-    /// Points of the scans of all jobs that run.
+    /// Points of the scans of all jobs that run, and of those whose threads were left behind: both are in memory.
     pub(crate) fn running_points(&self) -> u64 {
-        self.lock().values().map(|running| running.points).sum()
+        self.lock().values().map(|running| running.points).chain(self.left().iter().copied()).sum()
+    }
+
+    /// Says that the thread of a job with so many points goes on though the job has ended, for as long as the answer lives.
+    pub(crate) fn leave_behind(self: &Arc<Self>, points: u64) -> LeftBehind {
+        self.left().push(points);
+        LeftBehind { monitor: self.clone(), points }
+    }
+
+    /// How many threads go on though their jobs have ended.
+    pub fn left_behind(&self) -> usize {
+        self.left().len()
     }
 
     /// Shows a job as running for as long as the answer lives.
@@ -166,6 +181,10 @@ impl JobMonitor {
         self.workers.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    fn left(&self) -> std::sync::MutexGuard<'_, Vec<u64>> {
+        self.left_behind.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
     fn lock(&self) -> std::sync::MutexGuard<'_, HashMap<JobId, Running>> {
         self.running.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -182,6 +201,25 @@ impl Drop for Hired {
     fn drop(&mut self) {
         self.monitor.workers().remove(&self.id);
         // what it left running is for the others
+        self.monitor.announce_work();
+    }
+}
+
+/// A thread that goes on though its job has ended.
+#[derive(Debug)]
+pub(crate) struct LeftBehind {
+    monitor: Arc<JobMonitor>,
+    points: u64,
+}
+
+impl Drop for LeftBehind {
+    fn drop(&mut self) {
+        let mut left = self.monitor.left();
+        if let Some(index) = left.iter().position(|points| *points == self.points) {
+            left.swap_remove(index);
+        }
+        drop(left);
+        // there may be room now for one that waits
         self.monitor.announce_work();
     }
 }

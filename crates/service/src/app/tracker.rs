@@ -35,6 +35,7 @@ struct State {
     stage: Option<(Stage, Spent)>,
     progress: f64,
     told: f64,
+    reports: u64,
     finished_stages: BTreeMap<Stage, Spent>,
 }
 
@@ -63,13 +64,18 @@ impl Spent {
 impl Tracker {
     /// `on_news` is called from worker threads: it must be quick and must not block.
     pub fn new(on_news: impl Fn() + Send + Sync + 'static) -> Self {
-        let state = State { stage: None, progress: 0.0, told: 0.0, finished_stages: BTreeMap::new() };
+        let state = State { stage: None, progress: 0.0, told: 0.0, reports: 0, finished_stages: BTreeMap::new() };
         Tracker { state: Mutex::new(state), has_one_stage: false, start: Instant::now(), on_news: Box::new(on_news) }
     }
 
     /// The same for a job of a single stage.
     pub fn of_one_stage(on_news: impl Fn() + Send + Sync + 'static) -> Self {
         Tracker { has_one_stage: true, ..Tracker::new(on_news) }
+    }
+
+    /// How often the algorithms have said something: whether they are alive.
+    pub(crate) fn reports(&self) -> u64 {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner).reports
     }
 
     /// How far the job has come; the current stage counts up to now.
@@ -93,6 +99,7 @@ impl Tracker {
 impl ProgressSink for Tracker {
     fn report(&self, stage: Stage, fraction: f64) {
         let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+        state.reports += 1;
         let entered = state.stage.is_none_or(|(current, _)| current != stage);
         if entered {
             let now = Spent::now(self.start);

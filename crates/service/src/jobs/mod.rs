@@ -5,7 +5,7 @@
 //! - [`work`]: one job from scans to stored files, on its own thread and rayon pool
 //! - `evaluation`: stored models judged against standards, and old signatures made anew
 //! - [`artifacts`]: the files of a model as bytes
-//! - [`runner`]: claims jobs, keeps their leases, ends them
+//! - [`runner`]: claims jobs, keeps their leases, ends them; `watchdog`: when it gives one up
 //!
 //! A job's row in the database is the truth; memory only holds what is newer than the last heartbeat.
 
@@ -17,4 +17,5 @@ mod evaluation;
 pub mod memory;
 mod resurface;
 pub mod runner;
+mod watchdog;
 mod work;

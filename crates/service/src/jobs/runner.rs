@@ -14,12 +14,13 @@ use tracing::Instrument;
 use super::evaluation::Evaluation;
 use super::memory::{Budget, TooLarge};
 use super::resurface::Resurfacing;
+use super::watchdog::Watchdog;
 use super::work::{Made, Work, WorkError, pooled};
 use crate::app::context::ServiceContext;
 use crate::app::monitor::{Entry, StopReason};
 use crate::config::QueueTiming;
 use crate::storage::DatabaseError;
-use visage_domain::{Claimant, Finish, JobClaim, JobError, StoredFile, WorkerId};
+use visage_domain::{Claimant, Finish, JobClaim, JobError, ModelId, StoredFile, WorkerId};
 use visage_geometry::progress::Progress;
 
 /// How long a worker waits after the database has failed it, or when the machine is out of something.
@@ -234,16 +235,26 @@ impl Worker {
 
     /// Keeps the lease and listens for stops until the job's thread has ended.
     async fn watch(&self, claim: &JobClaim, entry: &Entry, mut result: WorkResult) -> Result<Option<Made>, WorkError> {
+        let mut watchdog = Watchdog::new(self.timing());
         let mut heartbeat = tokio::time::interval(self.timing().heartbeat);
         heartbeat.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
-        loop {
+        let is_deaf = loop {
             tokio::select! {
                 ended = &mut result => {
                     return ended.unwrap_or_else(|_| Err(WorkError::Failed(defect("the job's thread vanished"))));
                 }
-                _ = heartbeat.tick() => self.beat(claim, entry).await,
-                () = self.stop.cancelled() => break,
+                _ = heartbeat.tick() => {
+                    self.beat(claim, entry).await;
+                    if watchdog.gives_up(entry) {
+                        break true;
+                    }
+                }
+                () = self.stop.cancelled() => break false,
             }
+        };
+        if is_deaf {
+            self.leave_behind(claim, result);
+            return Err(WorkError::Stopped);
         }
         // a thread that does not listen is left behind: it can write nothing any more
         entry.stop.raise(StopReason::Shutdown);
@@ -251,6 +262,23 @@ impl Worker {
             Ok(Ok(ended)) => ended,
             Ok(Err(_)) | Err(_) => Err(WorkError::Stopped),
         }
+    }
+
+    /// Lets the thread of a job go on that does not listen: what it makes is thrown away, and its memory counts until it ends.
+    fn leave_behind(&self, claim: &JobClaim, result: WorkResult) {
+        tracing::error!("the job does not stop: its thread is left behind");
+        let left = self.context.monitor.leave_behind(claim.points);
+        let context = self.context.clone();
+        let ended = async move {
+            if let Ok(Ok(Some(made))) = result.await
+                && let Err(error) = discard(&context, made.model.id).await
+            {
+                tracing::warn!("files of a model that nobody wants: {error}");
+            }
+            drop(left);
+            tracing::info!("the thread that was left behind has ended");
+        };
+        tokio::spawn(ended.in_current_span());
     }
 
     /// One heartbeat: extends the lease, writes the progress, reads the cancel flag.
@@ -313,6 +341,22 @@ impl Worker {
                     tracing::info!("the job is given back");
                     self.context.database.give_back_job(claim).await.map(drop)
                 }
+                Some(StopReason::Stuck) => {
+                    let stage = entry.tracker.snapshot().stage.map_or("its beginning", |stage| stage.name());
+                    let error = JobError {
+                        code: "stuck".to_owned(),
+                        message: format!(
+                            "the job showed no sign of life for {} s in {stage}",
+                            self.timing().stall.as_secs()
+                        ),
+                        scan: None,
+                        hint: "this is a defect of visage: please report it with the job's id; other jobs go on"
+                            .to_owned(),
+                    };
+                    self.context.database.finish_job(claim, &Finish::Failed(error)).await.map(drop)?;
+                    tracing::error!("the job is stuck");
+                    Ok(())
+                }
                 None => {
                     let error = defect("the job stopped though nobody asked for it");
                     self.context.database.finish_job(claim, &Finish::Failed(error)).await.map(drop)
@@ -335,14 +379,20 @@ impl Worker {
             return Ok(());
         }
         // canceled or taken over at the last moment: nobody knows these files
-        let objects = self.context.objects.clone();
-        match tokio::task::spawn_blocking(move || objects.remove(StoredFile::Model(id))).await {
-            Ok(Ok(())) => self.context.database.forget_loose(&[StoredFile::Model(id)]).await?,
-            Ok(Err(error)) => tracing::warn!("files of a model that nobody wants: {error}"),
-            Err(error) => tracing::warn!("files of a model that nobody wants: {error}"),
-        }
+        discard(&self.context, id).await?;
         self.context.database.finish_job(claim, &Finish::Canceled).await.map(drop)
     }
+}
+
+/// Takes away the files of a model that nobody wants.
+async fn discard(context: &ServiceContext, id: ModelId) -> Result<(), DatabaseError> {
+    let objects = context.objects.clone();
+    match tokio::task::spawn_blocking(move || objects.remove(StoredFile::Model(id))).await {
+        Ok(Ok(())) => context.database.forget_loose(&[StoredFile::Model(id)]).await?,
+        Ok(Err(error)) => tracing::warn!("files of a model that nobody wants: {error}"),
+        Err(error) => tracing::warn!("files of a model that nobody wants: {error}"),
+    }
+    Ok(())
 }
 
 fn defect(message: &str) -> JobError {

@@ -15,6 +15,7 @@ use crate::app::tracker::Tracker;
 use crate::config::Limits;
 use crate::panics::panic_message;
 use crate::storage::{Database, DatabaseError, ObjectError, ObjectStore, StagedModel};
+use crate::workers::workers;
 use visage_domain::asset::Asset;
 use visage_domain::{AssetRecord, JobError, JobRecord, ModelId, NewModel, ScanRecord, ScanSetRecord, StoredFile};
 use visage_formats::{DeclaredUnit, Dropped};
@@ -85,7 +86,7 @@ impl From<DatabaseError> for WorkError {
             DatabaseError::Full => {
                 failed("storage_full", error.to_string(), None, "free space on the server's disk, then retry the job")
             }
-            DatabaseError::Locked => WorkError::Later(error.to_string()),
+            DatabaseError::Locked | DatabaseError::Busy => WorkError::Later(error.to_string()),
             error if error.is_shortage() => WorkError::Later(error.to_string()),
             error => {
                 failed("storage_failed", error.to_string(), None, "look into the server's log, then retry the job")
@@ -103,7 +104,7 @@ pub(super) fn stored<T, F: Future<Output = Result<T, DatabaseError>>>(
 ) -> Result<T, WorkError> {
     loop {
         match runtime.block_on(ask()) {
-            Err(DatabaseError::Locked) => progress.check()?,
+            Err(DatabaseError::Locked | DatabaseError::Busy) => progress.check()?,
             done => return Ok(done?),
         }
     }
@@ -148,10 +149,7 @@ pub(super) fn pooled<T: Send>(
     threads: usize,
     work: impl FnOnce() -> Result<T, WorkError> + Send,
 ) -> Result<T, WorkError> {
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(threads)
-        .thread_name(|index| format!("job-worker-{index}"))
-        .build()
+    let pool = workers("job-worker", threads)
         .map_err(|error| WorkError::Later(format!("starting {threads} threads: {error}")))?;
     // nothing that the work holds is looked at after a panic
     std::panic::catch_unwind(AssertUnwindSafe(|| pool.install(work)))

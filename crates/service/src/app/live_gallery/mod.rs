@@ -15,6 +15,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard, Rw
 
 use crate::storage::inventory::Storage;
 use crate::storage::{Database, DatabaseError};
+use crate::workers::workers;
 use files::{FilingError, SegmentFiles};
 use loading::{Loading, not_stored, told};
 use visage_domain::asset::Origin;
@@ -289,7 +290,7 @@ impl LiveGallery {
         let spawned = std::thread::Builder::new().name("gallery-merge".to_owned()).spawn(move || {
             let merging = Merging(&live.shared.merging);
             // one thread: what is asked and registered meanwhile has the others
-            if let Ok(pool) = rayon::ThreadPoolBuilder::new().num_threads(1).build() {
+            if let Ok(pool) = workers("gallery-merge", 1) {
                 pool.install(|| live.merge());
             }
             drop(merging);
