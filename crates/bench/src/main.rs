@@ -11,6 +11,7 @@ mod gallery;
 mod paper;
 mod scale;
 mod start;
+mod surface;
 mod who;
 
 use std::process::ExitCode;
@@ -43,6 +44,8 @@ enum Bench {
     Cost(cost::CostArgs),
     /// What a registration costs as the views of one code-made object grow in number.
     Scale(scale::ScaleArgs),
+    /// Surfaces of scans: points that were left out, the truth, handles, cost.
+    Surface(surface::SurfaceArgs),
 }
 
 fn main() -> ExitCode {
@@ -57,6 +60,7 @@ fn main() -> ExitCode {
         Bench::Who(args) => who::run(args),
         Bench::Cost(args) => cost::run(args),
         Bench::Scale(args) => scale::run(args),
+        Bench::Surface(args) => surface::run(args),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

@@ -12,8 +12,12 @@ use visage_geometry::normals::{NEIGHBOURS, local_planes};
 use visage_geometry::progress::{Canceled, Progress};
 use visage_geometry::{Mesh, Point3, Surface, Vector3};
 
-/// The plane of a point reaches as far as this many distances to its nearest neighbours.
-const PLANE_REACH: f64 = 2.0;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// The plane of a point reaches as far as this many distances to its nearest neighbours.
+        plane_reach: f64 = 2.0,
+    }
+}
 /// Points that are measured between two looks at the flag that stops.
 const PATIENCE: usize = 1 << 16;
 /// Grey: nothing of the reference is within reach.
@@ -100,7 +104,7 @@ impl CloudPlanes {
             }
         };
         let spacing = spacing(&indexed);
-        Some(CloudPlanes { center, indexed, normals, is_oriented, reach2: (PLANE_REACH * spacing).powi(2) })
+        Some(CloudPlanes { center, indexed, normals, is_oriented, reach2: (TUNING.plane_reach * spacing).powi(2) })
     }
 
     fn distance(&self, point: &Point3, reach: f64) -> f64 {

@@ -31,12 +31,15 @@ pub struct PosedView<'a> {
     pub sensor: Option<Sensor>,
 }
 
-/// How clearly a side must be the outer one before the normals are called outward.
-const CLEAR: f64 = 0.3;
-
-/// Facets by which a view's axis is told, and the nearest points by which their density is.
-const FACETS: usize = 400;
-const AROUND: usize = 16;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// How clearly a side must be the outer one before the normals are called outward.
+        clear: f64 = 0.3,
+        /// Facets by which a view's axis is told, and the nearest points by which their density is.
+        facets: usize = 400,
+        around: usize = 16,
+    }
+}
 
 /// Merges the placed views, in their order. Also says for each view whether its normals are known to be outward.
 pub fn merge(posed: &[PosedView], progress: &Progress) -> Result<(ModelCloud, Vec<bool>), Canceled> {
@@ -77,7 +80,7 @@ fn outward_normals(posed: &PosedView, middle: &visage_geometry::Vector3) -> (Vec
         None => {
             let samples: Vec<_> = view.points().iter().zip(&planes).map(|(p, plane)| (*p, plane.normal)).collect();
             let (sensor, clarity) = outer_side(viewing_axis(&facets(view, &planes)), &samples, middle);
-            (sensor, clarity > CLEAR)
+            (sensor, clarity > TUNING.clear)
         }
     };
     let oriented = view.points().iter().zip(&planes).map(|(point, plane)| {
@@ -90,9 +93,9 @@ fn outward_normals(posed: &PosedView, middle: &visage_geometry::Vector3) -> (Vec
 /// Facets of a view with these planes, spread over it.
 fn facets(view: &View, planes: &[LocalPlane]) -> Vec<Facet> {
     let mut found = Vec::new();
-    let step = planes.len().div_ceil(FACETS).max(1);
+    let step = planes.len().div_ceil(TUNING.facets).max(1);
     let facet = |(point, plane): (&LocalPoint, &LocalPlane)| {
-        view.indexed.tree.k_nearest_unordered(point, AROUND, f32::INFINITY, &mut found);
+        view.indexed.tree.k_nearest_unordered(point, TUNING.around, f32::INFINITY, &mut found);
         Facet::within(plane.normal, found.iter().map(|n| n.distance2).fold(0.0, f32::max))
     };
     view.points().iter().zip(planes).step_by(step).map(facet).collect()

@@ -8,12 +8,16 @@ use std::collections::BTreeMap;
 
 /// Colours beyond these are cut off or drowned in noise, and say nothing of exposure.
 const TELLING: std::ops::RangeInclusive<f32> = 8.0..=247.0;
-/// A pair of views with fewer shared places says nothing.
-const LEAST: usize = 20;
-/// Shared places that make a pair count as much as one can.
-const PLENTY: usize = 1000;
-/// No exposure differs by more than this factor from the mean.
-const MOST: f32 = 4.0;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// A pair of views with fewer shared places says nothing.
+        least: usize = 20,
+        /// Shared places that make a pair count as much as one can.
+        plenty: usize = 1000,
+        /// No exposure differs by more than this factor from the mean.
+        most: f32 = 4.0,
+    }
+}
 
 /// Colours of places that views share.
 #[derive(Debug, Clone, Default)]
@@ -36,7 +40,7 @@ impl Overlaps {
     /// For each of `views` views the factors for red, green and blue.
     pub fn gains(mut self, views: usize) -> Vec<[f32; 3]> {
         let mut gains = vec![[1.0; 3]; views];
-        self.pairs.retain(|_, differences| differences.len() >= LEAST);
+        self.pairs.retain(|_, differences| differences.len() >= TUNING.least);
         for channel in 0..3 {
             let equations: Vec<Equation> = self
                 .pairs
@@ -50,12 +54,12 @@ impl Overlaps {
                         a: usize::from(*a),
                         b: usize::from(*b),
                         difference,
-                        weight: differences.len().min(PLENTY) as f64,
+                        weight: differences.len().min(TUNING.plenty) as f64,
                     }
                 })
                 .collect();
             for (gain, log) in gains.iter_mut().zip(solve(&equations, views)) {
-                gain[channel] = (log.exp() as f32).clamp(1.0 / MOST, MOST);
+                gain[channel] = (log.exp() as f32).clamp(1.0 / TUNING.most, TUNING.most);
             }
         }
         gains

@@ -9,12 +9,16 @@ use super::free_space::{IsFree, JUST_OUTSIDE};
 use super::grid::corners;
 use super::samples::Samples;
 
-/// Nodes along the longest axis of the finest of these grids, about.
-const MOST_NODES: i32 = 96;
-/// Sweeps on each grid; each begins with what the coarser one found.
-const SWEEPS: usize = 24;
-/// Over-relaxation of the sweeps.
-const OMEGA: f32 = 1.6;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// Nodes along the longest axis of the finest of these grids, about.
+        most_nodes: i32 = 96,
+        /// Sweeps on each grid; each begins with what the coarser one found.
+        sweeps: usize = 24,
+        /// Over-relaxation of the sweeps.
+        omega: f32 = 1.6,
+    }
+}
 
 /// Values on all nodes whose coordinates are multiples of `step`.
 #[derive(Debug, Clone)]
@@ -91,7 +95,7 @@ pub fn sides(samples: &Samples, size: &[i32; 3]) -> Dense {
     let longest = size.iter().copied().max().unwrap_or(1);
     // the levels that follow begin one step finer than this: of small grids, too, it is not the finest
     let mut step = 2;
-    while longest / step > MOST_NODES {
+    while longest / step > TUNING.most_nodes {
         step *= 2;
     }
     let mut steps = vec![step];
@@ -106,7 +110,7 @@ pub fn sides(samples: &Samples, size: &[i32; 3]) -> Dense {
             refine(coarser, &mut next);
         }
         let right = divergence(samples, &next);
-        for _ in 0..SWEEPS {
+        for _ in 0..TUNING.sweeps {
             sweep(&mut next, &right);
         }
         found = Some(next);
@@ -166,7 +170,7 @@ fn sweep(grid: &mut Dense, right: &[f32]) {
                     let at = (z * rows + y) * columns + x;
                     let around: f32 = strides.iter().map(|d| grid.values[at - d] + grid.values[at + d]).sum();
                     let wanted = (around - right[at]) / 6.0;
-                    grid.values[at] += OMEGA * (wanted - grid.values[at]);
+                    grid.values[at] += TUNING.omega * (wanted - grid.values[at]);
                 }
             }
         }

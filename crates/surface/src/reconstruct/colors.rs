@@ -8,12 +8,16 @@ use super::samples::Frame;
 use visage_geometry::neighbours::IndexedPoints;
 use visage_geometry::{Cloud, Point3};
 
-/// Edge of the voxels whose points are averaged, in cells: as many as a vertex needs, and no more.
-const VOXEL: f32 = 0.5;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// Edge of the voxels whose points are averaged, in cells: as many as a vertex needs, and no more.
+        voxel: f32 = 0.5,
+        /// Places at which views are compared, about.
+        compared: usize = 400_000,
+    }
+}
 /// How far a vertex looks for points, in cells: colour is finer than shape.
 const NEAR: f32 = 0.6 * REACH;
-/// Places at which views are compared, about.
-const COMPARED: usize = 400_000;
 
 /// For each vertex, given in cells, the mean colour of the points around; that of the nearest ones where none is near.
 /// With the view of each point, views are made equally bright first, and those without any colour have no say.
@@ -67,7 +71,7 @@ pub fn colors(frame: &Frame, cloud: &Cloud, views: Option<&[u16]>, vertices: &[[
 
 /// The voxel that holds a point.
 fn voxel(frame: &Frame, point: &Point3) -> u64 {
-    frame.local(point).iter().fold(0, |key, x| key << 21 | (x / VOXEL).max(0.0) as u64)
+    frame.local(point).iter().fold(0, |key, x| key << 21 | (x / TUNING.voxel).max(0.0) as u64)
 }
 
 /// The colours of points and the views that they are of.
@@ -98,7 +102,7 @@ impl Colored<'_> {
         if self.views.is_none() {
             return overlaps.gains(views);
         }
-        for voxel in voxels.iter().step_by(voxels.len() / COMPARED + 1) {
+        for voxel in voxels.iter().step_by(voxels.len() / TUNING.compared + 1) {
             // one point of each view; points of a voxel are in the order of the cloud, so that of views
             let mut said: Vec<(u16, [f32; 3])> = Vec::new();
             for (_, index) in *voxel {

@@ -1,19 +1,25 @@
-//! Which nodes of one side hang together along edges of cells, over all of space: in the blocks of a volume and where none is.
+//! Which nodes of one side hang together over all of space, in the blocks of a volume and where none is: along edges of cells, and
+//! outside across the faces whose signs alternate, too.
 
 use rayon::prelude::*;
 
-use super::grid::{BlockKey, block_at, key};
+use super::grid::{BlockKey, NODES, block_at, key};
 use super::mask::Mask;
 use visage_geometry::UnionFind;
 
 /// Nodes of one block that hang together, with their label.
 type Piece = (Mask, u32);
 
+/// Of a node that is no member.
+const NOBODY: u32 = u32::MAX;
+
 /// The members of one side.
 #[derive(Debug)]
 pub struct Components {
     /// The pieces of each block.
     pieces: Vec<Vec<Piece>>,
+    /// Of the blocks that nodes are added to, the label of each node.
+    labels: Vec<Option<Box<[u32; NODES]>>>,
     joined: UnionFind,
     runs: Vec<Run>,
     outer: u32,
@@ -38,10 +44,26 @@ fn pieces_of(members: &Mask) -> Vec<Piece> {
     found
 }
 
+/// The index of the block behind another one along an axis, if it is there.
+fn behind(keys: &[BlockKey], of: BlockKey, axis: usize) -> Option<usize> {
+    let mut at = block_at(of);
+    at[axis] += 1;
+    keys.binary_search(&key(at)).ok()
+}
+
+fn labels_of(pieces: &[Piece]) -> Box<[u32; NODES]> {
+    let mut labels = Box::new([NOBODY; NODES]);
+    for (piece, label) in pieces {
+        piece.places().for_each(|place| labels[place] = *label);
+    }
+    labels
+}
+
 impl Components {
-    /// Of the members of each block. `outer` are the nodes outside, of which those of the outer side are the members or
+    /// Of the members of each block. `outside` are the nodes outside, of which those of the outer side are the members or
     /// not (`is_outer`): space beyond all blocks is outside, between two blocks of a row it is what the node before is.
-    pub fn of(keys: &[BlockKey], members: &[Mask], outside: &[Mask], is_outer: bool) -> Components {
+    /// Nodes may be added to the blocks for which `grows` says so.
+    pub fn of(keys: &[BlockKey], members: &[Mask], outside: &[Mask], grows: &[bool], is_outer: bool) -> Components {
         let mut pieces: Vec<Vec<Piece>> = members.par_iter().map(pieces_of).collect();
         let mut next = 0u32;
         for (_, label) in pieces.iter_mut().flatten() {
@@ -56,16 +78,23 @@ impl Components {
                 next += 1;
             }
         }
-        let mut found = Components { pieces, joined: UnionFind::new(next as usize + 1), runs, outer: next };
+        let labels = pieces.par_iter().zip(grows).map(|(pieces, grows)| grows.then(|| labels_of(pieces))).collect();
+        let mut found = Components { pieces, labels, joined: UnionFind::new(next as usize + 1), runs, outer: next };
         found.join_blocks(keys, is_outer);
         found.join_runs(keys, is_outer);
+        if is_outer {
+            found.join_across_faces(keys, members);
+        }
         found
     }
 
     /// What a member of a block hangs together with.
     pub fn root(&mut self, block: usize, place: usize) -> Option<usize> {
-        let (_, label) = self.pieces[block].iter().find(|(piece, _)| piece.has(place))?;
-        Some(self.joined.find(*label as usize))
+        let label = match &self.labels[block] {
+            Some(labels) => Some(labels[place]).filter(|label| *label != NOBODY)?,
+            None => self.pieces[block].iter().find(|(piece, _)| piece.has(place))?.1,
+        };
+        Some(self.joined.find(label as usize))
     }
 
     /// What space in a block that isn't there hangs together with.
@@ -74,20 +103,13 @@ impl Components {
         self.joined.find(label as usize)
     }
 
-    /// Adds a node that joins what `roots` stand for.
+    /// Adds a node that joins what `roots` stand for, to a block that grows.
     pub fn add(&mut self, block: usize, place: usize, roots: &[usize]) {
-        let Some(root) = roots.iter().copied().reduce(|a, b| {
-            self.joined.join(a, b);
-            a.min(b)
-        }) else {
-            return;
-        };
-        let joined = &mut self.joined;
-        let pieces = &mut self.pieces[block];
-        match pieces.iter_mut().find(|(_, label)| joined.find(*label as usize) == root) {
-            Some((piece, _)) => piece.set(place, true),
-            None => pieces.push((Mask::of(|at| at == place), root as u32)),
-        }
+        let Some((root, labels)) = roots.first().zip(self.labels[block].as_mut()) else { return };
+        labels[place] = *root as u32;
+        roots[1..].iter().for_each(|other| {
+            self.joined.join(*root, *other);
+        });
     }
 
     fn beyond(&self, at: BlockKey) -> u32 {
@@ -126,6 +148,52 @@ impl Components {
                     }
                 }
             }
+        }
+    }
+
+    /// Joins members on a diagonal of a face whose other corners are none: there the outside hangs together, and what is labelled
+    /// apart would be taken to make no ring when it is joined elsewhere.
+    fn join_across_faces(&mut self, keys: &[BlockKey], members: &[Mask]) {
+        let next = |masks: &[Mask], axis: usize| -> Vec<Mask> {
+            let of = |(mask, key): (&Mask, &BlockKey)| mask.before(axis, behind(keys, *key, axis).map(|at| &masks[at]));
+            masks.par_iter().zip(keys).map(of).collect()
+        };
+        let along: [Vec<Mask>; 3] = std::array::from_fn(|axis| next(members, axis));
+        for (a, b) in [(0, 1), (0, 2), (1, 2)] {
+            let across = next(&along[a], b);
+            for index in 0..keys.len() {
+                let (own, across) = (&members[index], &across[index]);
+                let (along_a, along_b) = (&along[a][index], &along[b][index]);
+                for place in own.and(across).without(along_a).without(along_b).places() {
+                    self.join_nodes(keys, (index, place, [None, None]), [Some(a), Some(b)]);
+                }
+                for place in along_a.and(along_b).without(own).without(across).places() {
+                    self.join_nodes(keys, (index, place, [Some(a), None]), [Some(b), None]);
+                }
+            }
+        }
+    }
+
+    /// Joins two members, each by the steps along axes that lead to it from a node.
+    fn join_nodes(
+        &mut self,
+        keys: &[BlockKey],
+        (block, place, first): (usize, usize, [Option<usize>; 2]),
+        second: [Option<usize>; 2],
+    ) {
+        let mut root = |steps: [Option<usize>; 2]| {
+            let mut at = (block, place);
+            for axis in steps.into_iter().flatten() {
+                let (stride, high) = (1 << (3 * axis), 7 << (3 * axis));
+                at = match at.1 & high == high {
+                    true => (behind(keys, keys[at.0], axis)?, at.1 - high),
+                    false => (at.0, at.1 + stride),
+                };
+            }
+            self.root(at.0, at.1)
+        };
+        if let Some((a, b)) = root(first).zip(root(second)) {
+            self.joined.join(a, b);
         }
     }
 
@@ -172,15 +240,42 @@ mod tests {
             }
         }
         let (all, none) = (vec![Mask::of(|_| true); keys.len()], vec![Mask::default(); keys.len()]);
-        let mut inside = Components::of(&keys, &all, &none, false);
+        let mut inside = Components::of(&keys, &all, &none, &vec![false; keys.len()], false);
         let shell = inside.root(0, 0).expect("a member");
         assert_eq!(inside.root(97, 511), Some(shell));
         assert_eq!(inside.root_beyond(key([3, 3, 3])), shell, "what is within hangs together with the shell");
         assert_eq!(inside.root_beyond(key([2, 4, 3])), shell);
         // of the outer side nothing is within the shell, and what is around is not joined to it
-        let mut outside = Components::of(&keys, &none, &none, true);
+        let mut outside = Components::of(&keys, &none, &none, &vec![true; keys.len()], true);
         assert_eq!(outside.root(0, 0), None);
         outside.add(0, 0, &[outside.outer as usize]);
         assert_eq!(outside.root(0, 0), Some(outside.root_beyond(key([0, 0, 0]))));
+    }
+
+    #[test]
+    fn the_outside_hangs_together_across_a_face_whose_signs_alternate_and_the_inside_does_not() {
+        // two nodes on a diagonal of a face, in one block and in two that share a face or an edge
+        let at = |x: usize, y: usize, z: usize| z << 6 | y << 3 | x;
+        let one = |place: usize| Mask::of(|at| at == place);
+        let keys: Vec<BlockKey> = (0..8).map(|k| key([1 + k % 2, 1 + k / 2 % 2, 1 + k / 4])).collect();
+        let cases = [
+            ((0, at(3, 3, 3)), (0, at(4, 4, 3))),
+            ((0, at(4, 3, 3)), (0, at(3, 3, 4))),
+            ((0, at(7, 2, 2)), (1, at(0, 2, 3))),
+            ((2, at(2, 0, 5)), (0, at(2, 7, 6))),
+            ((0, at(7, 7, 4)), (3, at(0, 0, 4))),
+            ((1, at(0, 7, 4)), (2, at(7, 0, 4))),
+        ];
+        for (a, b) in cases {
+            let mut members = vec![Mask::default(); keys.len()];
+            for (block, place) in [a, b] {
+                members[block] = members[block].or(&one(place));
+            }
+            let are_together = |is_outer: bool| {
+                let mut found = Components::of(&keys, &members, &members, &[true; 8], is_outer);
+                found.root(a.0, a.1).expect("a member") == found.root(b.0, b.1).expect("a member")
+            };
+            assert!(are_together(true) && !are_together(false), "{a:?} {b:?}");
+        }
     }
 }

@@ -75,7 +75,12 @@ pub fn extract(volume: &Volume) -> Triangles {
 /// Adds blocks until all cells at edges whose ends differ in sign are in one: what the surface passes through beyond the
 /// volume's own.
 pub fn close(volume: &mut Volume) {
-    let mut fresh: Vec<BlockKey> = volume.blocks.keys().to_vec();
+    close_around(volume, volume.blocks.keys().to_vec());
+}
+
+/// The same, after nodes changed in these blocks alone.
+pub fn close_around(volume: &mut Volume, changed: Vec<BlockKey>) {
+    let mut fresh = changed;
     loop {
         let missing: Vec<Vec<BlockKey>> = fresh.par_iter().map(|key| missing_around(volume, *key)).collect();
         let mut missing: Vec<BlockKey> = missing.into_iter().flatten().collect();

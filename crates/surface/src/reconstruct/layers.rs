@@ -12,14 +12,18 @@ use super::grid::{block_of, place_of};
 use super::samples::Frame;
 use visage_geometry::{Bounds, Cloud, Point3};
 
-/// Edges of the cells, in spacings: the wider ones hold layers that are farther from each other.
-const CELLS: [f64; 2] = [4.0, 8.0];
-/// About so many points are looked at for each edge.
-const LOOKED_AT: usize = 150_000;
-/// A scan with fewer points in a cell has no say there: each half has two.
-const LEAST: usize = 4;
-/// Two scans that share fewer cells say nothing of each other, nor does a scan whose halves were compared in fewer.
-const SHARED: usize = 20;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// Edges of the cells, in spacings: the wider ones hold layers that are farther from each other.
+        cells: [f64; 2] = [4.0, 8.0],
+        /// About so many points are looked at for each edge.
+        looked_at: usize = 150_000,
+        /// A scan with fewer points in a cell has no say there: each half has two.
+        least: usize = 4,
+        /// Two scans that share fewer cells say nothing of each other, nor does a scan whose halves were compared in fewer.
+        shared: usize = 20,
+    }
+}
 /// From the median of absolute deviations to the standard deviation of a normal distribution.
 const NORMAL: f64 = 1.4826;
 
@@ -72,7 +76,7 @@ struct Said {
 pub fn layers(cloud: &Cloud, views: &[u16], spacing: f64) -> Option<Layers> {
     let normals = cloud.normals.as_ref()?;
     let bounds = Bounds::of(&cloud.points)?;
-    let found = CELLS.iter().filter_map(|cell| {
+    let found = TUNING.cells.iter().filter_map(|cell| {
         let frame = Frame::around(&bounds, cell * spacing);
         of_cells(&frame, &cloud.points, normals, views)
     });
@@ -93,7 +97,7 @@ pub fn layers(cloud: &Cloud, views: &[u16], spacing: f64) -> Option<Layers> {
 
 /// What the cells of one frame say.
 fn of_cells(frame: &Frame, points: &[Point3], normals: &[nalgebra::Vector3<f32>], views: &[u16]) -> Option<Layers> {
-    let one_of = (points.len() / LOOKED_AT).max(1) as u64;
+    let one_of = (points.len() / TUNING.looked_at).max(1) as u64;
     let mut order: Vec<(u64, u32)> = points
         .par_iter()
         .zip(normals)
@@ -111,7 +115,7 @@ fn of_cells(frame: &Frame, points: &[Point3], normals: &[nalgebra::Vector3<f32>]
     let cells: Vec<&[(u64, u32)]> = order.chunk_by(|a, b| a.0 == b.0).collect();
     let said: Vec<Said> = cells.par_iter().map(|cell| said(cell, points, normals, views)).collect();
     let mut halves: Vec<f64> = said.iter().flat_map(|said| said.halves.iter().copied()).collect();
-    if halves.len() < SHARED {
+    if halves.len() < TUNING.shared {
         return None;
     }
     let noise = NORMAL * median(&mut halves);
@@ -122,7 +126,9 @@ fn of_cells(frame: &Frame, points: &[Point3], normals: &[nalgebra::Vector3<f32>]
         factors.push(factor);
     }
     let mut of_views: BTreeMap<u16, Vec<f64>> = BTreeMap::new();
-    for ((a, b), [mut aparts, mut factors]) in of_pairs.into_iter().filter(|(_, [aparts, _])| aparts.len() >= SHARED) {
+    for ((a, b), [mut aparts, mut factors]) in
+        of_pairs.into_iter().filter(|(_, [aparts, _])| aparts.len() >= TUNING.shared)
+    {
         let (seen, expected) = (NORMAL * median(&mut aparts), noise * median(&mut factors));
         let distance = (seen * seen - expected * expected).max(0.0).sqrt();
         [a, b].into_iter().for_each(|view| of_views.entry(view).or_default().push(distance));
@@ -146,7 +152,7 @@ fn said(cell: &[(u64, u32)], points: &[Point3], normals: &[nalgebra::Vector3<f32
         normal += normals[index].cast::<f64>();
     }
     let Some(normal) = normal.try_normalize(1e-9) else { return Said::default() };
-    let parts: Vec<(u16, Part)> = parts.into_iter().filter(|(_, part)| part.count() >= LEAST as f64).collect();
+    let parts: Vec<(u16, Part)> = parts.into_iter().filter(|(_, part)| part.count() >= TUNING.least as f64).collect();
     let mut said = Said::default();
     for (index, (view, part)) in parts.iter().enumerate() {
         let [a, b] = [0, 1].map(|half| part.sums[half] / part.counts[half]);

@@ -9,8 +9,12 @@ use super::grid::{BlockKey, Blocks, NODES, around, block_of, corners, first_node
 
 /// Values beyond this, in cells, say only which side it is.
 pub const FAR: f32 = 2.0;
-/// Relaxations on each level.
-const SWEEPS: usize = 12;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// Relaxations on each level.
+        sweeps: usize = 12,
+    }
+}
 
 /// The nodes of a block of one level.
 #[derive(Debug, Clone)]
@@ -105,7 +109,7 @@ fn next_level(
     let blocks: Vec<LevelBlock> =
         keys.par_iter().map(|key| begin(field, levels, coarse, step, *key, is_free)).collect();
     let mut level = Level { step, blocks: Blocks::new(keys, blocks) };
-    for _ in 0..SWEEPS {
+    for _ in 0..TUNING.sweeps {
         relax(&mut level);
     }
     level

@@ -37,20 +37,29 @@ pub use self::trim::Fill;
 use visage_geometry::progress::{Canceled, Progress, Stage};
 use visage_geometry::{Bounds, Cloud, Mesh};
 
-/// Edge of a cell, in spacings, of points whose noise is [`USUAL_NOISE`].
-const CELL: f64 = 2.0;
-/// Noise in spacings: that of laser scans at their own resolution.
-const USUAL_NOISE: f64 = 0.13;
-/// The error of a local fit is least where its variance, noise^2 / width^2, and its squared bias, width^4, grow alike: the
-/// width goes with the cube root of the noise.
-const POWER: f64 = 1.0 / 3.0;
-/// A cell has at least and at most so many spacings: below holes open between points, beyond detail is lost that the many
-/// points of a noisy scan do show.
-const CELLS: (f64, f64) = (1.8, 4.0);
-/// Of an unseen patch that counts as small no place is farther than this from data, in spacings: a hole of twelve.
-const SMALL: f64 = 6.0;
-/// By how much a cell is widened if the grid would take more memory than it may.
-const WIDER: f64 = 1.25;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// Edge of a cell, in spacings, of points whose noise is the usual one. With 1.8 and the same reach detail is a little finer,
+        /// for 40 % more time (docs/results/surface.md).
+        cell: f64 = 2.0,
+        /// Noise in spacings: that of laser scans at their own resolution.
+        usual_noise: f64 = 0.13,
+        /// The error of a local fit is least where its variance, noise^2 / width^2, and its squared bias, width^4, grow alike: the
+        /// width goes with the cube root of the noise.
+        power: f64 = 1.0 / 3.0,
+        /// A cell has at least and at most so many spacings: below holes open between points, beyond detail is lost that the many
+        /// points of a noisy scan do show.
+        cells: [f64; 2] = [1.8, 4.0],
+        /// Of an unseen patch that counts as small no place is farther than this from data, in spacings: what a scanner looked
+        /// through is known from that far on (`sensor/looked_through.rs`), and nobody may invent surface there.
+        small: f64 = 5.0,
+        /// A neck that nobody saw is cut where that takes no more than so many spacings. With 10 a false handle of the simulated
+        /// heads stays; with 40 one of the buddha's more goes, and a ring that is the object's could.
+        widest_cut: f64 = 20.0,
+        /// By how much a cell is widened if the grid would take more memory than it may.
+        wider: f64 = 1.25,
+    }
+}
 
 /// What is wanted of a surface.
 #[derive(Debug, Clone, Copy)]
@@ -132,10 +141,11 @@ pub fn reconstruct(
     // coordinates of nodes are kept in 17 bits of blocks
     let extent = (bounds.max - bounds.min).amax();
     let least = extent / f64::from(grid::MOST_NODES);
-    let noise = noise::noise(&Frame::around(&bounds, (CELL * spacing).max(least)), cloud);
-    let wanted = noise
-        .map_or(CELL, |noise| (CELL * (noise / (USUAL_NOISE * spacing)).powf(POWER)).clamp(CELLS.0, CELLS.1))
-        * spacing;
+    let noise = noise::noise(&Frame::around(&bounds, (TUNING.cell * spacing).max(least)), cloud);
+    let wanted = noise.map_or(TUNING.cell, |noise| {
+        (TUNING.cell * (noise / (TUNING.usual_noise * spacing)).powf(TUNING.power))
+            .clamp(TUNING.cells[0], TUNING.cells[1])
+    }) * spacing;
     let mut cell = wanted.max(least);
     if !cell.is_finite() {
         return Ok(None);
@@ -147,7 +157,7 @@ pub fn reconstruct(
             break (frame, samples);
         }
         at(0.0)?;
-        cell *= WIDER;
+        cell *= TUNING.wider;
     };
     at(0.2)?;
     let field = field::field(&samples);
@@ -161,12 +171,13 @@ pub fn reconstruct(
     at(0.8)?;
     extract::close(&mut volume);
     if options.fill != Fill::None {
-        topology::simplify(&mut volume, (2.0 * SMALL * spacing / cell) as f32);
+        let changed = topology::simplify(&mut volume, (TUNING.widest_cut * spacing / cell) as f32);
+        extract::close_around(&mut volume, changed);
     }
     let closed = extract::extract(&volume);
     drop(volume);
     at(0.9)?;
-    let kept = trim::trim(closed, &samples, options.fill, (SMALL * spacing / cell) as f32);
+    let kept = trim::trim(closed, &samples, options.fill, (TUNING.small * spacing / cell) as f32);
     if kept.triangles.faces.is_empty() {
         return Ok(None);
     }
@@ -275,7 +286,7 @@ mod tests {
     #[test]
     fn a_narrow_hole_is_closed_unless_none_is() {
         let count = 8000;
-        let width = 4.8 * spacing(count) / 10.0;
+        let width = 4.2 * spacing(count) / 10.0;
         let cloud = sphere(count, |direction| direction.z < width.cos());
         let closed = surface(&cloud, count, Fill::Small);
         assert!(is_closed_manifold(&closed.mesh), "{:?}", closed.report);
@@ -313,7 +324,7 @@ mod tests {
         let options = SurfaceOptions { max_bytes: 20 * FIELD_BYTES, ..SurfaceOptions::default() };
         let coarse = reconstruct(&cloud, spacing(count), &options, &Progress::silent()).expect("not canceled");
         let coarse = coarse.expect("a surface").report;
-        assert!(coarse.widened && coarse.cell > 1.2 * CELL * spacing(count), "{coarse:?}");
+        assert!(coarse.widened && coarse.cell > 1.2 * TUNING.cell * spacing(count), "{coarse:?}");
     }
 
     #[test]

@@ -6,10 +6,14 @@ use super::grid::block_of;
 use super::samples::{Frame, Samples};
 use visage_geometry::{Cloud, Point3};
 
-/// About so many points are looked at.
-const LOOKED_AT: usize = 60_000;
-/// A cell with fewer points says nothing.
-const LEAST: f32 = 4.0;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// About so many points are looked at.
+        looked_at: usize = 60_000,
+        /// A cell with fewer points says nothing.
+        least: f32 = 4.0,
+    }
+}
 /// From the median of absolute deviations to the standard deviation of a normal distribution.
 const NORMAL: f64 = 1.4826;
 
@@ -18,7 +22,7 @@ const NORMAL: f64 = 1.4826;
 pub fn noise(frame: &Frame, cloud: &Cloud) -> Option<f64> {
     let normals = cloud.normals.as_ref()?;
     // whole blocks, so that their cells have all of their points
-    let one_of = (cloud.points.len() / LOOKED_AT).max(1) as u64;
+    let one_of = (cloud.points.len() / TUNING.looked_at).max(1) as u64;
     let is_chosen = |point: &Point3| {
         let block = block_of(&frame.local(point).map(|x| x as i32));
         // a multiplicative hash: blocks beside each other are in different parts
@@ -34,7 +38,7 @@ pub fn noise(frame: &Frame, cloud: &Cloud) -> Option<f64> {
     let samples = Samples::of(frame, &points, &normals);
     let mut off: Vec<f64> = samples
         .of_points(frame, &points, &normals)
-        .filter(|(sample, _)| sample.weight >= LEAST)
+        .filter(|(sample, _)| sample.weight >= TUNING.least)
         .map(|(sample, point)| {
             let at = frame.local(&point);
             let away: f32 = (0..3).map(|k| sample.normal[k] * (at[k] - sample.place[k])).sum();

@@ -7,17 +7,21 @@ use nalgebra::Vector3;
 
 use super::extract::Triangles;
 
-/// An edge is split if its ends' normals are so far apart, degrees: a flat triangle is off by up to half of it, more than twice
-/// as much as the noise of laser scans makes normals waver (2.3 to 2.7 degrees, medians on simulated heads).
-const BENT_DEG: f32 = 12.0;
-/// Where they are farther apart than this, degrees, there is a crease, and no curve to follow.
-const CREASE_DEG: f32 = 60.0;
-/// Edges shorter than this, in cells, are not: the normals of their ends waver.
-const SHORT: f32 = 0.3;
-/// A new vertex is off the middle of its edge by at most this share of the edge: as on an arc of 55 degrees.
-const MOST: f32 = 0.12;
-/// It stays in the middle if a part of a triangle would turn from the whole by more than 60 degrees: its cosine.
-const TURNED: f32 = 0.5;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// An edge is split if its ends' normals are so far apart, degrees: a flat triangle is off by up to half of it, more than twice
+        /// as much as the noise of laser scans makes normals waver (2.3 to 2.7 degrees, medians on simulated heads).
+        bent_deg: f32 = 12.0,
+        /// Where they are farther apart than this, degrees, there is a crease, and no curve to follow.
+        crease_deg: f32 = 60.0,
+        /// Edges shorter than this, in cells, are not: the normals of their ends waver.
+        short: f32 = 0.3,
+        /// A new vertex is off the middle of its edge by at most this share of the edge: as on an arc of 55 degrees.
+        most: f32 = 0.12,
+        /// It stays in the middle if a part of a triangle would turn from the whole by more than 60 degrees: its cosine.
+        turned: f32 = 0.5,
+    }
+}
 /// A new vertex stays so far from the sides of its cell, in cells.
 const LEAST: f32 = 0.01;
 
@@ -40,7 +44,7 @@ pub fn refine(triangles: Triangles, normals: &[[f32; 3]]) -> Triangles {
     for face in &faces {
         let whole = normal(&vertices, face);
         let parts = parts(&vertices, *face, split_at);
-        if parts.iter().any(|part| normal(&vertices, part).dot(&whole) < TURNED) {
+        if parts.iter().any(|part| normal(&vertices, part).dot(&whole) < TUNING.turned) {
             let added = parts.iter().flatten().filter(|v| **v >= first);
             added.for_each(|v| flat[(v - first) as usize] = true);
         }
@@ -75,11 +79,11 @@ fn parts(vertices: &[[f32; 3]], [a, b, c]: [u32; 3], split_at: impl Fn(u32, u32)
 
 /// The edges that are split, each with the lower vertex first, in order.
 fn bent_edges(vertices: &[[f32; 3]], faces: &[[u32; 3]], normals: &[[f32; 3]]) -> Vec<[u32; 2]> {
-    let bent = CREASE_DEG.to_radians().cos()..BENT_DEG.to_radians().cos();
+    let bent = TUNING.crease_deg.to_radians().cos()..TUNING.bent_deg.to_radians().cos();
     let is_known = |v: u32| at(normals, v).norm_squared() > 0.5;
     let is_bent = |a: u32, b: u32| {
         bent.contains(&at(normals, a).dot(&at(normals, b)))
-            && (at(vertices, a) - at(vertices, b)).norm() > SHORT
+            && (at(vertices, a) - at(vertices, b)).norm() > TUNING.short
             && is_known(a)
             && is_known(b)
     };
@@ -103,7 +107,7 @@ fn middle(vertices: &[[f32; 3]], normals: &[[f32; 3]], a: u32, b: u32) -> Vector
     let in_side = Vector3::from_fn(|axis, _| if is_on_side(axis) { 0.0 } else { off[axis] });
     // as far as the surface is in the side of the cell
     let off = in_side * (off.norm_squared() / in_side.norm_squared().max(f32::MIN_POSITIVE));
-    let most = MOST * along.norm();
+    let most = TUNING.most * along.norm();
     let found = between + off * (most / off.norm().max(most).max(f32::MIN_POSITIVE));
     Vector3::from_fn(|axis, _| {
         let low = between[axis].floor();

@@ -5,42 +5,89 @@
 //! unless it would join a piece to itself, which makes a ring: such nodes are left out. What is left out parts necks that
 //! are at most as wide as a small hole; wider ones are the object's. First so the inside grows, which cuts handles; then
 //! the outside, which fills tunnels.
+//!
+//! Where nobody saw the surface its topology is free to be chosen, and the simplest is. Doubtful there is what lies beside the
+//! surface, whatever the field's values: they are no distances where it was carried on from far.
 
 use rayon::prelude::*;
-use std::cmp::Reverse;
-use std::collections::BinaryHeap;
+use std::collections::VecDeque;
 
 use super::components::Components;
 use super::field::FieldBlock;
-use super::grid::{BlockKey, EDGE, Node, around, first_node, node_at};
-use super::levels::Volume;
+use super::grid::{BlockKey, EDGE, Node, around, first_node, node_at, place_of};
+use super::levels::{FAR, Volume};
 use super::mask::Mask;
 use super::simple::Neighbourhood;
 use super::trim::SEEN;
 use visage_geometry::UnionFind;
 
-/// Where nobody saw the surface, nodes nearer to it than this are doubtful, in cells.
-const UNSEEN: f32 = 1.2;
-/// Where it was seen, nodes nearer than this: as far as it wavers.
-const WAVERING: f32 = 0.25;
-/// The value, in cells, of a node that changed sides, at most: the surface passes close to it.
-const CHANGED: f32 = 0.4;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// Where the surface was seen, nodes nearer to it than this are doubtful, in cells: as far as it wavers.
+        wavering: f32 = 0.25,
+        /// The value, in cells, of a node that changed sides, at most: the surface passes close to it.
+        changed: f32 = 0.4,
+    }
+}
 /// The nodes that an edge joins to a node, by their bits in its neighbourhood.
 const FACES: [usize; 6] = [4, 10, 12, 14, 16, 22];
-/// Of a block that isn't there.
-const NONE: u32 = u32::MAX;
+/// Of a block that isn't there and lies inside.
+const NONE_INSIDE: u32 = u32::MAX - 1;
+/// Of a block that isn't there and lies outside.
+const NONE_OUTSIDE: u32 = u32::MAX;
+/// The steps of the order in which nodes are added, for each cell that they are off the surface.
+const STEPS: f32 = 256.0;
+
+/// The blocks before and behind along x, y and z, in the order of those around a block.
+const BESIDE: [usize; 6] = [12, 14, 10, 16, 4, 22];
+/// All nodes of a block.
+const ALL: Mask = Mask([u64::MAX; 8]);
 
 /// A node by its block's index and its place there.
 type At = (u32, u16);
 
-/// Takes handles and tunnels away whose necks are doubtful and at most `widest` cells wide. Returns how many nodes changed
-/// sides.
-pub fn simplify(volume: &mut Volume, widest: f32) -> usize {
-    [false, true].into_iter().map(|is_outer| grow(volume, is_outer, widest)).sum()
+/// Takes handles and tunnels away whose necks are doubtful and at most `widest` cells wide. Returns the blocks in which nodes
+/// changed sides, in order.
+pub fn simplify(volume: &mut Volume, widest: f32) -> Vec<BlockKey> {
+    let mut changed: Vec<BlockKey> =
+        [false, true].into_iter().flat_map(|is_outer| grow(volume, is_outer, widest)).collect();
+    changed.sort_unstable();
+    changed.dedup();
+    changed
 }
 
-fn is_doubtful(block: &FieldBlock, place: usize) -> bool {
-    block.values[place].abs() < if block.weights[place] < SEEN { UNSEEN } else { WAVERING }
+/// For each block its doubtful nodes: where nobody saw the surface those next to it and the ones beside these, where it was seen those
+/// that it may waver across.
+fn doubtful(volume: &Volume, outside: &[Mask]) -> Vec<Mask> {
+    let (keys, blocks) = (volume.blocks.keys(), &volume.blocks.values);
+    let beside: Vec<[Option<usize>; 6]> = keys
+        .par_iter()
+        .map(|key| {
+            let near = around(*key);
+            BESIDE.map(|slot| near[slot].and_then(|key| volume.blocks.index(key)))
+        })
+        .collect();
+    let spread = |masks: &[Mask]| -> Vec<Mask> {
+        let of =
+            |(mask, near): (&Mask, &[Option<usize>; 6])| mask.spread(near.map(|near| near.map(|near| &masks[near])));
+        masks.par_iter().zip(&beside).map(of).collect()
+    };
+    let inside: Vec<Mask> = outside.par_iter().map(|outside| ALL.without(outside)).collect();
+    let unseen: Vec<Mask> = blocks.par_iter().map(|block| Mask::of(|place| block.weights[place] < SEEN)).collect();
+    let at_surface: Vec<Mask> = spread(outside)
+        .iter()
+        .zip(&spread(&inside))
+        .zip(&unseen)
+        .map(|((outside, inside), unseen)| outside.and(inside).and(unseen))
+        .collect();
+    let wavers =
+        |block: &FieldBlock, place: usize| block.weights[place] >= SEEN && block.values[place].abs() < TUNING.wavering;
+    blocks
+        .par_iter()
+        .zip(&spread(&at_surface))
+        .zip(&unseen)
+        .map(|((block, near), unseen)| near.and(unseen).or(&Mask::of(|place| wavers(block, place))))
+        .collect()
 }
 
 /// One side as it grows.
@@ -61,59 +108,51 @@ impl<'a> Growth<'a> {
     fn new(volume: &'a Volume<'a>, is_outer: bool) -> Self {
         let (keys, blocks) = (volume.blocks.keys(), &volume.blocks.values);
         let outside: Vec<Mask> = blocks.par_iter().map(|block| Mask::of(|place| block.values[place] >= 0.0)).collect();
-        let side = |mask: &Mask| if is_outer { *mask } else { Mask([u64::MAX; 8]).without(mask) };
-        let waiting: Vec<Mask> = blocks
-            .par_iter()
+        let side = |outside: &Mask| if is_outer { *outside } else { ALL.without(outside) };
+        let waiting: Vec<Mask> = doubtful(volume, &outside)
+            .iter()
             .zip(&outside)
-            .map(|(block, outside)| Mask::of(|place| is_doubtful(block, place)).and(&side(outside)))
+            .map(|(doubtful, outside)| doubtful.and(&side(outside)))
             .collect();
         let members: Vec<Mask> =
             outside.iter().zip(&waiting).map(|(outside, waiting)| side(outside).without(waiting)).collect();
-        let index =
-            |key: Option<BlockKey>| key.and_then(|key| volume.blocks.index(key)).map_or(NONE, |index| index as u32);
-        let near = keys
-            .par_iter()
-            .zip(&waiting)
-            .map(|(key, waiting)| (!waiting.is_empty()).then(|| Box::new(around(*key).map(index))))
-            .collect();
-        let components = Components::of(keys, &members, &outside, is_outer);
+        let grows: Vec<bool> = waiting.iter().map(|waiting| !waiting.is_empty()).collect();
+        let near =
+            keys.par_iter().zip(&grows).map(|(key, grows)| grows.then(|| Box::new(near(volume, *key)))).collect();
+        let components = Components::of(keys, &members, &outside, &grows, is_outer);
         let queued = vec![Mask::default(); keys.len()];
         Growth { volume, is_outer, around: Neighbourhood::default(), near, members, waiting, queued, components }
     }
 
-    fn node(&self, at: At, bit: usize) -> Node {
+    /// The block that holds the node at an offset, by its bit in a neighbourhood, or what stands for one that isn't there; which of
+    /// the blocks around that is; the node's place there.
+    fn beside(&self, at: At, bit: usize) -> (u32, usize, usize) {
         let own = node_at(&[0; 3], usize::from(at.1));
-        [own[0] + bit as i32 % 3 - 1, own[1] + bit as i32 / 3 % 3 - 1, own[2] + bit as i32 / 9 - 1]
-    }
-
-    /// The node at an offset, by its bit in a neighbourhood; `Err` with the offset of a block that isn't there.
-    fn beside(&self, at: At, bit: usize) -> Result<At, usize> {
-        let node = self.node(at, bit);
+        let node = [own[0] + bit as i32 % 3 - 1, own[1] + bit as i32 / 3 % 3 - 1, own[2] + bit as i32 / 9 - 1];
         let of = node.map(|x| (x + EDGE) >> 3);
         let slot = (of[2] * 9 + of[1] * 3 + of[0]) as usize;
-        let block = if slot == 13 { at.0 } else { self.near[at.0 as usize].as_ref().map_or(NONE, |near| near[slot]) };
-        if block == NONE { Err(slot) } else { Ok((block, super::grid::place_of(&node) as u16)) }
+        let block = match &self.near[at.0 as usize] {
+            Some(near) => near[slot],
+            None => at.0,
+        };
+        (block, slot, place_of(&node))
     }
 
     fn is_member(&self, at: At, bit: usize) -> bool {
         match self.beside(at, bit) {
-            Ok((block, place)) => self.members[block as usize].has(usize::from(place)),
-            Err(_) => {
-                let first = first_node(self.volume.blocks.keys()[at.0 as usize]);
-                let local = self.node(at, bit);
-                let node = std::array::from_fn(|axis| first[axis] + local[axis]);
-                (self.volume.beyond(&node) >= 0.0) == self.is_outer
-            }
+            (NONE_INSIDE, ..) => !self.is_outer,
+            (NONE_OUTSIDE, ..) => self.is_outer,
+            (block, _, place) => self.members[block as usize].has(place),
         }
     }
 
     fn root(&mut self, at: At, bit: usize) -> Option<usize> {
         match self.beside(at, bit) {
-            Ok((block, place)) => self.components.root(block as usize, usize::from(place)),
-            Err(slot) => {
+            (NONE_INSIDE | NONE_OUTSIDE, slot, _) => {
                 let key = around(self.volume.blocks.keys()[at.0 as usize])[slot]?;
                 Some(self.components.root_beyond(key))
             }
+            (block, _, place) => self.components.root(block as usize, place),
         }
     }
 
@@ -150,36 +189,48 @@ impl<'a> Growth<'a> {
         true
     }
 
-    /// Adds nodes, surest first, as long as any can be added.
+    /// Adds nodes, surest first and of equals the first that was reached, as long as any can be added.
     fn run(&mut self) {
         let volume = self.volume;
-        // of equals the first
-        let priority = |(block, place): At| {
+        let step = |(block, place): At| {
             let value = volume.blocks.values[block as usize].values[usize::from(place)];
-            (value.abs().to_bits(), Reverse((block, place)))
+            (STEPS * value.abs().min(FAR)) as usize
         };
-        let mut queue = BinaryHeap::new();
+        let mut queue = vec![VecDeque::new(); (STEPS * FAR) as usize + 1];
+        let mut top = 0;
         for block in 0..self.waiting.len() {
             for place in self.waiting[block].places() {
                 let at = (block as u32, place as u16);
                 if FACES.iter().any(|bit| self.is_member(at, *bit)) {
                     self.queued[block].set(place, true);
-                    queue.push(priority(at));
+                    queue[step(at)].push_back(at);
+                    top = top.max(step(at));
                 }
             }
         }
-        while let Some((_, Reverse(at))) = queue.pop() {
+        loop {
+            let Some(at) = queue[top].pop_front() else {
+                if top == 0 {
+                    return;
+                }
+                top -= 1;
+                continue;
+            };
             self.queued[at.0 as usize].set(usize::from(at.1), false);
             if !self.add(at) {
                 continue;
             }
             for bit in (0..27).filter(|bit| *bit != 13) {
-                let Ok(next) = self.beside(at, bit) else { continue };
-                let (block, place) = (next.0 as usize, usize::from(next.1));
+                let (block, _, place) = self.beside(at, bit);
                 // what was refused is asked again
-                if self.waiting[block].has(place) && !self.queued[block].has(place) {
-                    self.queued[block].set(place, true);
-                    queue.push(priority(next));
+                if block < NONE_INSIDE
+                    && self.waiting[block as usize].has(place)
+                    && !self.queued[block as usize].has(place)
+                {
+                    let next = (block, place as u16);
+                    self.queued[block as usize].set(place, true);
+                    queue[step(next)].push_back(next);
+                    top = top.max(step(next));
                 }
             }
         }
@@ -193,7 +244,8 @@ impl<'a> Growth<'a> {
         let mut cuts = UnionFind::new(left.len());
         for (index, at) in left.iter().enumerate() {
             for bit in (0..27).filter(|bit| *bit != 13) {
-                if let Some(other) = self.beside(*at, bit).ok().and_then(|next| left.binary_search(&next).ok()) {
+                let (block, _, place) = self.beside(*at, bit);
+                if let Ok(other) = left.binary_search(&(block, place as u16)) {
                     cuts.join(index, other);
                 }
             }
@@ -215,17 +267,31 @@ impl<'a> Growth<'a> {
     }
 }
 
-/// Grows one side; what is left out changes to the other one, where that makes but a small cut.
-fn grow(volume: &mut Volume, is_outer: bool, widest: f32) -> usize {
+/// For the blocks around a block which they are, or on which side they lie.
+fn near(volume: &Volume, of: BlockKey) -> [u32; 27] {
+    let (first, keys) = (first_node(of), around(of));
+    std::array::from_fn(|slot| {
+        if let Some(index) = keys[slot].and_then(|key| volume.blocks.index(key)) {
+            return index as u32;
+        }
+        // no surface passes between the node of that block that is next to this one and those beside it
+        let offset = [slot % 3, slot / 3 % 3, slot / 9].map(|at| [-1, 0, EDGE][at]);
+        let node: Node = std::array::from_fn(|axis| first[axis] + offset[axis]);
+        if volume.beyond(&node) < 0.0 { NONE_INSIDE } else { NONE_OUTSIDE }
+    })
+}
+
+/// Grows one side; what is left out changes to the other one, where that makes but a small cut. Returns the blocks of what changed.
+fn grow(volume: &mut Volume, is_outer: bool, widest: f32) -> Vec<BlockKey> {
     let mut growth = Growth::new(volume, is_outer);
     growth.run();
     let changed = growth.small_cuts(widest);
     for (block, place) in &changed {
         let value = &mut volume.blocks.values[*block as usize].values[usize::from(*place)];
-        let size = value.abs().clamp(f32::MIN_POSITIVE, CHANGED);
+        let size = value.abs().clamp(f32::MIN_POSITIVE, TUNING.changed);
         *value = if is_outer { -size } else { size };
     }
-    changed.len()
+    changed.iter().map(|(block, _)| volume.blocks.keys()[*block as usize]).collect()
 }
 
 #[cfg(test)]
@@ -236,19 +302,18 @@ mod tests {
     use crate::reconstruct::{coarse, extract, levels};
     use std::collections::BTreeSet;
 
-    /// The Euler characteristic of the surface of a torus that nobody saw for a sixth of its turn, if `is_seen` isn't told,
-    /// after handles were taken away up to a width.
-    fn euler_of_torus(is_seen: bool, widest: f32) -> i64 {
+    /// The Euler characteristic of the surface of a torus that nobody saw for a sixth of its turn, where its tube has the radius
+    /// `unseen`, after handles were taken away up to a width.
+    fn euler_of_torus(unseen: Option<f32>, widest: f32) -> i64 {
         let keys: Vec<BlockKey> = (0..27).map(|k| key([k % 3, k / 3 % 3, k / 9])).collect();
         let block = |of: &BlockKey| {
             let first = first_node(*of);
             let mut block = FieldBlock { values: Box::new([0.0; NODES]), weights: Box::new([0.0; NODES]) };
             for place in 0..NODES {
                 let [x, y, z] = node_at(&first, place).map(|x| x as f32 - 11.7);
-                let value = (x.hypot(y) - 6.3).hypot(z) - 2.7;
-                let is_unseen = !is_seen && y.atan2(x).abs() < 0.5;
-                block.values[place] = if is_unseen { value.max(-1.0) } else { value };
-                block.weights[place] = if is_unseen { 0.5 * SEEN } else { 10.0 };
+                let unseen = unseen.filter(|_| y.atan2(x).abs() < 0.5);
+                block.values[place] = (x.hypot(y) - 6.3).hypot(z) - unseen.unwrap_or(2.7);
+                block.weights[place] = if unseen.is_some() { 0.5 * SEEN } else { 10.0 };
             }
             block
         };
@@ -272,8 +337,9 @@ mod tests {
 
     #[test]
     fn a_doubtful_neck_is_cut_unless_it_is_wide_and_a_ring_that_was_seen_stays() {
-        assert_eq!(euler_of_torus(false, 20.0), 2);
-        assert_eq!(euler_of_torus(false, 3.0), 0);
-        assert_eq!(euler_of_torus(true, 20.0), 0);
+        assert_eq!(euler_of_torus(Some(1.6), 20.0), 2);
+        assert_eq!(euler_of_torus(Some(1.6), 1.5), 0);
+        assert_eq!(euler_of_torus(Some(2.7), 20.0), 0, "what is thick has a core that is sure");
+        assert_eq!(euler_of_torus(None, 20.0), 0);
     }
 }

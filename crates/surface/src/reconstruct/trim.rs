@@ -39,17 +39,21 @@ impl Fill {
 /// A vertex was seen if the points around weigh this much: one of them at its place, or several farther off. In the
 /// middle of what a single scan sees they weigh some ten times as much, at grazing angles two times.
 pub(super) const SEEN: f32 = 1.0;
-/// The support is levelled in so many rounds, each between neighbours,
-const ROUNDS: usize = 2;
-/// up to so many times [`SEEN`].
-const PLENTY: f32 = 2.0;
-/// and raised to so many times its own, at most.
-const RAISED: f32 = 100.0;
-/// A piece of surface of its own is dropped if its area, in squared cells, is smaller than this: points that were not told
-/// from the object make such pieces.
-const LEAST_AREA: f64 = 60.0;
-/// Where all holes are closed a piece is kept if its area is this share of the largest's.
-const LEAST_SHARE: f64 = 0.02;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// The support is levelled in so many rounds, each between neighbours,
+        rounds: usize = 2,
+        /// up to so many times [`SEEN`].
+        plenty: f32 = 2.0,
+        /// and raised to so many times its own, at most.
+        raised: f32 = 100.0,
+        /// A piece of surface of its own is dropped if its area, in squared cells, is smaller than this: points that were not told
+        /// from the object make such pieces.
+        least_area: f64 = 60.0,
+        /// Where all holes are closed a piece is kept if its area is this share of the largest's.
+        least_share: f64 = 0.02,
+    }
+}
 
 /// What was kept.
 #[derive(Debug, Clone)]
@@ -91,18 +95,18 @@ pub fn trim(mut triangles: Triangles, samples: &Samples, fill: Fill, reach: f32)
 /// becomes clean. Beyond a few times [`SEEN`] more support makes no difference; where there is none, none arises.
 fn smooth_support(triangles: &mut Triangles) {
     let own = triangles.support.clone();
-    for _ in 0..ROUNDS {
+    for _ in 0..TUNING.rounds {
         let mut sums = vec![[0.0f32; 2]; triangles.vertices.len()];
         for face in &triangles.faces {
-            let sum: f32 = face.iter().map(|v| triangles.support[*v as usize].min(PLENTY * SEEN)).sum();
+            let sum: f32 = face.iter().map(|v| triangles.support[*v as usize].min(TUNING.plenty * SEEN)).sum();
             for v in face {
                 let sums = &mut sums[*v as usize];
                 *sums = [sums[0] + sum, sums[1] + 3.0];
             }
         }
         for ((support, own), [sum, count]) in triangles.support.iter_mut().zip(&own).zip(sums) {
-            if *support < PLENTY * SEEN && count > 0.0 {
-                *support = (sum / count).min(RAISED * own);
+            if *support < TUNING.plenty * SEEN && count > 0.0 {
+                *support = (sum / count).min(TUNING.raised * own);
             }
         }
     }
@@ -113,26 +117,41 @@ fn area(triangles: &Triangles, face: &[u32; 3]) -> f64 {
     f64::from((b - a).cross(&(c - a)).norm()) / 2.0
 }
 
-/// Without the pieces that are too small to be told from outliers.
+/// A piece of surface of its own.
+#[derive(Debug, Clone, Copy, Default)]
+struct Piece {
+    /// Area that was seen, in squared cells: what nobody saw says nothing for a piece.
+    seen: f64,
+    /// Six times the volume that it encloses: below 0 where it is the surface of a void.
+    volume_6: f64,
+}
+
+/// Without the pieces that are too small to be told from outliers and, where all holes are closed, without those of voids within
+/// what is solid: a scanner saw in there through an opening, and of that nothing is known.
 fn without_small_pieces(triangles: Triangles, fill: Fill) -> (Triangles, usize) {
-    let mut pieces = UnionFind::new(triangles.vertices.len());
+    let mut joined = UnionFind::new(triangles.vertices.len());
     for [a, b, c] in &triangles.faces {
-        pieces.join(*a as usize, *b as usize);
-        pieces.join(*b as usize, *c as usize);
+        joined.join(*a as usize, *b as usize);
+        joined.join(*b as usize, *c as usize);
     }
-    let mut areas: BTreeMap<usize, f64> = BTreeMap::new();
+    let mut pieces: BTreeMap<usize, Piece> = BTreeMap::new();
     for face in &triangles.faces {
-        // what nobody saw says nothing for a piece
         let is_seen = face.iter().any(|v| triangles.support[*v as usize] >= SEEN);
-        *areas.entry(pieces.find(face[0] as usize)).or_default() += if is_seen { area(&triangles, face) } else { 0.0 };
+        let piece = pieces.entry(joined.find(face[0] as usize)).or_default();
+        piece.seen += if is_seen { area(&triangles, face) } else { 0.0 };
+        let [a, b, c] = face.map(|v| nalgebra::Vector3::from(triangles.vertices[v as usize]).cast::<f64>());
+        piece.volume_6 += a.dot(&b.cross(&c));
     }
-    let largest = areas.values().copied().fold(0.0, f64::max);
-    let least = if fill == Fill::All { LEAST_SHARE * largest } else { LEAST_AREA.min(0.5 * largest) };
-    let dropped = areas.values().filter(|area| **area < least).count();
+    let largest = pieces.values().map(|piece| piece.seen).fold(0.0, f64::max);
+    let is_kept = |piece: &Piece| match fill {
+        Fill::All => piece.seen >= TUNING.least_share * largest && (piece.volume_6 >= 0.0 || piece.seen == largest),
+        Fill::Small | Fill::None => piece.seen >= TUNING.least_area.min(0.5 * largest),
+    };
+    let dropped = pieces.values().filter(|piece| !is_kept(piece)).count();
     if dropped == 0 {
         return (triangles, 0);
     }
-    let kept: Vec<bool> = triangles.faces.iter().map(|face| areas[&pieces.find(face[0] as usize)] >= least).collect();
+    let kept: Vec<bool> = triangles.faces.iter().map(|face| is_kept(&pieces[&joined.find(face[0] as usize)])).collect();
     (with_faces(triangles, |face| kept[face]), dropped)
 }
 
@@ -252,4 +271,42 @@ fn with_faces(triangles: Triangles, is_kept: impl Fn(usize) -> bool) -> Triangle
     }
     found.faces = faces.into_iter().map(|face| face.map(|v| places[v as usize])).collect();
     found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::reconstruct::grid::Blocks;
+
+    /// Octahedra that were seen, each by its radius; those of negative radius are the surface of a void.
+    fn octahedra(radii: &[f32]) -> Triangles {
+        let faces = [[0, 1, 2], [1, 0, 5], [0, 2, 4], [2, 1, 3], [3, 4, 2], [4, 3, 5], [3, 1, 5], [4, 5, 0]];
+        let mut found = Triangles::default();
+        for radius in radii {
+            let first = found.vertices.len() as u32;
+            found.vertices.extend((0..6).map(|k: usize| {
+                let mut place = [50.0; 3];
+                place[k % 3] += if k < 3 { radius.abs() } else { -radius.abs() };
+                place
+            }));
+            let turned = |[a, b, c]: [u32; 3]| if *radius < 0.0 { [a, c, b] } else { [a, b, c] };
+            found.faces.extend(faces.map(|face| turned(face).map(|v| first + v)));
+        }
+        found.support = vec![10.0; found.vertices.len()];
+        found
+    }
+
+    #[test]
+    fn where_all_is_closed_a_void_is_filled_and_what_stands_beside_or_all_around_stays() {
+        let nothing = Samples { samples: Vec::new(), blocks: Blocks::new(Vec::new(), Vec::new()) };
+        let kept = |radii: &[f32], fill: Fill| {
+            let kept = trim(octahedra(radii), &nothing, fill, 3.0);
+            (kept.triangles.faces.len() / 8, kept.dropped)
+        };
+        assert_eq!(kept(&[20.0, -10.0], Fill::All), (1, 1));
+        assert_eq!(kept(&[20.0, -10.0], Fill::Small), (2, 0), "what was seen is shown");
+        assert_eq!(kept(&[20.0, 10.0], Fill::All), (2, 0), "a second thing");
+        assert_eq!(kept(&[-20.0, 5.0], Fill::All), (2, 0), "a room and what stands in it");
+        assert_eq!(kept(&[20.0, 1.0], Fill::All), (1, 1), "an outlier");
+    }
 }

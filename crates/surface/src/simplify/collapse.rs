@@ -9,17 +9,21 @@ use crate::SurfaceMesh;
 use visage_geometry::progress::{Canceled, Progress};
 use visage_geometry::{Bounds, Mesh, Point3, Vector3};
 
-/// How far the normal of a triangle may be off, as its sine: a vertex on a plane is held to where it is by so much, and triangles
-/// become as large as the bend of the surface lets them.
-const NORMAL_NOISE: f64 = 0.01;
-/// How much more a rim weighs than a surface: what leaves it is seen at once.
-const RIM: f64 = 4.0;
-/// The least cosine between the normals of a triangle before and after.
-const LEAST_TURN: f64 = 0.2;
-/// The least height of a triangle by its longest edge, unless it was less before.
-const LEAST_HEIGHT: f64 = 0.02;
-/// How far from its edge a new vertex may be, in lengths of the edge.
-const FARTHEST: f64 = 2.0;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// How far the normal of a triangle may be off, as its sine: a vertex on a plane is held to where it is by so much, and triangles
+        /// become as large as the bend of the surface lets them.
+        normal_noise: f64 = 0.01,
+        /// How much more a rim weighs than a surface: what leaves it is seen at once.
+        rim: f64 = 4.0,
+        /// The least cosine between the normals of a triangle before and after.
+        least_turn: f64 = 0.2,
+        /// The least height of a triangle by its longest edge, unless it was less before.
+        least_height: f64 = 0.02,
+        /// How far from its edge a new vertex may be, in lengths of the edge.
+        farthest: f64 = 2.0,
+    }
+}
 /// Edges between two looks at the flag that stops.
 const PATIENCE: usize = 1 << 13;
 
@@ -173,7 +177,7 @@ impl Collapser {
         let corners = self.fans.face(face).map(|vertex| self.places[vertex as usize]);
         let normal = area_normal(&corners);
         let Some(side) = normal.cross(&along).try_normalize(0.0) else { return };
-        let plane = Quadric::plane(&side, &from, RIM * along.norm_squared()).weightless();
+        let plane = Quadric::plane(&side, &from, TUNING.rim * along.norm_squared()).weightless();
         for end in [a, b] {
             self.quadrics[end as usize] = self.quadrics[end as usize].plus(&plane);
         }
@@ -205,7 +209,7 @@ impl Collapser {
             [Freedom::Inner, Freedom::Rim] => *at_b,
             _ => {
                 let middle = (at_a + at_b) / 2.0;
-                let most = FARTHEST * FARTHEST * (at_a - at_b).norm_squared();
+                let most = TUNING.farthest * TUNING.farthest * (at_a - at_b).norm_squared();
                 let least = quadric.least().filter(|place| (place - middle).norm_squared() <= most);
                 least.unwrap_or_else(|| {
                     let by_cost = |x: &&Vector3, y: &&Vector3| quadric.at(x).total_cmp(&quadric.at(y));
@@ -266,7 +270,7 @@ impl Collapser {
         let (at_a, at_b) = (&self.places[a as usize], &self.places[b as usize]);
         let of_both = || of_a.iter().map(|wedge| (at_a, b, wedge)).chain(of_b.iter().map(|wedge| (at_b, a, wedge)));
         // the normal of a sliver says nothing: that of all around it does
-        let (mut all, mut least_height) = (Vector3::zeros(), LEAST_HEIGHT);
+        let (mut all, mut least_height) = (Vector3::zeros(), TUNING.least_height);
         for (own, _, wedge) in of_both() {
             let before = corners(own, wedge);
             let normal = area_normal(&before);
@@ -276,12 +280,12 @@ impl Collapser {
         of_both().filter(|(_, other, wedge)| !wedge.others.contains(other)).all(|(own, _, wedge)| {
             let (before, after) = (corners(own, wedge), corners(place, wedge));
             let (old, new) = (area_normal(&before), area_normal(&after));
-            let is_sliver = height(&old, &before) < LEAST_HEIGHT;
+            let is_sliver = height(&old, &before) < TUNING.least_height;
             let right = if is_sliver { &all } else { &old };
             let turn = new.dot(right);
             height(&new, &after) >= least_height
                 && turn >= 0.0
-                && turn * turn >= LEAST_TURN * LEAST_TURN * right.norm_squared() * new.norm_squared()
+                && turn * turn >= TUNING.least_turn * TUNING.least_turn * right.norm_squared() * new.norm_squared()
         })
     }
 
@@ -398,7 +402,7 @@ fn quadrics(fans: &Fans, places: &[Vector3]) -> Vec<Quadric> {
                 areas += size / 6.0;
             }
         });
-        sum.plus(&Quadric::place(&places[vertex], NORMAL_NOISE * NORMAL_NOISE * areas))
+        sum.plus(&Quadric::place(&places[vertex], TUNING.normal_noise * TUNING.normal_noise * areas))
     };
     (0..places.len()).into_par_iter().with_min_len(1024).map(of_vertex).collect()
 }

@@ -18,13 +18,17 @@ use crate::SurfaceMesh;
 use crate::distance::{Distances, Original};
 use visage_geometry::progress::{Canceled, Progress};
 
-/// The first try stays within this share of the error that is allowed: the largest distance is some three times the mean
-/// one by which edges are chosen.
-const CAUTION: f64 = 0.35;
-/// How often an error is measured to come near to the one that is allowed.
-const TRIES: usize = 6;
-/// A surface whose error is within this share of the one that is allowed is as coarse as it can be.
-const NEAR: f64 = 0.85;
+visage_geometry::tuning! {
+    const TUNING: Tuning {
+        /// The first try stays within this share of the error that is allowed: the largest distance is some three times the mean
+        /// one by which edges are chosen.
+        caution: f64 = 0.35,
+        /// How often an error is measured to come near to the one that is allowed.
+        tries: usize = 6,
+        /// A surface whose error is within this share of the one that is allowed is as coarse as it can be.
+        near: f64 = 0.85,
+    }
+}
 
 /// How coarse a surface may become. What is given all holds.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -108,15 +112,15 @@ fn within(
     let mut collapser = fresh.clone();
     // what was allowed and what was not
     let (mut low, mut high) = (0.0, f64::INFINITY);
-    let mut reach = CAUTION * allowed;
-    for _ in 0..TRIES {
+    let mut reach = TUNING.caution * allowed;
+    for _ in 0..TUNING.tries {
         collapser.reduce(triangles, reach, progress)?;
         let made = collapser.surface();
         progress.check()?;
         let error = original.distances(&made.mesh);
         if error.max <= allowed {
             let is_fewer = made.mesh.faces.len() < best.0.mesh.faces.len();
-            let is_done = made.mesh.faces.len() <= triangles || error.max >= NEAR * allowed;
+            let is_done = made.mesh.faces.len() <= triangles || error.max >= TUNING.near * allowed;
             if is_fewer {
                 best = (made, error);
             }
