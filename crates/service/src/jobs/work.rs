@@ -225,11 +225,13 @@ impl Work {
     }
 
     fn load_one(&self, scan: &ScanRecord) -> Result<Loaded, WorkError> {
-        let bytes = self.objects.read_scan(self.set.id, scan.file_id)?;
-        if blake3::hash(&bytes).to_hex().as_str() != scan.checksum {
-            let message = format!("the stored file of scan {} is not what was uploaded", scan.name);
-            return Err(failed("damaged_scan", message, Some(scan.name.clone()), "upload the scan again"));
-        }
+        let bytes = self.objects.read_scan(self.set.id, scan).map_err(|error| match error {
+            ObjectError::Damaged { .. } => {
+                let message = format!("the stored file of scan {} is not what was uploaded", scan.name);
+                failed("damaged_scan", message, Some(scan.name.clone()), "upload the scan again")
+            }
+            error => error.into(),
+        })?;
         let reading = visage_formats::read(&scan.name, &bytes, &self.limits.read_limits()).map_err(|error| {
             failed("unreadable_scan", error.to_string(), Some(scan.name.clone()), "upload a sound file of the scan")
         })?;

@@ -96,16 +96,17 @@ pub trait ObjectStore: SegmentStore + Debug + Send + Sync + 'static {
     /// Publishes an upload as a scan of a set. Blocks.
     fn keep_scan(&self, staged: &StagedFile, set: ScanSetId, file: FileId) -> Result<(), ObjectError>;
 
-    /// Publishes all files of a model at once. Blocks.
+    /// Publishes all files of a model; again, with the same, after it has failed. What is broken off in the middle may leave
+    /// some of them: then the model is listed, and removed as a whole. No row knows it before all are there. Blocks.
     fn keep_model(&self, staged: &StagedModel, model: ModelId) -> Result<(), ObjectError>;
 
     /// Publishes an upload as the file of a standard. Blocks.
     fn keep_standard(&self, staged: &StagedFile, standard: StandardId, asset: &str) -> Result<(), ObjectError>;
 
-    /// The content of a scan, as it is. Blocks.
-    fn read_scan(&self, set: ScanSetId, file: FileId) -> Result<Vec<u8>, ObjectError>;
+    /// The content of a scan, if that is what was stored. Blocks.
+    fn read_scan(&self, set: ScanSetId, scan: &ScanRecord) -> Result<Vec<u8>, ObjectError>;
 
-    /// Whether a scan is what was stored. Blocks.
+    /// Whether a scan is what was stored; it is read where it is kept. Blocks.
     fn check_scan(&self, set: ScanSetId, scan: &ScanRecord) -> Result<(), ObjectError>;
 
     /// Opens a file of a model that is what was stored; `None` if it is not there.
@@ -118,7 +119,7 @@ pub trait ObjectStore: SegmentStore + Debug + Send + Sync + 'static {
     /// The content of a file of a model, if that is what was stored; `None` if it is not there. Blocks.
     fn read_asset(&self, model: ModelId, asset: &AssetRecord) -> Result<Option<Vec<u8>>, ObjectError>;
 
-    /// Whether a file of a model is there; an error if it is not what was stored. Blocks.
+    /// Whether a file of a model is there; an error if it is not what was stored. It is read where it is kept. Blocks.
     fn check_asset(&self, model: ModelId, asset: &AssetRecord) -> Result<bool, ObjectError>;
 
     /// The file that a standard was made of, if it is what was stored. Blocks.

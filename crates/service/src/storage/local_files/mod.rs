@@ -208,6 +208,12 @@ pub(super) mod testing {
         use super::LocalPlace;
 
         crate::storage::conformance::object_conformance!(LocalPlace);
+
+        #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+        async fn a_model_is_published_by_one_step() {
+            use crate::storage::conformance::{ObjectPlace, objects};
+            objects::a_model_is_published_by_one_step(&LocalPlace::new()).await;
+        }
     }
 }
 
