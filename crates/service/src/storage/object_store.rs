@@ -37,6 +37,32 @@ pub enum ObjectError {
         /// Which file.
         what: String,
     },
+    /// What keeps files across the network does not answer.
+    #[error("{doing}: {place} can't be reached: {reason}")]
+    Unreachable {
+        /// What was being done.
+        doing: &'static str,
+        /// What it is called.
+        place: String,
+        /// How it is known.
+        reason: String,
+    },
+    /// It answers, but does not let us.
+    #[error("{doing}: {place}: {reason}")]
+    Refused {
+        /// What was being done.
+        doing: &'static str,
+        /// What it is called.
+        place: String,
+        /// Why, and the remedy.
+        reason: String,
+    },
+    /// Something else is there under the name, which stays as it is.
+    #[error("{what} is there already, and is something else")]
+    Taken {
+        /// The name.
+        what: String,
+    },
 }
 
 impl ObjectError {
@@ -44,6 +70,11 @@ impl ObjectError {
     pub fn is_storage_full(&self) -> bool {
         let ObjectError::Io { source, .. } = self else { return false };
         matches!(source.kind(), io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded)
+    }
+
+    /// Whether what keeps files can't be used from here for a while, so that it is worth trying again.
+    pub fn is_unreachable(&self) -> bool {
+        matches!(self, ObjectError::Unreachable { .. } | ObjectError::Refused { .. })
     }
 
     /// Whether memory or descriptors have run out, which come free again.
