@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use anyhow::{Context, bail};
 use clap::Args;
 
+use super::objects::ObjectsArgs;
 use crate::storage::data_folder::backup::{self, CopyReport};
 
 /// How many of a kind are named.
@@ -18,6 +19,8 @@ pub(super) struct BackupArgs {
     /// The data folder; a server may be using it
     #[arg(long, env = "VISAGE_DATA_DIR", value_name = "DIR")]
     data: PathBuf,
+    #[command(flatten)]
+    objects: ObjectsArgs,
     /// Read what the backup has already again, and hold it against its checksums
     #[arg(long)]
     reread: bool,
@@ -35,7 +38,8 @@ pub(super) struct RestoreArgs {
 
 /// Brings a backup up to date; fails if something could not be copied.
 pub(super) fn back_up(args: BackupArgs) -> anyhow::Result<()> {
-    let report = runtime()?.block_on(backup::back_up(&args.data, &args.backup, args.reread))?;
+    let objects = args.objects.settings();
+    let report = runtime()?.block_on(backup::back_up_with(&args.data, &args.backup, args.reread, objects.as_ref()))?;
     println!("{} files copied, {} there already, {} removed", report.new, report.known, report.removed);
     finish(&report, "the backup holds everything else: see what `visage doctor` says of the data folder")
 }

@@ -6,6 +6,7 @@ use std::time::Duration;
 use anyhow::{Context, bail, ensure};
 use clap::Args;
 
+use super::objects::ObjectsArgs;
 use crate::app::live_gallery::files::damaged_files;
 use crate::storage::checkup::{self, Findings};
 use crate::storage::data_folder::DataFolder;
@@ -19,6 +20,8 @@ pub struct DoctorArgs {
     /// The data folder; no server may be using it
     #[arg(long, env = "VISAGE_DATA_DIR", value_name = "DIR")]
     data: PathBuf,
+    #[command(flatten)]
+    objects: ObjectsArgs,
     /// Move files that the database does not know to the trash of the folder
     #[arg(long)]
     set_aside: bool,
@@ -28,8 +31,9 @@ pub struct DoctorArgs {
 pub fn run(args: DoctorArgs) -> anyhow::Result<()> {
     ensure!(args.data.is_dir(), "{} is no folder", args.data.display());
     let runtime = tokio::runtime::Runtime::new().context("starting the runtime")?;
+    let objects = args.objects.settings();
     runtime.block_on(async {
-        let data = DataFolder::open(&args.data, Duration::ZERO).await.map_err(|error| match error {
+        let data = DataFolder::open_with(&args.data, Duration::ZERO, objects.as_ref()).await.map_err(|error| match error {
             error if error.is_of_database() => anyhow::Error::new(error).context(
                 "put visage.sqlite back from a backup (and remove visage.sqlite-wal and -shm), or save what can be read \
                  with `sqlite3 visage.sqlite .recover`",

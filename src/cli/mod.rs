@@ -10,6 +10,7 @@ pub mod deviation;
 mod doctor;
 mod healthcheck;
 mod key;
+mod objects;
 pub mod open;
 mod openapi;
 pub mod picture;

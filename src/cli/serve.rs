@@ -7,6 +7,7 @@ use std::time::Duration;
 use anyhow::{Context, bail};
 use clap::Args;
 
+use super::objects::ObjectsArgs;
 use crate::config::{
     BasePath, EdgeLimits, HostName, Limits, Network, Origin, Quotas, Retention, ServerConfig, TlsPem, WebhookSettings,
     available_threads,
@@ -48,9 +49,11 @@ pub struct ServeArgs {
     /// Let everybody who reaches the service do everything, though others than programs of this machine may
     #[arg(long, env = "VISAGE_OPEN")]
     open: bool,
-    /// The folder of the database and of all files
+    /// The folder of the database and, unless --objects says where else, of all files
     #[arg(long, env = "VISAGE_DATA_DIR", value_name = "DIR")]
     data: PathBuf,
+    #[command(flatten)]
+    objects: ObjectsArgs,
     /// The most worker threads one job may use [default: all of the machine]
     #[arg(long, env = "VISAGE_THREADS", value_parser = at_least_one)]
     threads: Option<usize>,
@@ -150,6 +153,7 @@ impl ServeArgs {
         let defaults = ServerConfig::new(self.addr, &self.data);
         let job_memory_bytes = self.job_memory_mb.map(|mb| mb.saturating_mul(1_000_000));
         Ok(ServerConfig {
+            objects: self.objects.settings(),
             job_memory_bytes: job_memory_bytes.or(defaults.job_memory_bytes),
             threads: self.threads.unwrap_or_else(available_threads),
             concurrent_jobs: self.jobs,

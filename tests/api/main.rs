@@ -6,6 +6,8 @@ mod archives;
 mod backup;
 mod bin;
 mod binary;
+#[cfg(feature = "s3")]
+mod bucket;
 mod client_commands;
 mod common;
 mod conditions;

@@ -59,7 +59,8 @@ problem_responses! {
     TooMany = "429", "The key has asked for too much or has as much as it may have (`rate_limited`, `quota_exceeded`), or too \
                       many jobs are waiting (`queue_full`); `Retry-After` says when to try again.";
     /// 503
-    NotReady = "503", "The server is starting or stopping (`not_ready`, `shutting_down`); see `Retry-After`.";
+    NotReady = "503", "The server is starting or stopping (`not_ready`, `shutting_down`), or can't reach what keeps files \
+                      (`storage_unreachable`); see `Retry-After`.";
     /// Any other error.
     Other = "default", "Any other error.";
 }

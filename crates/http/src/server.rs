@@ -123,7 +123,7 @@ async fn check_exposure(config: &ServerConfig, database: &dyn Database) -> Resul
 
 /// Opens the data folder and picks up what a crash left.
 async fn open(config: &Arc<ServerConfig>, engine: Arc<dyn Engine>) -> Result<ServiceContext, StartError> {
-    let data = DataFolder::open(&config.data_dir, config.lock_patience).await?;
+    let data = DataFolder::open_with(&config.data_dir, config.lock_patience, config.objects.as_ref()).await?;
     let left = data.pick_up(config.queue.max_attempts).await?;
     if left.jobs + left.files as u64 > 0 {
         tracing::warn!(jobs = left.jobs, files = left.files, "picked up what the last server left");

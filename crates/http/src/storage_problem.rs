@@ -79,6 +79,12 @@ impl From<ObjectError> for Problem {
         if error.is_storage_full() {
             return Problem::storage_full(&error.to_string());
         }
+        if error.is_unreachable() {
+            tracing::error!("{error}");
+            let hint = "send the request again in a while; nothing that was accepted is lost";
+            let detail = "the object store that keeps files can't be used at the moment";
+            return Problem::new(Code::StorageUnreachable, detail, hint).retry_after(10);
+        }
         if let ObjectError::Damaged { .. } = error {
             tracing::error!("{error}; `visage doctor` tells what else is");
             let hint = "ask the operator to put the file back from a backup, or delete what it belongs to";

@@ -1,6 +1,7 @@
 //! What the operator may set: where the service listens, where it keeps things, and how much it takes on.
 
 mod base_path;
+mod bucket;
 mod host_name;
 mod network;
 mod origin;
@@ -12,6 +13,7 @@ use std::time::Duration;
 use visage_formats::ReadLimits;
 
 pub use self::base_path::{BasePath, NoBasePath};
+pub use self::bucket::{BucketSettings, BucketUrl, NoBucketUrl};
 pub use self::host_name::{Host, HostName, NoHostName};
 pub use self::network::{Network, NoNetwork, is_public};
 pub use self::origin::{NoOrigin, Origin};
@@ -23,6 +25,8 @@ pub struct ServerConfig {
     pub addr: SocketAddr,
     /// The folder of the database and of all files. Created when absent; one server at a time.
     pub data_dir: PathBuf,
+    /// Where scans and files of models and standards are kept if not in that folder.
+    pub objects: Option<BucketSettings>,
     /// The most worker threads one job may use.
     pub threads: usize,
     /// Jobs that run at the same time.
@@ -65,6 +69,7 @@ impl ServerConfig {
         ServerConfig {
             addr,
             data_dir: data_dir.into(),
+            objects: None,
             threads: available_threads(),
             concurrent_jobs: 1,
             job_memory_bytes: crate::machine::memory_bytes().map(|bytes| bytes / 4 * 3),

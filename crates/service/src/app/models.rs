@@ -103,9 +103,7 @@ pub(super) async fn forget(context: &ServiceContext, deleted: Deleted) -> Result
     drop(unseen);
     context.database.fold_log().await;
     let files = models.into_iter().map(StoredFile::Model).chain(purged.files);
-    let files: Vec<StoredFile> = files.collect();
-    let remove = |objects: &dyn ObjectStore| files.into_iter().try_for_each(|file| objects.remove(file));
-    context.storage().blocking(remove).await
+    context.storage().remove_all(files.collect()).await
 }
 
 #[cfg(test)]

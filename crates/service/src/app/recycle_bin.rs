@@ -3,7 +3,7 @@
 use super::context::ServiceContext;
 use crate::config::Retention;
 use crate::storage::inventory::StorageError;
-use crate::storage::{DatabaseError, ObjectStore, Purged};
+use crate::storage::{DatabaseError, Purged};
 use visage_domain::{BinDue, BinRecord, Deletable};
 use visage_shape::faces::Signature;
 
@@ -80,8 +80,7 @@ async fn remove(context: &ServiceContext, purged: Purged) -> Result<usize, Stora
     let Purged { entries, files } = purged;
     context.monitor.announce_change();
     context.database.fold_log().await;
-    let remove = |objects: &dyn ObjectStore| files.into_iter().try_for_each(|file| objects.remove(file));
-    context.storage().blocking(remove).await?;
+    context.storage().remove_all(files).await?;
     Ok(entries)
 }
 

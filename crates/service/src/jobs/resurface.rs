@@ -8,7 +8,7 @@ use std::sync::Arc;
 use tokio::runtime::Handle;
 
 use super::artifacts::{self, RunFacts};
-use super::work::{Made, WorkError, failed, stored};
+use super::work::{Made, WorkError, failed, kept, stored};
 use crate::app::tracker::Tracker;
 use crate::config::Limits;
 use crate::storage::{Database, DatabaseError, ObjectError, ObjectStore, StagedModel};
@@ -101,8 +101,8 @@ impl Resurfacing {
         write(Asset::Report, Some(artifacts::report_json(report.to_json(), &run)?))?;
         let id = ModelId::new();
         let coming = [StoredFile::Model(id)];
-        self.stored(|| self.database.expect_files(&coming))?;
-        self.objects.keep_model(&staged, id)?;
+        let expect = || self.stored(|| self.database.expect_files(&coming));
+        kept(&self.progress, expect, || self.objects.keep_model(&staged, id))?;
         Ok(Made { model: self.model_of(id, &model, &cloud, records), signature: None })
     }
 

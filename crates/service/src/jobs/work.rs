@@ -54,7 +54,7 @@ pub(super) enum WorkError {
     /// An evaluation gives way to registrations that wait.
     GivesWay,
     /// It can't be done at the moment and is tried again in a while: the machine is out of descriptors, threads, memory
-    /// or disk, or another program holds the database.
+    /// or disk, another program holds the database, or what keeps files can't be reached.
     Later(String),
     /// The job failed.
     Failed(JobError),
@@ -68,7 +68,7 @@ impl From<Canceled> for WorkError {
 
 impl From<ObjectError> for WorkError {
     fn from(error: ObjectError) -> Self {
-        if error.is_shortage() {
+        if error.is_shortage() || error.is_unreachable() {
             return WorkError::Later(error.to_string());
         }
         let (code, hint) = if error.is_storage_full() {
@@ -91,6 +91,26 @@ impl From<DatabaseError> for WorkError {
             error => {
                 failed("storage_failed", error.to_string(), None, "look into the server's log, then retry the job")
             }
+        }
+    }
+}
+
+/// Has files kept from a job's thread. While what keeps them can't be reached it is tried again, as long as the job may: what was
+/// computed is worth more. Each attempt takes some seconds by itself, and is announced anew: what was expected for an hour counts
+/// as given up.
+pub(super) fn kept(
+    progress: &Progress,
+    expect: impl Fn() -> Result<(), WorkError>,
+    keep: impl Fn() -> Result<(), ObjectError>,
+) -> Result<(), WorkError> {
+    loop {
+        expect()?;
+        match keep() {
+            Err(error) if error.is_unreachable() => {
+                tracing::warn!("the job's files wait to be kept: {error}");
+                progress.check()?;
+            }
+            done => return Ok(done?),
         }
     }
 }
@@ -223,11 +243,13 @@ impl Work {
     }
 
     fn load_one(&self, scan: &ScanRecord) -> Result<Loaded, WorkError> {
-        let bytes = self.objects.read_scan(self.set.id, scan.file_id)?;
-        if blake3::hash(&bytes).to_hex().as_str() != scan.checksum {
-            let message = format!("the stored file of scan {} is not what was uploaded", scan.name);
-            return Err(failed("damaged_scan", message, Some(scan.name.clone()), "upload the scan again"));
-        }
+        let bytes = self.objects.read_scan(self.set.id, scan).map_err(|error| match error {
+            ObjectError::Damaged { .. } => {
+                let message = format!("the stored file of scan {} is not what was uploaded", scan.name);
+                failed("damaged_scan", message, Some(scan.name.clone()), "upload the scan again")
+            }
+            error => error.into(),
+        })?;
         let reading = visage_formats::read(&scan.name, &bytes, &self.limits.read_limits()).map_err(|error| {
             failed("unreadable_scan", error.to_string(), Some(scan.name.clone()), "upload a sound file of the scan")
         })?;
@@ -249,8 +271,8 @@ impl Work {
         })?;
         let id = ModelId::new();
         let coming = [StoredFile::Model(id)];
-        stored(&self.runtime, &self.progress, || self.database.expect_files(&coming))?;
-        self.objects.keep_model(&staged, id)?;
+        let expect = || stored(&self.runtime, &self.progress, || self.database.expect_files(&coming));
+        kept(&self.progress, expect, || self.objects.keep_model(&staged, id))?;
         Ok(Made { model: self.model(id, &outcome, unit, assets), signature: outcome.signature })
     }
 

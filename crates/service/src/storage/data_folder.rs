@@ -3,6 +3,7 @@
 //! Folder and database hold the same id. A database that goes with other files touches none: a start is refused then.
 
 pub mod backup;
+mod elsewhere;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -12,6 +13,7 @@ use super::inventory::{Inventory, PickedUp, Storage, StorageError};
 use super::local_files::{self, FolderError, LocalFiles};
 use super::sqlite::SqliteDatabase;
 use super::{Database, DatabaseError, ObjectError};
+use crate::config::BucketSettings;
 use visage_domain::FolderId;
 
 /// Why a data folder can't be used.
@@ -48,6 +50,37 @@ pub enum OpenError {
         /// How many.
         files: usize,
     },
+    /// Its files are kept elsewhere than was said, or nothing was said.
+    #[error("the files of {folder} are kept in {found}: give --objects {found}")]
+    Elsewhere {
+        /// The data folder.
+        folder: String,
+        /// Where they are.
+        found: String,
+    },
+    /// Files are in the folder, but are to be kept elsewhere.
+    #[error(
+        "{folder} holds {files} scans, models and standards of its own: to go on with them in {place}, copy the folders \
+         scan-sets, models and standards to there (as with rclone) and move them out of {folder}; else choose a new --data \
+         folder, or leave --objects out"
+    )]
+    FilesHere {
+        /// The data folder.
+        folder: String,
+        /// How many.
+        files: usize,
+        /// Where they were to be kept.
+        place: String,
+    },
+    /// The bucket is that of another data folder.
+    #[error("{place} is used by another data folder: choose another prefix for --objects")]
+    BucketTaken {
+        /// The bucket.
+        place: String,
+    },
+    /// The program knows no object stores.
+    #[error("this program was built without S3: build it with `--features s3`, or keep files in the data folder")]
+    NoBuckets,
     /// A start-up task ended badly.
     #[error("starting: {0}")]
     Task(#[from] tokio::task::JoinError),
@@ -80,14 +113,15 @@ pub struct DataFolder {
     /// Whether it is from before folders had ids.
     is_from_before: bool,
     folder: PathBuf,
+    id: FolderId,
 }
 
 /// The database of a folder alone, while a server may be using the folder: what is changed there the server sees. A new
 /// folder is made.
 pub async fn open_database(folder: &Path) -> Result<Arc<dyn Database>, OpenError> {
-    match DataFolder::open(folder, Duration::ZERO).await {
+    match DataFolder::open_here(folder, Duration::ZERO).await {
         // the folder's lock goes with its files: a server may start from now on
-        Ok(data) => Ok(data.storage.database),
+        Ok((data, _)) => Ok(data.storage.database),
         Err(OpenError::Folder(FolderError::Locked { .. })) => {
             Ok(Arc::new(SqliteDatabase::open_beside(&local_files::database_of(folder)).await?))
         }
@@ -98,6 +132,32 @@ pub async fn open_database(folder: &Path) -> Result<Arc<dyn Database>, OpenError
 impl DataFolder {
     /// Opens and locks a folder; creates it when absent. Whoever holds the lock has the folder's seat.
     pub async fn open(folder: &Path, patience: Duration) -> Result<DataFolder, OpenError> {
+        Self::open_with(folder, patience, None).await
+    }
+
+    /// The same for one whose files may be kept elsewhere.
+    pub async fn open_with(
+        folder: &Path,
+        patience: Duration,
+        objects: Option<&BucketSettings>,
+    ) -> Result<DataFolder, OpenError> {
+        elsewhere::check(folder, objects)?;
+        let (mut data, files) = Self::open_here(folder, patience).await?;
+        if let Some(settings) = objects {
+            let opened = elsewhere::open(files, folder, settings, data.id).await;
+            match opened {
+                Ok(objects) => data.storage.objects = objects,
+                Err(refused) => {
+                    data.storage.database.close().await;
+                    return Err(refused);
+                }
+            }
+        }
+        Ok(data)
+    }
+
+    /// The folder alone, wherever its files are.
+    async fn open_here(folder: &Path, patience: Duration) -> Result<(DataFolder, Arc<LocalFiles>), OpenError> {
         let root = folder.to_owned();
         let files = Arc::new(tokio::task::spawn_blocking(move || LocalFiles::open(&root, patience)).await??);
         let database = SqliteDatabase::open_with(&files.database(), files.reserve()).await?;
@@ -116,8 +176,8 @@ impl DataFolder {
         if of_database.is_none() {
             database.put_folder_id(id).await?;
         }
-        let storage = Storage { database: Arc::new(database.on_seat(id.into())), objects: files };
-        Ok(DataFolder { storage, is_from_before, folder: folder.to_owned() })
+        let storage = Storage { database: Arc::new(database.on_seat(id.into())), objects: files.clone() };
+        Ok((DataFolder { storage, is_from_before, folder: folder.to_owned(), id }, files))
     }
 
     /// Picks up what a server left that has ended. Only before the service begins. What is refused is left as it was,

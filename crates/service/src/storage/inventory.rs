@@ -143,7 +143,19 @@ impl Storage {
 
     /// Removes what belonged to a row that is gone, or never came.
     pub async fn remove(&self, file: StoredFile) -> Result<(), StorageError> {
-        self.blocking(move |objects: &dyn ObjectStore| objects.remove(file)).await
+        self.remove_all(vec![file]).await
+    }
+
+    /// The same for several. What can't be reached now is removed later: the database knows of it.
+    pub async fn remove_all(&self, files: Vec<StoredFile>) -> Result<(), StorageError> {
+        let remove = |objects: &dyn ObjectStore| files.into_iter().try_for_each(|file| objects.remove(file));
+        match self.blocking(remove).await {
+            Err(StorageError::Objects(error)) if error.is_unreachable() => {
+                tracing::warn!("files of what was deleted are removed later: {error}");
+                Ok(())
+            }
+            removed => removed,
+        }
     }
 
     /// What the database has answered about the row of a file that has its place already. If the row was refused, the

@@ -4,7 +4,7 @@
 //! - `segment_store`: files of the index, which are lent as memory
 //! - `error`: what a database says when it can't; `reserve`: space for when a disk is full; `unseen`: what the index in
 //!   memory has yet to follow
-//! - [`sqlite`], [`local_files`]: a database in one file, files in a folder
+//! - [`sqlite`], [`local_files`]: a database in one file, files in a folder; `s3`: files in a bucket, a feature of the build
 //! - [`inventory`]: the files held against the database, and what a process has left that is gone; [`checkup`]: whether
 //!   all of it is sound
 //! - [`data_folder`]: both backends in one folder, taken into use
@@ -25,6 +25,8 @@ pub mod inventory;
 pub mod local_files;
 pub mod object_store;
 mod reserve;
+#[cfg(feature = "s3")]
+pub(crate) mod s3;
 mod segment_store;
 pub mod sqlite;
 mod unseen;

@@ -37,6 +37,32 @@ pub enum ObjectError {
         /// Which file.
         what: String,
     },
+    /// What keeps files across the network does not answer.
+    #[error("{doing}: {place} can't be reached: {reason}")]
+    Unreachable {
+        /// What was being done.
+        doing: &'static str,
+        /// What it is called.
+        place: String,
+        /// How it is known.
+        reason: String,
+    },
+    /// It answers, but does not let us.
+    #[error("{doing}: {place}: {reason}")]
+    Refused {
+        /// What was being done.
+        doing: &'static str,
+        /// What it is called.
+        place: String,
+        /// Why, and the remedy.
+        reason: String,
+    },
+    /// Something else is there under the name, which stays as it is.
+    #[error("{what} is there already, and is something else")]
+    Taken {
+        /// The name.
+        what: String,
+    },
 }
 
 impl ObjectError {
@@ -44,6 +70,11 @@ impl ObjectError {
     pub fn is_storage_full(&self) -> bool {
         let ObjectError::Io { source, .. } = self else { return false };
         matches!(source.kind(), io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded)
+    }
+
+    /// Whether what keeps files can't be used from here for a while, so that it is worth trying again.
+    pub fn is_unreachable(&self) -> bool {
+        matches!(self, ObjectError::Unreachable { .. } | ObjectError::Refused { .. })
     }
 
     /// Whether memory or descriptors have run out, which come free again.
@@ -96,16 +127,17 @@ pub trait ObjectStore: SegmentStore + Debug + Send + Sync + 'static {
     /// Publishes an upload as a scan of a set. Blocks.
     fn keep_scan(&self, staged: &StagedFile, set: ScanSetId, file: FileId) -> Result<(), ObjectError>;
 
-    /// Publishes all files of a model at once. Blocks.
+    /// Publishes all files of a model; again, with the same, after it has failed. What is broken off in the middle may leave
+    /// some of them: then the model is listed, and removed as a whole. No row knows it before all are there. Blocks.
     fn keep_model(&self, staged: &StagedModel, model: ModelId) -> Result<(), ObjectError>;
 
     /// Publishes an upload as the file of a standard. Blocks.
     fn keep_standard(&self, staged: &StagedFile, standard: StandardId, asset: &str) -> Result<(), ObjectError>;
 
-    /// The content of a scan, as it is. Blocks.
-    fn read_scan(&self, set: ScanSetId, file: FileId) -> Result<Vec<u8>, ObjectError>;
+    /// The content of a scan, if that is what was stored. Blocks.
+    fn read_scan(&self, set: ScanSetId, scan: &ScanRecord) -> Result<Vec<u8>, ObjectError>;
 
-    /// Whether a scan is what was stored. Blocks.
+    /// Whether a scan is what was stored; it is read where it is kept. Blocks.
     fn check_scan(&self, set: ScanSetId, scan: &ScanRecord) -> Result<(), ObjectError>;
 
     /// Opens a file of a model that is what was stored; `None` if it is not there.
@@ -118,7 +150,7 @@ pub trait ObjectStore: SegmentStore + Debug + Send + Sync + 'static {
     /// The content of a file of a model, if that is what was stored; `None` if it is not there. Blocks.
     fn read_asset(&self, model: ModelId, asset: &AssetRecord) -> Result<Option<Vec<u8>>, ObjectError>;
 
-    /// Whether a file of a model is there; an error if it is not what was stored. Blocks.
+    /// Whether a file of a model is there; an error if it is not what was stored. It is read where it is kept. Blocks.
     fn check_asset(&self, model: ModelId, asset: &AssetRecord) -> Result<bool, ObjectError>;
 
     /// The file that a standard was made of, if it is what was stored. Blocks.

@@ -48,7 +48,7 @@ impl ScanPicture {
         size: Size,
         progress: &Progress,
     ) -> Result<Image, PicturesError> {
-        let bytes = context.objects.read_scan(self.set, self.scan.file_id)?;
+        let bytes = context.objects.read_scan(self.set, &self.scan)?;
         let unreadable = |error| PicturesError::Unreadable { name: self.scan.name.clone(), error };
         let surface = read_surface(&self.scan.name, &bytes, &STORED).map_err(unreadable)?;
         drop(bytes);

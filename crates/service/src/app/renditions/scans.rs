@@ -10,7 +10,7 @@ use tokio::sync::Semaphore;
 use super::poses::{PosesSource, parse};
 use super::{Desk, RenditionError, STORED, ScansAs, content, model_of, stage};
 use crate::app::context::ServiceContext;
-use crate::storage::{ObjectStore, StagedFile, StagedWriter};
+use crate::storage::{ObjectError, ObjectStore, StagedFile, StagedWriter};
 use visage_domain::{ModelId, ScanRecord, ScanSetId};
 use visage_formats::archive::ZipWriter;
 use visage_formats::e57::{self, WrittenScan, write_scans};
@@ -96,10 +96,10 @@ impl PlacedScans {
 
 /// The scan as it was sent.
 fn read(objects: &dyn ObjectStore, set: ScanSetId, scan: &ScanRecord) -> Result<Surface, RenditionError> {
-    let bytes = objects.read_scan(set, scan.file_id)?;
-    if blake3::hash(&bytes).to_hex().as_str() != scan.checksum {
-        return Err(RenditionError::Changed { scan: scan.name.clone() });
-    }
+    let bytes = objects.read_scan(set, scan).map_err(|error| match error {
+        ObjectError::Damaged { .. } => RenditionError::Changed { scan: scan.name.clone() },
+        error => error.into(),
+    })?;
     read_surface(&scan.name, &bytes, &STORED)
         .map_err(|error| RenditionError::Unreadable { name: scan.name.clone(), error })
 }

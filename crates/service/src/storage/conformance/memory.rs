@@ -229,12 +229,13 @@ impl ObjectStore for MemoryObjects {
         self.publish(staged.id(), StoredFile::Standard(standard), Some(asset))
     }
 
-    fn read_scan(&self, set: ScanSetId, file: FileId) -> Result<Vec<u8>, ObjectError> {
-        self.read(StoredFile::Scan(set, file), ONLY).ok_or_else(|| missing("reading a scan"))
+    fn read_scan(&self, set: ScanSetId, scan: &ScanRecord) -> Result<Vec<u8>, ObjectError> {
+        let content = self.read(StoredFile::Scan(set, scan.file_id), ONLY).ok_or_else(|| missing("reading a scan"))?;
+        checked(content, &scan.checksum, &scan.name)
     }
 
     fn check_scan(&self, set: ScanSetId, scan: &ScanRecord) -> Result<(), ObjectError> {
-        checked(self.read_scan(set, scan.file_id)?, &scan.checksum, &scan.name).map(drop)
+        self.read_scan(set, scan).map(drop)
     }
 
     async fn open_asset(

@@ -104,7 +104,7 @@ macro_rules! object_conformance {
             objects {
                 a_scan_arrives_whole_and_goes_with_its_set,
                 what_is_given_up_leaves_nothing,
-                a_model_is_published_by_one_step,
+                a_model_is_kept_with_all_its_files_and_goes_with_them,
                 files_are_sent_whole_or_from_some_place_on,
                 a_flipped_byte_is_not_given_out,
                 what_is_set_aside_is_kept_for_a_while,

@@ -57,7 +57,7 @@ pub async fn a_scan_arrives_whole_and_goes_with_its_set(place: &impl ObjectPlace
         assert!(!objects.listing().expect("listed").contains(&StoredFile::Scan(set, file)));
         objects.keep_scan(&upload, set, file).expect("kept");
         drop(upload);
-        assert_eq!(objects.read_scan(set, file).expect("there"), b"ten points");
+        assert_eq!(objects.read_scan(set, &scan(file, b"ten points")).expect("there"), b"ten points");
         objects.check_scan(set, &scan(file, b"ten points")).expect("sound");
     }
     objects.remove(StoredFile::Scan(set, files[0])).expect("removed");
@@ -65,7 +65,7 @@ pub async fn a_scan_arrives_whole_and_goes_with_its_set(place: &impl ObjectPlace
     for _ in 0..2 {
         // the second time there is nothing left to remove
         objects.remove(StoredFile::ScanSet(set)).expect("removed");
-        assert!(objects.read_scan(set, files[1]).is_err());
+        assert!(objects.read_scan(set, &scan(files[1], b"ten points")).is_err());
     }
 }
 
@@ -83,7 +83,28 @@ pub async fn what_is_given_up_leaves_nothing(place: &impl ObjectPlace) {
     assert_eq!(place.open().sweep_staging().expect("swept"), 0, "nothing is left for the next process");
 }
 
-/// Whoever sees a model sees all of it.
+/// Nothing of it is seen before, and all of it from then on.
+pub async fn a_model_is_kept_with_all_its_files_and_goes_with_them(place: &impl ObjectPlace) {
+    let objects = place.open();
+    let (upload, id) = (staged(objects.as_ref(), b"the mesh").await, ModelId::new());
+    let staged = objects.stage_model().expect("staged");
+    objects.take_asset(&staged, "mesh.ply", &upload).expect("taken over");
+    objects.write_asset(&staged, "report.json", b"{}").expect("written");
+    assert_eq!(objects.listing().expect("listed"), []);
+    let files = [("mesh.ply", &b"the mesh"[..]), ("report.json", b"{}")];
+    let is_there = |name: &str, content: &[u8]| objects.check_asset(id, &asset(name, content)).expect("sound");
+    assert_eq!(files.map(|(name, content)| is_there(name, content)), [false, false]);
+    objects.keep_model(&staged, id).expect("kept");
+    drop((staged, upload));
+    assert_eq!(files.map(|(name, content)| is_there(name, content)), [true, true]);
+    assert_eq!(objects.listing().expect("listed"), [StoredFile::Model(id)]);
+    objects.remove(StoredFile::Model(id)).expect("removed");
+    objects.remove(StoredFile::Model(id)).expect("no trouble if it is gone");
+    assert_eq!(files.map(|(name, content)| is_there(name, content)), [false, false]);
+    assert_eq!(objects.listing().expect("listed"), []);
+}
+
+/// Where a model gets its place by one step, whoever sees it sees all of it. Not every place for files can do that.
 pub async fn a_model_is_published_by_one_step(place: &impl ObjectPlace) {
     let objects = place.open();
     let (upload, id) = (staged(objects.as_ref(), b"the mesh").await, ModelId::new());
@@ -100,10 +121,6 @@ pub async fn a_model_is_published_by_one_step(place: &impl ObjectPlace) {
     });
     objects.keep_model(&staged, id).expect("kept");
     assert_eq!(watching.join().expect("no panic"), [true, true]);
-    drop((staged, upload));
-    assert_eq!(objects.listing().expect("listed"), [StoredFile::Model(id)]);
-    objects.remove(StoredFile::Model(id)).expect("removed");
-    assert!(!objects.check_asset(id, &asset("report.json", b"{}")).expect("asked"));
 }
 
 pub async fn files_are_sent_whole_or_from_some_place_on(place: &impl ObjectPlace) {
@@ -138,6 +155,7 @@ pub async fn a_flipped_byte_is_not_given_out(place: &impl ObjectPlace) {
     assert!(is_damaged(objects.read_asset(id, &cloud).expect_err("damaged")));
     assert!(is_damaged(objects.check_asset(id, &cloud).expect_err("damaged")));
     assert!(objects.open_asset(id, &cloud).await.is_err_and(is_damaged));
+    assert!(is_damaged(objects.read_scan(set, &scan(file, content)).expect_err("damaged")));
     assert!(is_damaged(objects.check_scan(set, &scan(file, content)).expect_err("damaged")));
     assert!(is_damaged(objects.read_standard(standard, &of_standard).expect_err("damaged")));
 }

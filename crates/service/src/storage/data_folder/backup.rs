@@ -8,9 +8,10 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
-use super::OpenError;
+use super::{OpenError, elsewhere};
+use crate::config::BucketSettings;
 use crate::storage::database::{Files, Models, RecycleBin, ScanSets, Standards, Upkeep};
-use crate::storage::local_files::copies::{self, Copied, Wanted};
+use crate::storage::local_files::copies::{self, Copied, Source, Wanted};
 use crate::storage::local_files::{self, FolderError, FolderLock};
 use crate::storage::sqlite::SqliteDatabase;
 use crate::storage::{DatabaseError, NoReserve, ObjectError};
@@ -101,17 +102,28 @@ impl CopyReport {
 /// Brings a backup up to date; a server may be using the data folder. With `reread`, what the backup has already is
 /// read again and held against its checksums.
 pub async fn back_up(data: &Path, backup: &Path, reread: bool) -> Result<CopyReport, BackupError> {
+    back_up_with(data, backup, reread, None).await
+}
+
+/// The same for a data folder whose files may be kept elsewhere: the backup has them in it.
+pub async fn back_up_with(
+    data: &Path,
+    backup: &Path,
+    reread: bool,
+    objects: Option<&BucketSettings>,
+) -> Result<CopyReport, BackupError> {
     apart(data, backup)?;
     let live = database_in(data)?;
+    let source = elsewhere::source(data, objects)?;
     let live = SqliteDatabase::open_beside(&live).await?;
-    let copied = back_up_from(&live, data, backup, reread).await;
+    let copied = back_up_from(&live, &source, backup, reread).await;
     live.close().await;
     copied
 }
 
 async fn back_up_from(
     live: &SqliteDatabase,
-    data: &Path,
+    source: &Arc<dyn Source>,
     backup: &Path,
     reread: bool,
 ) -> Result<CopyReport, BackupError> {
@@ -125,7 +137,7 @@ async fn back_up_from(
     let mut tries = 0;
     let (new, known, mut report) = loop {
         tries += 1;
-        let (new, known, report) = snapshot(live, data, backup, reread).await?;
+        let (new, known, report) = snapshot(live, source, backup, reread).await?;
         let (now, _) = live.known_files().await?;
         let deleted = |place: &String| {
             let mut gone = known.needed().filter(|file| !now.knows(*file));
@@ -149,7 +161,7 @@ async fn back_up_from(
 /// The database as it is at one moment, with its files.
 async fn snapshot(
     live: &SqliteDatabase,
-    data: &Path,
+    source: &Arc<dyn Source>,
     backup: &Path,
     reread: bool,
 ) -> Result<(PathBuf, KnownFiles, CopyReport), BackupError> {
@@ -161,7 +173,7 @@ async fn snapshot(
     copy.forget_all_sessions().await?;
     // the index is made anew from the signatures
     copy.forget_all_segments().await?;
-    let report = copy_files(&copy, data, backup, reread).await?;
+    let report = copy_files(&copy, source, backup, reread).await?;
     let (known, _) = copy.known_files().await?;
     copy.close().await;
     Ok((new, known, report))
@@ -193,7 +205,8 @@ pub async fn restore(backup: &Path, data: &Path) -> Result<CopyReport, BackupErr
     .await?;
     let copy = SqliteDatabase::open_with(&new, Arc::new(NoReserve)).await?;
     let id = copy.folder_id().await?;
-    let report = copy_files(&copy, backup, data, true).await?;
+    let of_backup: Arc<dyn Source> = Arc::new(backup.to_owned());
+    let report = copy_files(&copy, &of_backup, data, true).await?;
     copy.close().await;
     let (data, id) = (data.to_owned(), id.unwrap_or_default());
     blocking(move || copies::publish(&data, &new, id)).await?;
@@ -232,7 +245,12 @@ async fn blocking<T: Send + 'static>(
 }
 
 /// Copies everything that the rows of `copy` know.
-async fn copy_files(copy: &SqliteDatabase, from: &Path, to: &Path, reread: bool) -> Result<CopyReport, BackupError> {
+async fn copy_files(
+    copy: &SqliteDatabase,
+    from: &Arc<dyn Source>,
+    to: &Path,
+    reread: bool,
+) -> Result<CopyReport, BackupError> {
     let mut report = CopyReport::default();
     let mut page = PageRequest { before: None, limit: PAGE };
     loop {
@@ -295,16 +313,16 @@ async fn copy_files(copy: &SqliteDatabase, from: &Path, to: &Path, reread: bool)
 
 async fn copy_all(
     wanted: Vec<Wanted>,
-    from: &Path,
+    from: &Arc<dyn Source>,
     to: &Path,
     reread: bool,
     report: &mut CopyReport,
 ) -> Result<(), BackupError> {
-    let (from, to) = (from.to_owned(), to.to_owned());
+    let (from, to) = (Arc::clone(from), to.to_owned());
     let copied = blocking(move || {
         let copied = |file: Wanted| {
             let place = file.place().display().to_string();
-            copies::copy(&from, &to, &file, reread).map(|copied| (place, copied))
+            copies::copy(from.as_ref(), &to, &file, reread).map(|copied| (place, copied))
         };
         wanted.into_iter().map(copied).collect::<Result<Vec<_>, _>>()
     })

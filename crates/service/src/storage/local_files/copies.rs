@@ -32,6 +32,23 @@ impl Wanted {
     }
 }
 
+/// Where files are copied from.
+pub trait Source: Send + Sync {
+    /// The content of a file, from its beginning; `None` if it is not there. `scratch` is a folder for what has to lie somewhere
+    /// meanwhile. Blocks.
+    fn open(&self, file: &Wanted, scratch: &Path) -> io::Result<Option<File>>;
+}
+
+/// A data folder that has its files itself.
+impl Source for PathBuf {
+    fn open(&self, file: &Wanted, _: &Path) -> io::Result<Option<File>> {
+        match File::open(self.join(file.place())) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
+            opened => opened.map(Some),
+        }
+    }
+}
+
 /// What became of a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Copied {
@@ -47,18 +64,15 @@ pub enum Copied {
 
 /// Copies one file. What the copy has under its name is taken for it if it has its size, or, with `reread`, its
 /// content: names are ids that are never used twice. Blocks.
-pub fn copy(from: &Path, to: &Path, file: &Wanted, reread: bool) -> Result<Copied, ObjectError> {
+pub fn copy(from: &dyn Source, to: &Path, file: &Wanted, reread: bool) -> Result<Copied, ObjectError> {
     let copy = || -> io::Result<Copied> {
-        let (source, target) = (from.join(file.place()), to.join(file.place()));
+        let target = to.join(file.place());
         let there = fs::metadata(&target).is_ok_and(|found| found.is_file() && found.len() == file.bytes);
         if there && (!reread || checksum(&target)? == file.checksum) {
             return Ok(Copied::Known);
         }
-        let mut source = match File::open(&source) {
-            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Copied::Missing),
-            opened => opened?,
-        };
         private::create_folder(&to.join("staging"))?;
+        let Some(mut source) = from.open(file, &to.join("staging"))? else { return Ok(Copied::Missing) };
         let staged = to.join("staging").join(FileId::new().to_string());
         let copied = copy_hashed(&mut source, &staged);
         let sound = copied.as_ref().is_ok_and(|found| *found == file.checksum);

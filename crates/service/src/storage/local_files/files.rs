@@ -104,8 +104,8 @@ impl ObjectStore for LocalFiles {
         keep().map_err(doing("keeping a standard"))
     }
 
-    fn read_scan(&self, set: ScanSetId, file: FileId) -> Result<Vec<u8>, ObjectError> {
-        fs::read(self.scan(set, file)).map_err(doing("reading a scan"))
+    fn read_scan(&self, set: ScanSetId, scan: &ScanRecord) -> Result<Vec<u8>, ObjectError> {
+        self.read_verified_scan(set, scan)
     }
 
     fn check_scan(&self, set: ScanSetId, scan: &ScanRecord) -> Result<(), ObjectError> {

@@ -10,6 +10,8 @@
 //! DATA/scan-sets/{set}/{file}      scans, under ids of ours
 //! DATA/models/{model}/{asset}      files of models, under names of ours
 //! DATA/standards/{standard}/{asset} files that standards were made of
+//! DATA/visage.objects              where scans, models and standards are if not here
+//! DATA/cache/...                   those of them that were used last
 //! DATA/segments/{segment}          the index, made of signatures: what is lost of it is made anew
 //! DATA/trash/{id}/...              what a start found without a row, for a while
 //! ```
@@ -23,9 +25,11 @@
 //!   files are what was stored
 //! - `segments`: files of the index
 //! - `pieces`: files that come piece by piece
+//! - `elsewhere`: that files are kept in another place, with a cache here
 //! - `listing`, `sweep`: what is there, the trash; [`copies`]: backups
 
 pub mod copies;
+mod elsewhere;
 mod files;
 mod folder;
 mod listing;
@@ -45,6 +49,9 @@ use std::sync::Arc;
 use crate::storage::{ObjectError, Reserve};
 use visage_domain::{FileId, ScanSetId};
 
+pub(in crate::storage) use elsewhere::elsewhere;
+#[cfg(feature = "s3")]
+pub(in crate::storage) use elsewhere::{create_private_file, create_private_folder};
 pub use folder::{FolderError, FolderLock};
 pub use reserve::DiskReserve;
 
@@ -208,6 +215,12 @@ pub(super) mod testing {
         use super::LocalPlace;
 
         crate::storage::conformance::object_conformance!(LocalPlace);
+
+        #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+        async fn a_model_is_published_by_one_step() {
+            use crate::storage::conformance::{ObjectPlace, objects};
+            objects::a_model_is_published_by_one_step(&LocalPlace::new()).await;
+        }
     }
 }
 

@@ -44,10 +44,16 @@ impl LocalFiles {
     /// The content of a file of a model, if that is what was stored; `None` if it is not there. Blocks.
     pub(super) fn read_verified(&self, model: ModelId, asset: &AssetRecord) -> Result<Option<Vec<u8>>, ObjectError> {
         match fs::read(self.models().join(model.to_string()).join(&asset.name)) {
-            Ok(content) => checked(content, asset, || format!("{} of model {model}", asset.name)).map(Some),
+            Ok(content) => checked(content, &asset.checksum, || format!("{} of model {model}", asset.name)).map(Some),
             Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
             Err(error) => Err(doing("reading a file of a model")(error)),
         }
+    }
+
+    /// The content of a scan, if that is what was stored. Blocks.
+    pub(super) fn read_verified_scan(&self, set: ScanSetId, scan: &ScanRecord) -> Result<Vec<u8>, ObjectError> {
+        let content = fs::read(self.scan(set, scan.file_id)).map_err(doing("reading a scan"))?;
+        checked(content, &scan.checksum, || scan_of(set, scan))
     }
 
     /// Whether a scan is what was stored. Blocks.
@@ -58,7 +64,7 @@ impl LocalFiles {
         if hasher.finalize().to_hex().as_str() == scan.checksum {
             return Ok(());
         }
-        Err(ObjectError::Damaged { what: format!("scan {} of scan set {set}", scan.name) })
+        Err(ObjectError::Damaged { what: scan_of(set, scan) })
     }
 
     /// The file that a standard was made of, if it is what was stored. Blocks.
@@ -69,7 +75,7 @@ impl LocalFiles {
     ) -> Result<Vec<u8>, ObjectError> {
         let content = fs::read(self.standards().join(standard.to_string()).join(&asset.name));
         let content = content.map_err(doing("reading a standard"))?;
-        checked(content, asset, || format!("{} of standard {standard}", asset.name))
+        checked(content, &asset.checksum, || format!("{} of standard {standard}", asset.name))
     }
 }
 
@@ -107,8 +113,13 @@ impl Opening {
     }
 }
 
-fn checked(content: Vec<u8>, asset: &AssetRecord, what: impl Fn() -> String) -> Result<Vec<u8>, ObjectError> {
-    if blake3::hash(&content).to_hex().as_str() == asset.checksum {
+/// A scan's name for messages.
+fn scan_of(set: ScanSetId, scan: &ScanRecord) -> String {
+    format!("scan {} of scan set {set}", scan.name)
+}
+
+fn checked(content: Vec<u8>, checksum: &str, what: impl Fn() -> String) -> Result<Vec<u8>, ObjectError> {
+    if blake3::hash(&content).to_hex().as_str() == checksum {
         Ok(content)
     } else {
         Err(ObjectError::Damaged { what: what() })
