@@ -79,6 +79,9 @@ impl Stage {
 pub trait ProgressSink: Send + Sync {
     /// `stage` is under way and `fraction` (0 to 1) of that stage is done.
     fn report(&self, stage: Stage, fraction: f64);
+
+    /// The work waits for something else and is alive, though it comes no further.
+    fn waits(&self) {}
 }
 
 /// The caller asked for a stop; the work was given up where it stood.
@@ -129,6 +132,14 @@ impl Progress {
     pub fn check(&self) -> Result<(), Canceled> {
         if self.cancel.load(Ordering::Relaxed) { Err(Canceled) } else { Ok(()) }
     }
+
+    /// The same, for work that waits for something else: it also says that it is alive.
+    pub fn waits(&self) -> Result<(), Canceled> {
+        if let Some(sink) = &self.sink {
+            sink.waits();
+        }
+        self.check()
+    }
 }
 
 /// A part of a stage.
@@ -142,6 +153,10 @@ struct Part {
 impl ProgressSink for Part {
     fn report(&self, _: Stage, fraction: f64) {
         self.sink.report(self.stage, self.from + fraction * (self.to - self.from));
+    }
+
+    fn waits(&self) {
+        self.sink.waits();
     }
 }
 

@@ -97,6 +97,10 @@ impl Tracker {
 }
 
 impl ProgressSink for Tracker {
+    fn waits(&self) {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner).reports += 1;
+    }
+
     fn report(&self, stage: Stage, fraction: f64) {
         let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
         state.reports += 1;

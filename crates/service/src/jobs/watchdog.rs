@@ -47,7 +47,7 @@ mod tests {
     use super::*;
     use crate::app::monitor::JobMonitor;
     use visage_domain::{JobId, JobKind};
-    use visage_geometry::progress::{ProgressSink, Stage};
+    use visage_geometry::progress::{Progress, ProgressSink, Stage};
 
     fn watched() -> (Watchdog, Entry) {
         let [heartbeat, stall, deaf] = [1, 5, 2].map(Duration::from_secs);
@@ -64,6 +64,16 @@ mod tests {
             assert!(!dog.gives_up(&entry));
         }
         assert_eq!(entry.stop.reason(), None);
+    }
+
+    #[test]
+    fn a_job_that_waits_for_something_else_is_never_stopped() {
+        let (mut dog, entry) = watched();
+        let progress = Progress::new(entry.tracker.clone(), entry.stop.flag());
+        for _ in 0..100 {
+            progress.waits().expect("nobody stops it");
+            assert!(!dog.gives_up(&entry));
+        }
     }
 
     #[test]

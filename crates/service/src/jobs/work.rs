@@ -108,7 +108,7 @@ pub(super) fn kept(
         match keep() {
             Err(error) if error.is_unreachable() => {
                 tracing::warn!("the job's files wait to be kept: {error}");
-                progress.check()?;
+                progress.waits()?;
             }
             done => return Ok(done?),
         }
@@ -124,7 +124,7 @@ pub(super) fn stored<T, F: Future<Output = Result<T, DatabaseError>>>(
 ) -> Result<T, WorkError> {
     loop {
         match runtime.block_on(ask()) {
-            Err(DatabaseError::Locked | DatabaseError::Busy) => progress.check()?,
+            Err(DatabaseError::Locked | DatabaseError::Busy) => progress.waits()?,
             done => return Ok(done?),
         }
     }
