@@ -73,7 +73,7 @@ fn measure(index: usize, seed: u64) -> String {
     let names: Vec<String> = (0..count).map(|view| view.to_string()).collect();
     let given = vec![None; count];
     let hinted = Hinted::default();
-    let set = Set { names: &names, views: &views, given: &given, sensors: &sensors, hinted: &hinted };
+    let set = Set { names: &names, views: &views, given: &given, sensors: &sensors, hinted: &hinted, turning: None };
     let progress = Progress::silent();
     let refine_options = MethodOptions::default();
     let refine = |views: &[View], poses: &[Motion]| Method::Joint.register(views, poses, &refine_options, &progress);

@@ -14,6 +14,7 @@ use visage_registration::joint;
 use visage_registration::outcome::{MethodOptions, Outcome};
 use visage_registration::quality::Surfaces;
 use visage_registration::sensor::Sensor;
+use visage_registration::sensor::turning::Turning;
 use visage_registration::view::View;
 
 /// A pose as a 4x4 row-major matrix `[s R, t]`; the scale s is 1 unless scales were sought.
@@ -111,6 +112,8 @@ pub(super) struct Setting {
     pub hints: Hints,
     /// Whether all scans were cut, so that it says nothing that nothing is there.
     is_cut: bool,
+    /// How what moved stood, if the scans were cut to it.
+    turning: Option<Turning>,
     other_conventions: &'static [PoseConvention],
     /// Scans that have their pose from a copy: the scan, the copy, and the motion that maps the copy's frame into that
     /// of the scan, in the scale of the copy.
@@ -119,8 +122,8 @@ pub(super) struct Setting {
 
 impl Setting {
     /// The same of scans of which parts were cut away.
-    pub fn cut(&self) -> Setting {
-        Setting { is_cut: true, ..self.clone() }
+    pub fn cut(&self, turning: Option<Turning>) -> Setting {
+        Setting { is_cut: true, turning, ..self.clone() }
     }
 
     /// Checks the start, and brings the reference to the front: view 0 fixes the world.
@@ -133,7 +136,8 @@ impl Setting {
         }
         let Start { poses, scales, base, hints, other_conventions, of_scan_files: _ } = start.clone();
         let adopted = Vec::new();
-        let mut setting = Setting { poses, scales, base, hints, is_cut: false, other_conventions, adopted };
+        let mut setting =
+            Setting { poses, scales, base, hints, is_cut: false, turning: None, other_conventions, adopted };
         for (name, matrix) in &start.base {
             let (pose, scale) = se3::from_scaled_rows(matrix).map_err(|error| PipelineError::Unusable {
                 code: "wrong_base",
@@ -275,7 +279,14 @@ impl Task<'_> {
 
     fn anew(&self, views: &[View], sensors: &[Option<Sensor>]) -> Result<Registered, PipelineError> {
         let hinted = self.setting.hinted(self.names, views);
-        let set = Set { names: self.names, views, given: &self.given(views), sensors, hinted: &hinted };
+        let set = Set {
+            names: self.names,
+            views,
+            given: &self.given(views),
+            sensors,
+            hinted: &hinted,
+            turning: self.setting.turning.as_ref(),
+        };
         Ok(set.register(&|views, initial| self.refine(views, initial), self.progress)?)
     }
 
@@ -297,7 +308,14 @@ impl Task<'_> {
         if given.contains(&None) {
             let refine = |views: &[View], initial: &[Motion]| self.refine(views, initial);
             let hinted = self.setting.hinted(self.names, views);
-            let set = Set { names: self.names, views, given: &given, sensors, hinted: &hinted };
+            let set = Set {
+                names: self.names,
+                views,
+                given: &given,
+                sensors,
+                hinted: &hinted,
+                turning: self.setting.turning.as_ref(),
+            };
             placement = Some(place(&set, &refine, self.progress)?);
         }
         let mut initial = Vec::with_capacity(views.len());

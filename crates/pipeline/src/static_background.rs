@@ -11,7 +11,8 @@ use visage_registration::global::scan_set::Registered;
 use visage_registration::quality::Quality;
 use visage_registration::quality::sharpness::is_sharp;
 use visage_registration::resolution::resolution;
-use visage_registration::sensor::standing_still::from_one_place;
+use visage_registration::sensor::standing_still::{Still, from_one_place};
+use visage_registration::sensor::turning::Turning;
 use visage_registration::view::View;
 
 /// Scans and how they were registered.
@@ -128,7 +129,7 @@ fn follow_what_moved(
         taken: Taken { scans: set.scans.to_vec(), views: set.views.to_vec(), sensors: sensors.clone(), registered },
         still: vec![0; set.views.len()],
     });
-    let cut = cut_and_register(set, &registered.result.placed, moved, options, progress)?;
+    let cut = cut_and_register(set, &registered.result.placed, moved, (&still, all), options, progress)?;
     let is_elsewhere = |followed: &Followed| {
         let Taken { views, registered: Registered { result, .. }, .. } = &followed.taken;
         let shifts =
@@ -175,6 +176,7 @@ fn cut_and_register(
     set: &Set,
     placed: &[bool],
     moved: Vec<Vec<bool>>,
+    (background, wholes): (&Still, &[View]),
     options: &Options,
     progress: &Progress,
 ) -> Result<Option<Followed>, PipelineError> {
@@ -201,6 +203,8 @@ fn cut_and_register(
         let sensor = whole.sensor.map(|sensor| sensor.moved(&(whole.center - view.center)));
         view.sensor = super::sensor_of(scan, view, options).or(sensor);
     }
-    let (views, sensors, registered) = set.setting.cut().register(&scans, views, set.names, options, progress)?;
+    let turning = Turning::of(background, &views, wholes);
+    let (views, sensors, registered) =
+        set.setting.cut(turning).register(&scans, views, set.names, options, progress)?;
     Ok(Some(Followed { taken: Taken { scans, views, sensors, registered }, still }))
 }

@@ -100,7 +100,7 @@ pub fn register(
     let given: Vec<Option<Motion>> =
         given.iter().zip(&views).map(|(pose, view)| Some(view.local_pose(pose.as_ref()?))).collect();
     let hinted = Hinted::default();
-    let set = Set { names: &names, views: &views, given: &given, sensors: &sensors, hinted: &hinted };
+    let set = Set { names: &names, views: &views, given: &given, sensors: &sensors, hinted: &hinted, turning: None };
     let options = MethodOptions::default();
     let refine = |views: &[View], poses: &[Motion]| method.register(views, poses, &options, progress);
     let mut registered = set.register(&refine, progress)?;

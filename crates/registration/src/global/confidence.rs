@@ -20,6 +20,9 @@ visage_geometry::tuning! {
         usual_displacement: f64 = 3e-3,
         /// and what is added to it, so that none is free of doubt.
         least_displacement: f64 = 1e-4,
+        /// Nearer to each other than this, in the noise of the set, surfaces lie by chance: where few surfels agree (99 % of right
+        /// views have more).
+        least_rms: f64 = 0.8,
         /// Agreement of colours that is as good as any.
         colours_agree: f64 = 0.8,
     }
@@ -41,7 +44,7 @@ pub fn features(support: &PoseSupport, witness: &Witness) -> [f64; FEATURES] {
         s.contradict.max(s.component_contradict).sqrt(),
         s.component_rival,
         s.held.max(0.01).ln(),
-        s.rms.max(0.1).ln(),
+        s.rms.max(TUNING.least_rms).ln(),
         (1.0 - s.sharpness).sqrt(),
         s.agreeing,
         (witness.displacement.unwrap_or(TUNING.usual_displacement) + TUNING.least_displacement).ln(),
@@ -76,11 +79,23 @@ mod tests {
             PoseSupport { component_rival: 1.0, ..right },
             PoseSupport { sharpness: 0.7, ..right },
             PoseSupport { rms: 2.0, ..right },
+            PoseSupport {
+                unseen: 1.0,
+                held: 0.0,
+                component_rival: 1.5,
+                agreeing: 0.25,
+                sharpness: 0.0,
+                rms: 0.0,
+                ..right
+            },
             PoseSupport { agreeing: 0.2, ..right },
         ];
         for support in worse {
             assert!(confidence(&support, &none) < confidence(&right, &none), "{support:?}");
         }
+        // where hardly anything agrees it says nothing that it lies near
+        let alone = PoseSupport { unseen: 1.0, held: 0.0, agreeing: 0.25, sharpness: 0.0, rms: 0.0, ..right };
+        assert!(confidence(&alone, &none) < 0.5);
         let against = [
             Witness { displacement: Some(0.02), ..none },
             Witness { is_looked_through: true, ..none },

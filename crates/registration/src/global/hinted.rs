@@ -19,6 +19,7 @@ use super::slippage::can_slip;
 use super::surfel_icp::align;
 use super::verification::verify;
 use crate::hinted::{Hinted, PickedPair};
+use crate::sensor::turning::Turning;
 use visage_geometry::Motion;
 use visage_geometry::progress::{Canceled, Progress};
 
@@ -58,6 +59,8 @@ pub struct Prior<'a> {
     pub given: &'a [Option<Motion>],
     /// What a person said.
     pub hinted: &'a Hinted,
+    /// How the views stood before a scanner that stood still, if they are of what moved.
+    pub turning: Option<&'a Turning>,
 }
 
 impl Prior<'_> {

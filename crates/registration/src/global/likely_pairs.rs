@@ -124,7 +124,7 @@ mod tests {
     fn in_a_large_set_neighbours_are_matched_and_most_pairs_are_not_whatever_the_order() {
         let coarse_views = along_the_ground(40);
         let none = Hinted::default();
-        let prior = Prior { given: &[None; 40], hinted: &none };
+        let prior = Prior { given: &[None; 40], hinted: &none, turning: None };
         let pairs = likely_pairs(&coarse_views, &prior);
         assert!(pairs.len() < 600, "{} of 780", pairs.len());
         let found = (1..40).filter(|k| pairs.contains(&(k - 1, *k))).count();
@@ -142,14 +142,14 @@ mod tests {
     fn a_small_set_is_matched_in_all_pairs_and_known_poses_add_theirs() {
         let coarse_views = along_the_ground(TUNING.partners as u32 + 1);
         let none = Hinted::default();
-        let prior = Prior { given: &[None; TUNING.partners + 1], hinted: &none };
+        let prior = Prior { given: &[None; TUNING.partners + 1], hinted: &none, turning: None };
         assert_eq!(likely_pairs(&coarse_views, &prior).len(), TUNING.partners * (TUNING.partners + 1) / 2);
         let coarse_views = along_the_ground(40);
-        let without = likely_pairs(&coarse_views, &Prior { given: &[None; 40], hinted: &none });
+        let without = likely_pairs(&coarse_views, &Prior { given: &[None; 40], hinted: &none, turning: None });
         let apart = all_pairs(40).find(|pair| !without.contains(pair));
         let (i, j) = apart.expect("not all pairs are matched");
         let mut given = [None; 40];
         (given[i], given[j]) = (Some(Motion::identity()), Some(Motion::identity()));
-        assert!(likely_pairs(&coarse_views, &Prior { given: &given, hinted: &none }).contains(&(i, j)));
+        assert!(likely_pairs(&coarse_views, &Prior { given: &given, hinted: &none, turning: None }).contains(&(i, j)));
     }
 }

@@ -5,8 +5,10 @@
 //! onto the surface ([`surfel_icp`]) and asked whether the surfaces bear them out ([`verification`]). Components of views then
 //! grow by the best pairs that all their views bear out ([`agglomerative`]).
 
+pub mod about_axis;
 pub mod agglomerative;
 pub mod alternatives;
+pub mod axis;
 pub mod coarse_set;
 pub mod coarse_view;
 pub mod component;
@@ -97,6 +99,8 @@ pub struct Search {
     pub edge: f64,
     /// Root mean square distance, in edges, of surfaces that are the same.
     pub noise: f64,
+    /// Whether its largest component was laid about one axis, and refined so.
+    pub is_about_axis: bool,
 }
 
 impl Search {
@@ -161,7 +165,7 @@ pub fn find(views: &[View], prior: &Prior, sensors: &[Option<Sensor>], progress:
         let given: Vec<Option<Motion>> = rest.iter().map(|view| prior.given[*view]).collect();
         let hinted = prior.hinted.among(&rest);
         let sensors: Vec<Option<Sensor>> = rest.iter().map(|view| sensors[*view]).collect();
-        let again = find_at_once(&views, &Prior { given: &given, hinted: &hinted }, &sensors, progress)?;
+        let again = find_at_once(&views, &Prior { given: &given, hinted: &hinted, turning: None }, &sensors, progress)?;
         found.components.truncate(settled);
         let search = found.searches.len();
         found.components.extend(again.components.into_iter().map(|component| component.renamed(&rest, search)));
@@ -248,8 +252,18 @@ fn find_at_once(
             progress,
         )?;
     }
+    let coarse_set =
+        CoarseSet { views, coarse_views: &coarse_views, resolution: resolution(spacing, noise, edge), edge, noise };
+    let about_axis = prior
+        .turning
+        .and_then(|turning| about_axis::laid(turning, &hypotheses, edge, &agglomeration))
+        .filter(|component| about_axis::is_seconded(&coarse_set, component, &agglomeration));
+    let is_about_axis = about_axis.is_some();
+    if let Some(component) = about_axis {
+        agglomeration = Agglomeration { components: vec![component], ambiguous: vec![false; views.len()] };
+    }
     let Agglomeration { components, ambiguous } = agglomeration;
-    let search = Search { views: (0..views.len()).collect(), coarse_views, hypotheses, edge, noise };
+    let search = Search { views: (0..views.len()).collect(), coarse_views, hypotheses, edge, noise, is_about_axis };
     Ok(Found { components, ambiguous, searches: vec![search] })
 }
 

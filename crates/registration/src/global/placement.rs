@@ -8,6 +8,7 @@ use super::hinted::Prior;
 use super::pose_support::PoseSupport;
 use super::scan_set::Set;
 use super::{Search, find};
+use crate::joint::joint_at;
 use crate::outcome::{Outcome, PairOutcome};
 use crate::overlap::OverlapMatrix;
 use crate::quality::sharpness::sharpness;
@@ -79,14 +80,14 @@ visage_geometry::tuning! {
 /// Places all views of a set, whatever poses it has.
 pub fn place(set: &Set, refine: &Refine, progress: &Progress) -> Result<Placement, Canceled> {
     let views = set.views;
-    let prior = Prior { given: set.given, hinted: set.hinted };
+    let prior = Prior { given: set.given, hinted: set.hinted, turning: set.turning };
     let found = find(views, &prior, set.sensors, progress)?;
     let mut components = Vec::new();
     let mut placed: Option<Outcome> = None;
     let mut pose_supports = vec![None; views.len()];
     for component in found.components.iter().filter(|component| component.views.len() > 1) {
         let search = &found.searches[component.search];
-        let (component, refined, found) = settle_component(views, component, search, refine)?;
+        let (component, refined, found) = settle_component(views, component, search, refine, progress)?;
         components.extend(held_together(set, &component, &refined, &found));
         if placed.is_none() {
             component.views.iter().zip(found).for_each(|(view, support)| pose_supports[*view] = Some(support));
@@ -137,7 +138,13 @@ fn settle_component(
     component: &Component,
     search: &Search,
     refine: &Refine,
+    progress: &Progress,
 ) -> Result<(Component, Outcome, Vec<PoseSupport>), Canceled> {
+    // what turned about one axis would be free to slide where only that holds it
+    let refine = |members: &[View], poses: &[Motion]| match search.is_about_axis {
+        true => joint_at(members, poses, progress),
+        false => refine(members, poses),
+    };
     let members = search.seen(views, &component.views);
     let refined = refine(&members, &component.local_poses)?;
     let pose_supports = pose_supports_of(&members, &component.views, &refined, search);

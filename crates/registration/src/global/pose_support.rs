@@ -11,7 +11,7 @@ use super::coarse_view::CoarseView;
 use super::consensus::alike;
 use super::pair_hypothesis::PairHypothesis;
 use super::slippage::Slippage;
-use super::verification::{PairVotes, verify};
+use super::verification::{self, PairVotes, verify};
 use super::votes::SurfelVotes;
 use crate::view_graph::all_pairs;
 use visage_geometry::{Motion, Vector3};
@@ -95,13 +95,18 @@ pub fn pose_supports(
             unseen: share(&own[view], own[view].unseen()),
             contradict: share(&own[view], own[view].contradict),
             component_contradict: share(&whole, whole.contradict),
-            rms: own[view].rms() / (edge * noise),
+            rms: rms(&own[view], edge) / (edge * noise),
             component_rival,
             held: Slippage::of(&held_surfels(coarse_views, local_poses, view, edge))
                 .map_or(0.0, |slippage| slippage.hold()),
             sharpness: 1.0,
         })
         .collect()
+}
+
+/// Root mean square distance of what agrees, a length; where nothing does, that at which it just would.
+fn rms(votes: &SurfelVotes, edge: f64) -> f64 {
+    if votes.agree > 0.0 { votes.rms() } else { f64::from(verification::TUNING.on) * edge }
 }
 
 /// A count of votes as a share of all votes that say something.
@@ -231,6 +236,14 @@ mod tests {
         assert!(right.overlap > 0.9 && right.held > 0.05, "{right:?}");
         let beside = support(bumpy, &Motion::translation(30.0, 0.0, 0.0));
         assert!(beside.unseen > 0.1, "{beside:?}");
+    }
+
+    #[test]
+    fn a_view_that_agrees_with_nothing_does_not_lie_well() {
+        let bumpy = |x: f64, y: f64| 6.0 * (x / 7.0).sin() * (y / 9.0).cos();
+        let right = support(bumpy, &Motion::identity());
+        let apart = support(bumpy, &Motion::translation(0.0, 0.0, 500.0));
+        assert!(apart.rms > 10.0 && apart.rms > right.rms, "{apart:?}");
     }
 
     #[test]

@@ -7,6 +7,7 @@ use crate::hinted::Hinted;
 use crate::outcome::Outcome;
 use crate::quality::{Evidence, Quality, Surfaces, judge};
 use crate::sensor::Sensor;
+use crate::sensor::turning::Turning;
 use crate::view::View;
 use visage_geometry::Motion;
 use visage_geometry::progress::{Canceled, Progress, Stage};
@@ -24,6 +25,8 @@ pub struct Set<'a> {
     pub sensors: &'a [Option<Sensor>],
     /// What a person said of pairs.
     pub hinted: &'a Hinted,
+    /// How the views stood before a scanner that stood still, if they are of what moved.
+    pub turning: Option<&'a Turning>,
 }
 
 /// A registered set.

@@ -101,7 +101,7 @@ mod tests {
         fixture.coarse_views[0] = CoarseView { side_clarity: 0.1, ..unclear };
         let given: [Option<Motion>; 3] = [0, 1, 2].map(|view| Some(fixture.i_from_j(0, view)));
         let hinted = Hinted::default();
-        let prior = Prior { given: &given, hinted: &hinted };
+        let prior = Prior { given: &given, hinted: &hinted, turning: None };
         let pairs = [(0, 1), (0, 2), (1, 2)];
         let mut hypotheses: Vec<PairHypothesis> =
             pairs.iter().flat_map(|&(i, j)| pair_hypotheses(&fixture.coarse_views, i, j, &prior, EDGE)).collect();

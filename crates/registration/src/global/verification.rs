@@ -27,7 +27,7 @@ impl PairVotes {
 }
 
 visage_geometry::tuning! {
-    const TUNING: Tuning {
+    pub(super) const TUNING: Tuning {
         /// A surfel agrees within this distance along the normal, in edges,
         on: f32 = 0.35,
         /// and this cosine of the normals.

@@ -150,21 +150,16 @@ pub fn joint_onto(
     options: &MethodOptions,
     progress: &Progress,
 ) -> Result<Outcome, Canceled> {
-    let run = Run { options, fixed, spacing: common_spacing(views), progress };
-    let mut state = Outcome::at(initial);
-    let [coarse, fine] = PASSES.map(|pass| pass.edge(views, run.spacing));
-    let mut surfels: Vec<Surfels> = views.par_iter().map(|view| Surfels::new(view, fine)).collect();
-    let mut judged = judged(&surfels, fine);
-    let mut few = thinned(&judged.views, coarse);
-    let seen = few.clone();
-    sides::find_sides(&seen, coarse, initial, &mut [&mut few, &mut judged.views, &mut surfels]);
-    for (index, (surfels, edge)) in [(&few, coarse), (&surfels, fine)].into_iter().enumerate() {
-        progress.report(Stage::Registering, index as f64 / PASSES.len() as f64);
-        run.pass::<RIGID>(surfels, index, &PASSES[index], edge, &mut state)?;
-    }
-    run.measure_pairs(views, &judged.views, &mut state)?;
-    state.surfels = Some(judged);
-    Ok(state)
+    let run = Run { options, fixed, spacing: common_spacing(views), max_steps: TUNING.max_steps, progress };
+    run.from(views, initial)
+}
+
+/// The outcome of `views` that stay at `poses` (local frame to world), with the overlaps and distances of their pairs there:
+/// for poses that were refined already, under a constraint that `joint` does not know.
+pub fn joint_at(views: &[View], poses: &[Motion], progress: &Progress) -> Result<Outcome, Canceled> {
+    let options = MethodOptions::default();
+    let run = Run { options: &options, fixed: &[0], spacing: common_spacing(views), max_steps: 0, progress };
+    run.from(views, poses)
 }
 
 /// What all passes of one registration share.
@@ -173,6 +168,8 @@ struct Run<'a> {
     /// Views that keep their poses: at least one.
     fixed: &'a [usize],
     spacing: f64,
+    /// Gauss-Newton steps of a pass, at most.
+    max_steps: usize,
     progress: &'a Progress,
 }
 
@@ -183,6 +180,24 @@ fn sampled(surfels: &Surfels) -> Vec<LocalPoint> {
 }
 
 impl Run<'_> {
+    /// All passes from `initial` poses.
+    fn from(&self, views: &[View], initial: &[Motion]) -> Result<Outcome, Canceled> {
+        let mut state = Outcome::at(initial);
+        let [coarse, fine] = PASSES.map(|pass| pass.edge(views, self.spacing));
+        let mut surfels: Vec<Surfels> = views.par_iter().map(|view| Surfels::new(view, fine)).collect();
+        let mut judged = judged(&surfels, fine);
+        let mut few = thinned(&judged.views, coarse);
+        let seen = few.clone();
+        sides::find_sides(&seen, coarse, initial, &mut [&mut few, &mut judged.views, &mut surfels]);
+        for (index, (surfels, edge)) in [(&few, coarse), (&surfels, fine)].into_iter().enumerate() {
+            self.progress.report(Stage::Registering, index as f64 / PASSES.len() as f64);
+            self.pass::<RIGID>(surfels, index, &PASSES[index], edge, &mut state)?;
+        }
+        self.measure_pairs(views, &judged.views, &mut state)?;
+        state.surfels = Some(judged);
+        Ok(state)
+    }
+
     /// Chooses pairs and refines the poses in `state` over them; answers with the change of each view's scale.
     fn pass<const D: usize>(
         &self,
@@ -202,7 +217,7 @@ impl Run<'_> {
         let refine_options = RefineOptions {
             first_distance: pass.first_distance * edge,
             last_distance: pass.last_distance * edge,
-            max_steps: TUNING.max_steps,
+            max_steps: self.max_steps,
             settled: pass.settled * self.spacing,
             query_stride: pass.query_stride,
         };

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use super::coarse_scale::coarse_scales;
 use super::surfels::Surfels;
-use super::{PASSES, Pass, Run};
+use super::{PASSES, Pass, Run, TUNING};
 use crate::least_squares::normal_equations::SCALED;
 use crate::outcome::{MethodOptions, Outcome};
 use crate::view::{View, common_spacing};
@@ -39,7 +39,7 @@ pub fn joint_scaled(
     let passes = [&PASSES[0], &PASSES[1], &FINISH, &FINISH];
     for (index, pass) in passes.into_iter().enumerate() {
         progress.report(Stage::Registering, (index + 1) as f64 / (passes.len() + 1) as f64);
-        let run = Run { options, fixed, spacing: common_spacing(&views), progress };
+        let run = Run { options, fixed, spacing: common_spacing(&views), max_steps: TUNING.max_steps, progress };
         let edge = pass.edge(&views, run.spacing);
         let surfels = surfels(&views, edge);
         let growth = run.pass::<SCALED>(&surfels, index, pass, edge, &mut state)?;

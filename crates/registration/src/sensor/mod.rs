@@ -5,6 +5,7 @@
 pub mod depth_image;
 pub mod looked_through;
 pub mod standing_still;
+pub mod turning;
 pub mod viewpoint;
 
 use visage_geometry::neighbours::LocalPoint;

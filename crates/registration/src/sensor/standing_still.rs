@@ -9,8 +9,8 @@ use rayon::prelude::*;
 use crate::joint::surfels::Surfels;
 use crate::outcome::Outcome;
 use crate::sensor::Sensor;
-use crate::sensor::viewpoint::{self, is_single};
-use crate::view::{View, median};
+use crate::sensor::viewpoint::{self, angle_between_rays, is_single};
+use crate::view::View;
 use visage_geometry::neighbours::{IndexedPoints, LocalPoint, Neighbour};
 use visage_geometry::{Motion, Point3, UnionFind, Vector3};
 
@@ -69,13 +69,13 @@ visage_geometry::tuning! {
 /// Views that were taken from one place.
 pub struct Still {
     /// `poses[i]` maps the local frame of i into the world; `None` = unplaced.
-    poses: Vec<Option<Motion>>,
+    pub(super) poses: Vec<Option<Motion>>,
     /// The place in the world, if it is known.
-    eye: Option<Point3>,
+    pub(super) eye: Option<Point3>,
     /// Whether it is known of each scanner that it stood there, not guessed.
     pub is_known: bool,
     /// What the set resolves.
-    resolution: f64,
+    pub(super) resolution: f64,
     /// The views' surfaces, coarsely.
     surfels: Vec<Surfels>,
 }
@@ -222,18 +222,7 @@ impl Picture {
         let (directions, ranges): (Vec<LocalPoint>, Vec<f32>) =
             points.iter().step_by(step).filter_map(|point| ray(point, pose, eye)).unzip();
         let directions = IndexedPoints::new(directions);
-        let mut found = Vec::new();
-        let every = directions.points.len().div_ceil(500).max(1);
-        let mut nearest: Vec<f32> = directions
-            .points
-            .iter()
-            .step_by(every)
-            .filter_map(|direction| {
-                directions.tree.k_nearest(direction, 2, f32::INFINITY, &mut found);
-                found.iter().map(|n| n.distance2).max_by(f32::total_cmp)
-            })
-            .collect();
-        let apart = median(&mut nearest).unwrap_or(0.0).sqrt();
+        let apart = angle_between_rays(&directions);
         Picture { directions, ranges, apart }
     }
 

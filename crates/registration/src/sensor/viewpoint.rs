@@ -4,6 +4,7 @@
 //! things hold at the true viewpoint and hardly anywhere else: rays leave it evenly spread, and in each direction it saw
 //! one surface, not several behind each other.
 
+use crate::view::median;
 use visage_geometry::Vector3;
 use visage_geometry::neighbours::{IndexedPoints, LocalPoint, Neighbour};
 
@@ -260,6 +261,22 @@ pub fn is_single(points: &[LocalPoint], eye: &Vector3) -> bool {
         between += usize::from(found.iter().filter(is_other).count() >= TUNING.others);
     }
     asked > 0 && between as f64 <= TUNING.between * asked as f64
+}
+
+/// The typical angle between neighbouring rays, by their unit directions.
+pub(super) fn angle_between_rays(directions: &IndexedPoints) -> f32 {
+    let mut found = Vec::new();
+    let every = directions.points.len().div_ceil(500).max(1);
+    let mut nearest: Vec<f32> = directions
+        .points
+        .iter()
+        .step_by(every)
+        .filter_map(|direction| {
+            directions.tree.k_nearest(direction, 2, f32::INFINITY, &mut found);
+            found.iter().map(|n| n.distance2).max_by(f32::total_cmp)
+        })
+        .collect();
+    median(&mut nearest).unwrap_or(0.0).sqrt()
 }
 
 #[cfg(test)]
