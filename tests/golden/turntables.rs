@@ -13,32 +13,40 @@ fn registered(set: &SensorSet) -> RegisteredModel {
     pipeline::run_from(scans, &Start::default(), Unit::Unknown, &options, &Progress::silent()).expect("a usable set")
 }
 
+/// The farthest that a view is turned from its true place beside the first, degrees.
+fn most_turned(set: &SensorSet, outcome: &RegisteredModel) -> f64 {
+    let pose = |(name, pose): &(String, Option<Motion>)| pose.unwrap_or_else(|| panic!("{name} has no place"));
+    let poses: Vec<Motion> = outcome.poses.iter().map(pose).collect();
+    let turned = |view: usize| {
+        let (found, truth) = (poses[0].inv_mul(&poses[view]), set.poses[0].inv_mul(&set.poses[view]));
+        se3::rotation_angle(&(found.rotation.inverse() * truth.rotation)).to_degrees()
+    };
+    (1..poses.len()).map(turned).fold(0.0, f64::max)
+}
+
 #[test]
 fn a_background_is_cut_and_the_thing_that_turned_before_it_is_placed() {
-    let set = sensor_set(SensorKind::Laser, SceneKind::Turntable, 2);
-    let outcome = registered(&set);
-    let poses: Vec<Motion> =
-        outcome.poses.iter().map(|(name, pose)| pose.unwrap_or_else(|| panic!("{name}"))).collect();
-    for view in 1..poses.len() {
-        let found = poses[0].inv_mul(&poses[view]);
-        let truth = set.poses[0].inv_mul(&set.poses[view]);
-        let off = se3::rotation_angle(&(found.rotation.inverse() * truth.rotation)).to_degrees();
-        assert!(off < 2.0, "view {view} is off by {off:.1} degrees");
-        let count = set.scans[view].cloud.len() as f64;
-        let still = outcome.report.to_json()["views"][view]["left_out"]["still"].as_f64().expect("a count");
-        assert!((0.75 * count..0.95 * count).contains(&still), "{still} of {count} points stand still");
+    // of the second free motions find no places: it takes that all turned about one axis
+    for (kind, seed) in [(SensorKind::Laser, 2), (SensorKind::Vehicle, 1)] {
+        let set = sensor_set(kind, SceneKind::Turntable, seed);
+        let outcome = registered(&set);
+        let off = most_turned(&set, &outcome);
+        assert!(off < 2.0, "{kind:?}: a view is off by {off:.1} degrees");
+        for (view, scan) in set.scans.iter().enumerate() {
+            let count = scan.cloud.len() as f64;
+            let still = outcome.report.to_json()["views"][view]["left_out"]["still"].as_f64().expect("a count");
+            assert!((0.5 * count..count).contains(&still), "{kind:?}: {still} of {count} points stand still");
+        }
     }
 }
 
 #[test]
 fn a_background_that_holds_the_scans_makes_them_doubtful() {
-    // things of which too little is seen to place them; a phone does not show where it stood
-    for kind in [SensorKind::Vehicle, SensorKind::Phone] {
-        let outcome = registered(&sensor_set(kind, SceneKind::Turntable, 1));
-        let verdict = &outcome.report.to_json()["verdict"];
-        assert_eq!(verdict["quality"], "doubtful", "{kind:?}");
-        assert!(verdict["reasons"].to_string().contains("taken from one place"), "{kind:?}: {}", verdict["reasons"]);
-    }
+    // a phone does not show where it stood
+    let outcome = registered(&sensor_set(SensorKind::Phone, SceneKind::Turntable, 1));
+    let verdict = &outcome.report.to_json()["verdict"];
+    assert_eq!(verdict["quality"], "doubtful");
+    assert!(verdict["reasons"].to_string().contains("taken from one place"), "{}", verdict["reasons"]);
 }
 
 #[test]

@@ -16,7 +16,6 @@ use visage_geometry::progress::{Progress, ProgressSink, Stage};
 use visage_geometry::{Surface, Unit};
 use visage_service::app::engine::Engine;
 use visage_service::panics::panic_message;
-use visage_service::workers::workers;
 use visage_shape::faces::Signature;
 
 /// Larger files count as large: they take more than a second or two.
@@ -120,7 +119,7 @@ pub async fn computed<T: Send + 'static>(
         let progress = Progress::new(Arc::new(Nobody), cancel);
         blocking(move || {
             let _turn = turn;
-            let pool = workers("describing", threads).map_err(Problem::shortage)?;
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(Problem::shortage)?;
             let computed = AssertUnwindSafe(|| pool.install(|| work(&*engine, &progress)));
             std::panic::catch_unwind(computed)
                 .unwrap_or_else(|payload| Err(Problem::internal(panic_message(&*payload))))

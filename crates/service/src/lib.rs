@@ -3,7 +3,7 @@
 //! - [`storage`]: the database and the files, each behind a trait
 //! - [`app`]: use cases: models are added and deleted, the gallery is searchable and evaluated
 //! - [`jobs`]: the durable queue and its runner
-//! - [`config`], [`machine`], [`workers`], [`panics`]: settings, memory, threads that compute, what a panic said
+//! - [`config`], [`machine`], [`panics`]: settings, memory and threads, what a panic said
 //!
 //! Rooms point one way, `jobs -> app -> storage`; `tests/architecture/` of the workspace holds them.
 
@@ -13,4 +13,3 @@ pub mod jobs;
 pub mod machine;
 pub mod panics;
 pub mod storage;
-pub mod workers;

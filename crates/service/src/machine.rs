@@ -1,5 +1,9 @@
 //! What the machine has and what this process takes of it.
 
+mod workers;
+
+pub use workers::workers;
+
 use std::fs;
 
 /// The most memory this process has ever held, in bytes; `None` where the system does not say. Of this program alone:

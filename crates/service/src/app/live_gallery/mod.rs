@@ -13,9 +13,9 @@ mod loading;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 
+use crate::machine::workers;
 use crate::storage::inventory::Storage;
 use crate::storage::{Database, DatabaseError};
-use crate::workers::workers;
 use files::{FilingError, SegmentFiles};
 use loading::{Loading, not_stored, told};
 use visage_domain::asset::Origin;

@@ -1,11 +1,11 @@
-//! Threads that compute: they give way to those that answer.
+//! Threads that compute in the background: they give way to those that answer, and to what somebody waits for.
 
 use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
 
 /// How much nicer than the rest of the process. Where a thread that computes and one that answers want the same processor, the first
-/// gets a tenth of it; where nobody else wants it, all.
+/// gets a quarter of it; where nobody else wants it, all. Twice as much would nearly stop jobs beside other programs.
 #[cfg(target_os = "linux")]
-const NICER: i32 = 10;
+const NICER: i32 = 5;
 
 /// So many threads, of this name and a number.
 ///
