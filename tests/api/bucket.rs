@@ -155,7 +155,13 @@ impl S3 {
         s3.ready().await;
         let made = reqwest::Client::new().post(format!("http://127.0.0.1:{}/buckets/visage/", port + 5)).send().await;
         assert!(made.expect("an answer").status().is_success(), "the bucket is made");
+        s3.until(|client| client.put(s3.probe()).body("is it there?"), StatusCode::CREATED).await;
         s3
+    }
+
+    /// An object that says, by the file server behind, whether objects can be read and written.
+    fn probe(&self) -> String {
+        format!("http://127.0.0.1:{}/buckets/visage/probe", self.port + 5)
     }
 
     fn spawn(folder: &Path, port: u16) -> Child {
@@ -172,12 +178,13 @@ impl S3 {
 
     /// It refuses, for want of a key: so it is there.
     async fn ready(&self) {
+        self.until(|client| client.get(format!("{}/visage", self.endpoint())), StatusCode::FORBIDDEN).await;
+    }
+
+    /// Asks until the answer is this one: the process says nowhere that it has begun.
+    async fn until(&self, ask: impl Fn(&reqwest::Client) -> reqwest::RequestBuilder, wanted: StatusCode) {
         let client = reqwest::Client::new();
-        loop {
-            let answer = client.get(format!("{}/visage", self.endpoint())).send().await;
-            if answer.is_ok_and(|answer| answer.status() == StatusCode::FORBIDDEN) {
-                return;
-            }
+        while !ask(&client).send().await.is_ok_and(|answer| answer.status() == wanted) {
             tokio::time::sleep(Duration::from_millis(50)).await;
         }
     }
@@ -191,6 +198,8 @@ impl S3 {
     async fn start_again(&mut self) {
         self.process = S3::spawn(self.folder.path(), self.port);
         self.ready().await;
+        // it refuses before it knows where its objects are
+        self.until(|client| client.get(self.probe()), StatusCode::OK).await;
     }
 }
 
