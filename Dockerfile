@@ -27,7 +27,10 @@ RUN touch src/lib.rs src/main.rs \
 FROM gcr.io/distroless/cc-debian12:nonroot
 COPY --from=build /src/target/dist/visage /usr/local/bin/visage
 COPY --from=build --chown=nonroot:nonroot /data /data
-ENV VISAGE_ADDR=0.0.0.0:8080 \
+# with glibc's own thresholds what many uploads took for a while stays with the process
+ENV MALLOC_MMAP_THRESHOLD_=131072 \
+    MALLOC_TRIM_THRESHOLD_=1000000 \
+    VISAGE_ADDR=0.0.0.0:8080 \
     VISAGE_DATA_DIR=/data \
     VISAGE_LOG_FORMAT=json
 VOLUME /data
