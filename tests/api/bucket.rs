@@ -181,11 +181,11 @@ impl S3 {
         self.until(|client| client.get(format!("{}/visage", self.endpoint())), StatusCode::FORBIDDEN).await;
     }
 
-    /// Asks until the answer is this one: the process says nowhere that it has begun.
+    /// Asks until the answer is this one, however long that takes: the process says nowhere that it has begun.
     async fn until(&self, ask: impl Fn(&reqwest::Client) -> reqwest::RequestBuilder, wanted: StatusCode) {
         let client = reqwest::Client::new();
         while !ask(&client).send().await.is_ok_and(|answer| answer.status() == wanted) {
-            tokio::time::sleep(Duration::from_millis(50)).await;
+            tokio::task::yield_now().await;
         }
     }
 
