@@ -3,6 +3,7 @@
 
 use std::collections::{BTreeMap, HashMap};
 
+use robust::{Coord3D, orient3d};
 use visage_geometry::neighbours::IndexedPoints;
 use visage_geometry::progress::Progress;
 use visage_geometry::{Cloud, Mesh, Motion, Point3, UnionFind, Vector3};
@@ -121,11 +122,12 @@ fn crossings(mesh: &Mesh) -> usize {
     count
 }
 
-/// Whether a segment passes through the inside of a triangle.
+/// Whether a segment passes through the inside of a triangle; exact, since triangles that are parts of one lie in a plane but for rounding.
 fn crosses(p: &Point3, q: &Point3, [a, b, c]: &[Point3; 3]) -> bool {
-    let volume = |a: &Point3, b: &Point3, c: &Point3, d: &Point3| (b - a).cross(&(c - a)).dot(&(d - a));
+    let exact = |p: &Point3| Coord3D { x: p.x, y: p.y, z: p.z };
+    let volume = |a: &Point3, b: &Point3, c: &Point3, d: &Point3| orient3d(exact(a), exact(b), exact(c), exact(d));
     let (over, under) = (volume(a, b, c, p), volume(a, b, c, q));
-    if over * under >= 0.0 {
+    if (over < 0.0) == (under < 0.0) || over == 0.0 || under == 0.0 {
         return false;
     }
     let sides = [volume(p, q, a, b), volume(p, q, b, c), volume(p, q, c, a)];
