@@ -92,8 +92,8 @@ pub fn close_around(volume: &mut Volume, changed: Vec<BlockKey>) {
         let added: Vec<FieldBlock> = missing
             .par_iter()
             .map(|key| {
-                let first = first_node(*key);
-                let values: Vec<f32> = (0..NODES).map(|place| volume.beyond(&node_at(&first, place))).collect();
+                let (first, mut beyond) = (first_node(*key), volume.beyond());
+                let values: Vec<f32> = (0..NODES).map(|place| beyond.at(&node_at(&first, place))).collect();
                 let mut block = FieldBlock { values: Box::new([0.0; NODES]), weights: Box::new([0.0; NODES]) };
                 block.values.copy_from_slice(&values);
                 block
@@ -118,10 +118,10 @@ fn missing_around(volume: &Volume, of: BlockKey) -> Vec<BlockKey> {
     if !(0..27).any(is_missing) {
         return Vec::new();
     }
-    let first = first_node(of);
-    let value = |local: &[i32; 3]| match blocks[slot_of(local)] {
+    let (first, mut beyond) = (first_node(of), volume.beyond());
+    let mut value = |local: &[i32; 3]| match blocks[slot_of(local)] {
         Some(block) => block.values[place_of(local)],
-        None => volume.beyond(&std::array::from_fn(|axis| first[axis] + local[axis])),
+        None => beyond.at(&std::array::from_fn(|axis| first[axis] + local[axis])),
     };
     let mut missing = Vec::new();
     for place in 0..NODES {
@@ -183,7 +183,7 @@ impl Halo {
             let k = k as i32;
             volume.blocks.get(key([at[0] + (k & 1), at[1] + (k >> 1 & 1), at[2] + (k >> 2)]))
         });
-        let first = first_node(of);
+        let (first, mut beyond) = (first_node(of), volume.beyond());
         let mut halo = Halo { values: [0.0; 729], weights: [0.0; 729] };
         for z in 0..9i32 {
             for y in 0..9i32 {
@@ -193,7 +193,7 @@ impl Halo {
                     let place = ((z & 7) << 6 | (y & 7) << 3 | (x & 7)) as usize;
                     (halo.values[index], halo.weights[index]) = match near[block as usize] {
                         Some(block) => (block.values[place], block.weights[place]),
-                        None => (volume.beyond(&[first[0] + x, first[1] + y, first[2] + z]), 0.0),
+                        None => (beyond.at(&[first[0] + x, first[1] + y, first[2] + z]), 0.0),
                     };
                 }
             }

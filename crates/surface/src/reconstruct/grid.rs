@@ -96,6 +96,33 @@ impl<T> Blocks<T> {
     }
 }
 
+/// Looks up one block after the other: mostly the one that was wanted last is wanted again.
+#[derive(Debug, Clone)]
+pub struct Finder<'a, T> {
+    blocks: &'a Blocks<T>,
+    last: Option<(BlockKey, Option<&'a T>)>,
+}
+
+impl<'a, T> Finder<'a, T> {
+    /// Over blocks.
+    pub fn new(blocks: &'a Blocks<T>) -> Self {
+        Finder { blocks, last: None }
+    }
+
+    /// The block of a key, if it is there.
+    #[inline]
+    pub fn get(&mut self, key: BlockKey) -> Option<&'a T> {
+        match self.last {
+            Some((last, found)) if last == key => found,
+            _ => {
+                let found = self.blocks.get(key);
+                self.last = Some((key, found));
+                found
+            }
+        }
+    }
+}
+
 /// The keys of the blocks around a block and of itself, in the order of offsets from -1 to 1 by z, y, x; `None` beyond the
 /// grid.
 pub fn around(key_of: BlockKey) -> [Option<BlockKey>; 27] {

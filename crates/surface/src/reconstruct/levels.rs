@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::coarse::Dense;
 use super::field::{Field, FieldBlock};
 use super::free_space::{IsFree, JUST_OUTSIDE};
-use super::grid::{BlockKey, Blocks, NODES, around, block_of, corners, first_node, node_at, place_of};
+use super::grid::{BlockKey, Blocks, Finder, NODES, Node, around, block_of, corners, first_node, node_at, place_of};
 
 /// Values beyond this, in cells, say only which side it is.
 pub const FAR: f32 = 2.0;
@@ -39,17 +39,9 @@ pub struct Volume<'a> {
 }
 
 impl Volume<'_> {
-    /// The value at a node of the finest grid, wherever it is.
-    pub fn value(&self, node: &[i32; 3]) -> f32 {
-        match self.blocks.get(block_of(node)) {
-            Some(block) => block.values[place_of(node)],
-            None => self.beyond(node),
-        }
-    }
-
-    /// The value at a node of the finest grid that is in none of its blocks.
-    pub fn beyond(&self, node: &[i32; 3]) -> f32 {
-        above(&self.levels, self.coarse, &node.map(|x| x as f32))
+    /// What is beyond the blocks of the finest grid.
+    pub fn beyond(&self) -> Above<'_> {
+        Above::new(&self.levels, self.coarse)
     }
 }
 
@@ -74,19 +66,38 @@ pub fn volume<'a>(field: &Field, coarse: &'a Dense, is_free: &IsFree) -> Volume<
     Volume { blocks: Blocks::new(keys, blocks), levels, coarse }
 }
 
-/// What the levels above say of a place in cells of the finest grid; the last of them is the finest.
-fn above(levels: &[Level], coarse: &Dense, place: &[f32; 3]) -> f32 {
-    let Some((last, others)) = levels.split_last() else { return FAR * coarse.at(place) };
-    let at = place.map(|x| x / last.step as f32);
+/// What levels say of places.
+pub struct Above<'a> {
+    /// From coarse to fine, each with the edge of its cells.
+    levels: Vec<(i32, Finder<'a, LevelBlock>)>,
+    coarse: &'a Dense,
+}
+
+impl<'a> Above<'a> {
+    fn new(levels: &'a [Level], coarse: &'a Dense) -> Self {
+        let levels = levels.iter().map(|level| (level.step, Finder::new(&level.blocks))).collect();
+        Above { levels, coarse }
+    }
+
+    /// The value at a node of the finest grid.
+    pub fn at(&mut self, node: &Node) -> f32 {
+        above(&mut self.levels, self.coarse, &node.map(|x| x as f32))
+    }
+}
+
+/// What the levels say of a place in cells of the finest grid; the last of them is the finest.
+fn above(levels: &mut [(i32, Finder<LevelBlock>)], coarse: &Dense, place: &[f32; 3]) -> f32 {
+    let Some(((step, last), others)) = levels.split_last_mut() else { return FAR * coarse.at(place) };
+    let at = place.map(|x| x / *step as f32);
     let low = at.map(|x| x.floor());
     let mut sum = 0.0;
     for (offset, weight) in corners(&std::array::from_fn(|axis| at[axis] - low[axis])) {
         if weight > 0.0 {
-            let node: [i32; 3] = std::array::from_fn(|axis| low[axis] as i32 + offset[axis] as i32);
+            let node: Node = std::array::from_fn(|axis| low[axis] as i32 + offset[axis] as i32);
             sum += weight
-                * match last.blocks.get(block_of(&node)) {
+                * match last.get(block_of(&node)) {
                     Some(block) => block.values[place_of(&node)],
-                    None => above(others, coarse, &node.map(|x| (x * last.step) as f32)),
+                    None => above(others, coarse, &node.map(|x| (x * *step) as f32)),
                 };
         }
     }
@@ -127,16 +138,20 @@ fn passed(levels: &[Level], coarse: &Dense, step: i32) -> Vec<BlockKey> {
                 .zip(&last.blocks.values)
                 .map(|(key, block)| {
                     let first = first_node(*key);
+                    let beyond = around(*key);
+                    // after this one along x, y, z
+                    let beyond = [14, 16, 22].map(|slot| beyond[slot].and_then(|key| last.blocks.get(key)));
                     let mut near = Vec::new();
                     for place in 0..NODES {
                         let node = node_at(&first, place);
                         let value = block.values[place];
                         let is_crossed = (0..3).any(|axis| {
-                            let mut next = node;
-                            next[axis] += 1;
-                            last.blocks
-                                .get(block_of(&next))
-                                .is_some_and(|b| (b.values[place_of(&next)] < 0.0) != (value < 0.0))
+                            let stride = 1 << (3 * axis);
+                            let next = match (place / stride) & 7 {
+                                7 => beyond[axis].map(|block| block.values[place - 7 * stride]),
+                                _ => Some(block.values[place + stride]),
+                            };
+                            next.is_some_and(|next| (next < 0.0) != (value < 0.0))
                         });
                         if is_crossed {
                             push_around(&node, &mut near);
@@ -176,9 +191,10 @@ fn begin(field: &Field, levels: &[Level], coarse: &Dense, step: i32, key: BlockK
     let first = first_node(key);
     let mut values = Box::new([0.0f32; NODES]);
     let mut is_known = Box::new([false; NODES]);
+    let (mut data, mut above) = (Finder::new(field), Above::new(levels, coarse));
     for place in 0..NODES {
         let node = node_at(&first, place).map(|x| x * step);
-        let data = field.get(block_of(&node)).map(|block| {
+        let data = data.get(block_of(&node)).map(|block| {
             let at = place_of(&node);
             (block.values[at], block.weights[at])
         });
@@ -187,10 +203,9 @@ fn begin(field: &Field, levels: &[Level], coarse: &Dense, step: i32, key: BlockK
                 (values[place], is_known[place]) = (value.clamp(-FAR, FAR), true);
             }
             _ => {
-                let at = node.map(|x| x as f32);
-                values[place] = above(levels, coarse, &at);
+                values[place] = above.at(&node);
                 // what is far outside already is not asked for
-                if values[place] < FAR && is_free(&at) {
+                if values[place] < FAR && is_free(&node.map(|x| x as f32)) {
                     (values[place], is_known[place]) = (values[place].max(JUST_OUTSIDE), true);
                 }
             }

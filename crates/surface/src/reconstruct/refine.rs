@@ -39,7 +39,17 @@ pub fn refine(triangles: Triangles, normals: &[[f32; 3]]) -> Triangles {
         vertices.push(middle(&vertices, normals, *a, *b).into());
         support.push((support[*a as usize] + support[*b as usize]) / 2.0);
     }
-    let split_at = |a: u32, b: u32| bent.binary_search(&[a.min(b), a.max(b)]).ok().map(|k| first + k as u32);
+    // where the edges of each lower vertex begin
+    let mut starts = vec![0u32; first as usize + 1];
+    bent.iter().for_each(|[a, _]| starts[*a as usize + 1] += 1);
+    for v in 1..starts.len() {
+        starts[v] += starts[v - 1];
+    }
+    let split_at = |a: u32, b: u32| {
+        let (low, high) = (a.min(b) as usize, a.max(b));
+        let mut edges = starts[low]..starts[low + 1];
+        edges.find(|k| bent[*k as usize][1] == high).map(|k| first + k)
+    };
     let mut flat = vec![false; bent.len()];
     for face in &faces {
         let whole = normal(&vertices, face);

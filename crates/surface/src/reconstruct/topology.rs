@@ -269,7 +269,7 @@ impl<'a> Growth<'a> {
 
 /// For the blocks around a block which they are, or on which side they lie.
 fn near(volume: &Volume, of: BlockKey) -> [u32; 27] {
-    let (first, keys) = (first_node(of), around(of));
+    let (first, keys, mut beyond) = (first_node(of), around(of), volume.beyond());
     std::array::from_fn(|slot| {
         if let Some(index) = keys[slot].and_then(|key| volume.blocks.index(key)) {
             return index as u32;
@@ -277,7 +277,7 @@ fn near(volume: &Volume, of: BlockKey) -> [u32; 27] {
         // no surface passes between the node of that block that is next to this one and those beside it
         let offset = [slot % 3, slot / 3 % 3, slot / 9].map(|at| [-1, 0, EDGE][at]);
         let node: Node = std::array::from_fn(|axis| first[axis] + offset[axis]);
-        if volume.beyond(&node) < 0.0 { NONE_INSIDE } else { NONE_OUTSIDE }
+        if beyond.at(&node) < 0.0 { NONE_INSIDE } else { NONE_OUTSIDE }
     })
 }
 
