@@ -10,7 +10,7 @@ use super::grid::{BlockKey, Blocks, EDGE, NODES, around, corners, first_node};
 use super::samples::{Sample, Samples};
 
 /// How far a sample has a say, in cells.
-pub const REACH: f32 = 2.4;
+pub const REACH: f32 = 2.6;
 
 /// The power of the fall-off by which samples say which way the surface looks: how much more the nearest ones count.
 const LEADING: i32 = 6;

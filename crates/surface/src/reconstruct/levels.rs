@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::coarse::Dense;
 use super::field::{Field, FieldBlock};
 use super::free_space::{IsFree, JUST_OUTSIDE};
-use super::grid::{BlockKey, Blocks, Finder, NODES, Node, around, block_of, corners, first_node, node_at, place_of};
+use super::grid::{BlockKey, Blocks, Finder, NODES, Node, around, block_of, first_node, node_at, place_of};
 
 /// Values beyond this, in cells, say only which side it is.
 pub const FAR: f32 = 2.0;
@@ -79,29 +79,32 @@ impl<'a> Above<'a> {
         Above { levels, coarse }
     }
 
-    /// The value at a node of the finest grid.
+    /// The value at a node of the finest grid, or of the level that comes next.
     pub fn at(&mut self, node: &Node) -> f32 {
-        above(&mut self.levels, self.coarse, &node.map(|x| x as f32))
+        above(&mut self.levels, self.coarse, node)
     }
 }
 
-/// What the levels say of a place in cells of the finest grid; the last of them is the finest.
-fn above(levels: &mut [(i32, Finder<LevelBlock>)], coarse: &Dense, place: &[f32; 3]) -> f32 {
-    let Some(((step, last), others)) = levels.split_last_mut() else { return FAR * coarse.at(place) };
-    let at = place.map(|x| x / *step as f32);
-    let low = at.map(|x| x.floor());
+/// What the levels say of a node, in cells of the finest grid; the last of them is the finest. Its cells are twice as wide as those
+/// of whose node it is: along each axis that is on one of its nodes, or half way between two.
+fn above(levels: &mut [(i32, Finder<LevelBlock>)], coarse: &Dense, node: &Node) -> f32 {
+    let Some(((step, last), others)) = levels.split_last_mut() else {
+        return FAR * coarse.at(&node.map(|x| x as f32));
+    };
+    // a power of two
+    let shift = step.trailing_zeros();
+    let is_between = node.map(|x| usize::from(x & (*step - 1) != 0));
+    let between = is_between[0] | is_between[1] << 1 | is_between[2] << 2;
+    let low = node.map(|x| x >> shift);
     let mut sum = 0.0;
-    for (offset, weight) in corners(&std::array::from_fn(|axis| at[axis] - low[axis])) {
-        if weight > 0.0 {
-            let node: Node = std::array::from_fn(|axis| low[axis] as i32 + offset[axis] as i32);
-            sum += weight
-                * match last.get(block_of(&node)) {
-                    Some(block) => block.values[place_of(&node)],
-                    None => above(others, coarse, &node.map(|x| (x * *step) as f32)),
-                };
-        }
+    for corner in (0..8).filter(|corner| corner & !between == 0) {
+        let at: Node = std::array::from_fn(|axis| low[axis] + (corner >> axis & 1) as i32);
+        sum += match last.get(block_of(&at)) {
+            Some(block) => block.values[place_of(&at)],
+            None => above(others, coarse, &at.map(|x| x << shift)),
+        };
     }
-    sum
+    sum / (1 << between.count_ones()) as f32
 }
 
 /// The next finer level: the blocks in which the surface passes and those in `wanted`.

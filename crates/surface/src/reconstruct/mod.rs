@@ -39,9 +39,9 @@ use visage_geometry::{Bounds, Cloud, Mesh};
 
 visage_geometry::tuning! {
     const TUNING: Tuning {
-        /// Edge of a cell, in spacings, of points whose noise is the usual one. With 1.8 and the same reach detail is a little finer,
-        /// for 40 % more time (docs/results/surface.md).
-        cell: f64 = 2.0,
+        /// Edge of a cell, in spacings, of points whose noise is the usual one. With 2.0 and the same reach detail is a little coarser than
+        /// that of the best rival, with 1.8 hardly finer than this for 6 % more time (docs/results/surface.md).
+        cell: f64 = 1.85,
         /// Noise in spacings: that of laser scans at their own resolution.
         usual_noise: f64 = 0.13,
         /// The error of a local fit is least where its variance, noise^2 / width^2, and its squared bias, width^4, grow alike: the
@@ -49,7 +49,7 @@ visage_geometry::tuning! {
         power: f64 = 1.0 / 3.0,
         /// A cell has at least and at most so many spacings: below holes open between points, beyond detail is lost that the many
         /// points of a noisy scan do show.
-        cells: [f64; 2] = [1.8, 4.0],
+        cells: [f64; 2] = [1.67, 4.0],
         /// Of an unseen patch that counts as small no place is farther than this from data, in spacings: what a scanner looked
         /// through is known from that far on (`sensor/looked_through.rs`), and nobody may invent surface there.
         small: f64 = 5.0,
