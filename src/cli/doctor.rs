@@ -6,10 +6,11 @@ use std::time::Duration;
 use anyhow::{Context, bail, ensure};
 use clap::Args;
 
+use super::database::DatabaseArgs;
 use super::objects::ObjectsArgs;
 use crate::app::live_gallery::files::damaged_files;
 use crate::storage::checkup::{self, Findings};
-use crate::storage::data_folder::DataFolder;
+use crate::storage::data_folder::{DataFolder, Places};
 
 /// How many of a kind are named.
 const NAMED: usize = 10;
@@ -20,6 +21,8 @@ pub struct DoctorArgs {
     /// The data folder; no server may be using it
     #[arg(long, env = "VISAGE_DATA_DIR", value_name = "DIR")]
     data: PathBuf,
+    #[command(flatten)]
+    database: DatabaseArgs,
     #[command(flatten)]
     objects: ObjectsArgs,
     /// Move files that the database does not know to the trash of the folder
@@ -32,8 +35,9 @@ pub fn run(args: DoctorArgs) -> anyhow::Result<()> {
     ensure!(args.data.is_dir(), "{} is no folder", args.data.display());
     let runtime = tokio::runtime::Runtime::new().context("starting the runtime")?;
     let objects = args.objects.settings();
+    let places = Places { objects: objects.as_ref(), database: args.database.database.as_ref() };
     runtime.block_on(async {
-        let data = DataFolder::open_with(&args.data, Duration::ZERO, objects.as_ref()).await.map_err(|error| match error {
+        let data = DataFolder::open_with(&args.data, Duration::ZERO, places).await.map_err(|error| match error {
             error if error.is_of_database() => anyhow::Error::new(error).context(
                 "put visage.sqlite back from a backup (and remove visage.sqlite-wal and -shm), or save what can be read \
                  with `sqlite3 visage.sqlite .recover`",
@@ -54,7 +58,7 @@ pub fn run(args: DoctorArgs) -> anyhow::Result<()> {
 
 fn print(found: &Findings) {
     println!("{} files and {} signatures read", found.files_read, found.signatures_read);
-    list("the database file is damaged: put it back from a backup", &found.database);
+    list("places where the database is damaged: put it back from a backup", &found.database);
     list(
         "files that the database does not know: put back the database that goes with them, or set them aside with --set-aside",
         &found.unknown.iter().map(ToString::to_string).collect::<Vec<_>>(),

@@ -6,6 +6,7 @@ use anyhow::{Context, bail};
 use clap::{Args, Subcommand};
 use jiff::{SignedDuration, Timestamp};
 
+use super::database::DatabaseArgs;
 use crate::app::access;
 use crate::domain::{KeyId, KeyRecord, PageRequest, Scope};
 use crate::storage::Database;
@@ -33,6 +34,8 @@ struct FolderArgs {
     /// The data folder of the service; a server may be using it
     #[arg(long, env = "VISAGE_DATA_DIR", value_name = "DIR")]
     data: PathBuf,
+    #[command(flatten)]
+    database: DatabaseArgs,
 }
 
 #[derive(Debug, Args)]
@@ -75,7 +78,7 @@ pub(super) fn run(args: KeyArgs) -> anyhow::Result<()> {
             Action::List(folder) => folder,
             Action::Revoke(args) => &args.folder,
         };
-        let database = open_database(&folder.data).await?;
+        let database = open_database(&folder.data, folder.database.database.as_ref()).await?;
         let done = act(database.as_ref(), &args.action).await;
         database.close().await;
         done

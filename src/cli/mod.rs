@@ -5,11 +5,13 @@
 mod backup;
 mod client;
 mod convert;
+mod database;
 pub mod demo;
 pub mod deviation;
 mod doctor;
 mod healthcheck;
 mod key;
+mod migrate;
 mod objects;
 pub mod open;
 mod openapi;
@@ -72,6 +74,8 @@ enum Command {
     Doctor(doctor::DoctorArgs),
     /// Copy a data folder, also while a server uses it; only what is new since the last time.
     Backup(backup::BackupArgs),
+    /// Move the database of a data folder to a PostgreSQL server.
+    Migrate(migrate::MigrateArgs),
     /// Put a backup back into a new data folder.
     Restore(backup::RestoreArgs),
     /// Make, list and revoke the keys of a service.
@@ -131,6 +135,7 @@ fn run() -> anyhow::Result<()> {
         Command::Demo(args) => demo::run(args),
         Command::Doctor(args) => doctor::run(args),
         Command::Backup(args) => backup::back_up(args),
+        Command::Migrate(args) => migrate::run(&args),
         Command::Restore(args) => backup::restore(args),
         Command::Key(args) => key::run(args),
         Command::Openapi => openapi::run(),

@@ -7,6 +7,7 @@ use std::time::Duration;
 use anyhow::{Context, bail};
 use clap::Args;
 
+use super::database::DatabaseArgs;
 use super::objects::ObjectsArgs;
 use crate::config::{
     BasePath, EdgeLimits, HostName, Limits, Network, Origin, Quotas, Retention, ServerConfig, TlsPem, WebhookSettings,
@@ -49,9 +50,11 @@ pub struct ServeArgs {
     /// Let everybody who reaches the service do everything, though others than programs of this machine may
     #[arg(long, env = "VISAGE_OPEN")]
     open: bool,
-    /// The folder of the database and, unless --objects says where else, of all files
+    /// The folder of all files and of the database, unless --objects and --database say where else
     #[arg(long, env = "VISAGE_DATA_DIR", value_name = "DIR")]
     data: PathBuf,
+    #[command(flatten)]
+    database: DatabaseArgs,
     #[command(flatten)]
     objects: ObjectsArgs,
     /// The most worker threads one job may use [default: all of the machine]
@@ -153,6 +156,7 @@ impl ServeArgs {
         let defaults = ServerConfig::new(self.addr, &self.data);
         let job_memory_bytes = self.job_memory_mb.map(|mb| mb.saturating_mul(1_000_000));
         Ok(ServerConfig {
+            database: self.database.database.clone(),
             objects: self.objects.settings(),
             job_memory_bytes: job_memory_bytes.or(defaults.job_memory_bytes),
             threads: self.threads.unwrap_or_else(available_threads),

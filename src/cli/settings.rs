@@ -11,6 +11,8 @@ use anyhow::{Context, bail};
 use clap::parser::ValueSource;
 use clap::{Arg, ArgMatches, Command};
 
+use crate::config::DatabaseUrl;
+
 /// The commands that have settings.
 const COMMANDS: [&str; 2] = ["serve", "config"];
 /// What a file can't say: it is about the file, or about no setting.
@@ -148,6 +150,11 @@ fn in_force(command: &Command, matches: &ArgMatches, file: Option<&SettingsFile>
             }
             None => raw.collect(),
         };
+        // its password is for nobody's screen
+        let values: Vec<String> = match name {
+            "database" => values.iter().map(|url| DatabaseUrl::masked(url)).collect(),
+            _ => values,
+        };
         let from = match (matches.value_source(id), file) {
             (Some(ValueSource::CommandLine), _) => format!("--{name}"),
             (Some(ValueSource::EnvVariable), _) => {
@@ -206,6 +213,12 @@ mod tests {
         assert_eq!((value("data"), value("max-scans"), value("keep-models")), ("\"/srv\"", "500", ""));
         assert!(all["jobs"].1.ends_with("visage.toml"), "{all:?}");
         assert_eq!((all["threads"].1.as_str(), all["max-scans"].1.as_str()), ("--threads", "default"));
+    }
+
+    #[test]
+    fn the_password_of_a_database_is_not_printed() {
+        let all = found("data = \"/srv\"\ndatabase = \"postgres://visage:geheim@db/visage\"\n", &[]);
+        assert_eq!(all["database"].0, "\"postgres://visage@db/visage\"");
     }
 
     #[test]

@@ -6,11 +6,17 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
+use crate::common::database::database_for;
 use crate::common::{expect_json, files, text};
 use reqwest::multipart::{Form, Part};
 use reqwest::{Client, StatusCode};
 use serde_json::{Value, json};
 use visage::domain::asset::Asset;
+
+/// What tells a command on a folder that its database is on a server, if it is.
+pub fn on_server(folder: &Path) -> Option<(&'static str, String)> {
+    database_for(folder).map(|url| ("VISAGE_DATABASE", url.secret().to_owned()))
+}
 
 /// A running `visage serve`, killed when dropped.
 pub struct Process {
@@ -29,6 +35,7 @@ impl Process {
             .args(["serve", "--addr", "127.0.0.1:0", "--log-format", "json", "--data"])
             .arg(folder)
             .args(arguments)
+            .envs(on_server(folder))
             .stdout(Stdio::piped())
             .stderr(log)
             .spawn()
@@ -86,6 +93,7 @@ async fn a_second_server_on_the_same_folder_is_refused() {
     let second = Command::new(env!("CARGO_BIN_EXE_visage"))
         .args(["serve", "--addr", "127.0.0.1:0", "--data"])
         .arg(folder.path())
+        .envs(on_server(folder.path()))
         .output()
         .expect("it runs");
     assert!(!second.status.success());
@@ -241,7 +249,14 @@ async fn keys_are_made_and_revoked_beside_a_running_server() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let key = |arguments: &[&str]| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_visage"));
-        let output = command.arg("key").args(arguments).arg("--data").arg(folder.path()).output().expect("it runs");
+        let output = command
+            .arg("key")
+            .args(arguments)
+            .arg("--data")
+            .arg(folder.path())
+            .envs(on_server(folder.path()))
+            .output()
+            .expect("it runs");
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
         String::from_utf8(output.stdout).expect("text").trim().to_owned()
     };
@@ -316,7 +331,11 @@ async fn killed_in_a_surface_job_it_loses_nothing_and_makes_the_same_bytes() {
     assert_eq!(models["items"].as_array().map(Vec::len), Some(3), "the model, and what each job has made");
     restarted.signal("-TERM");
     drop(restarted);
-    let doctor = Command::new(env!("CARGO_BIN_EXE_visage")).args(["doctor", "--data"]).arg(folder.path()).output();
+    let doctor = Command::new(env!("CARGO_BIN_EXE_visage"))
+        .args(["doctor", "--data"])
+        .arg(folder.path())
+        .envs(on_server(folder.path()))
+        .output();
     let doctor = doctor.expect("it runs");
     assert!(doctor.status.success(), "{}", String::from_utf8_lossy(&doctor.stdout));
 }

@@ -26,6 +26,8 @@ mod page;
 mod pictures;
 mod pieces;
 mod placing;
+#[cfg(feature = "postgres")]
+mod postgres;
 mod pressure;
 mod proxies;
 mod queries;

@@ -172,7 +172,7 @@ const ONLY_IN: &[(&str, &[&str])] = &[
 ];
 
 /// Backends of the storage: nobody names them but who opens a data folder.
-const BACKENDS: &[&str] = &["sqlite", "local_files", "s3"];
+const BACKENDS: &[&str] = &["sql", "sqlite", "postgres", "local_files", "s3"];
 
 const MOST_LINES: usize = 450;
 
@@ -325,8 +325,8 @@ fn backends_are_nobodys_business() {
             };
             let backend = BACKENDS.iter().find(|backend| is_in(backend));
             let own = names.get(1).map(String::as_str);
-            // what is on its way to a bucket is staged in the folder beside it
-            let is_beside = |backend: &str| own == Some("s3") && backend == "local_files";
+            // what is on its way to a bucket is staged in the folder beside it; rows of SQLite move to a server
+            let is_beside = |of: &str| [(Some("s3"), "local_files"), (Some("postgres"), "sqlite")].contains(&(own, of));
             let is_own = |backend: &str| own == Some(backend) || own == Some("data_folder") || is_beside(backend);
             let is_allowed = |backend: &str| names[0] == "storage" && is_own(backend);
             if let Some(backend) = backend.filter(|backend| !is_allowed(backend)) {

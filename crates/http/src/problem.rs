@@ -115,7 +115,7 @@ codes! {
     Internal = "internal", INTERNAL_SERVER_ERROR, "the server failed";
     Damaged = "damaged", INTERNAL_SERVER_ERROR, "what is stored is damaged";
     DatabaseLocked = "database_locked", SERVICE_UNAVAILABLE, "another program holds the database";
-    StorageUnreachable = "storage_unreachable", SERVICE_UNAVAILABLE, "what keeps files can't be reached";
+    StorageUnreachable = "storage_unreachable", SERVICE_UNAVAILABLE, "what keeps files or records can't be reached";
     NotReady = "not_ready", SERVICE_UNAVAILABLE, "the server is not ready yet";
     Overloaded = "overloaded", SERVICE_UNAVAILABLE, "the server has no room for the request at the moment";
     ShuttingDown = "shutting_down", SERVICE_UNAVAILABLE, "the server is shutting down";

@@ -60,7 +60,7 @@ problem_responses! {
                       many jobs are waiting (`queue_full`); `Retry-After` says when to try again.";
     /// 503
     NotReady = "503", "The server is starting or stopping (`not_ready`, `shutting_down`), or can't reach what keeps files \
-                      (`storage_unreachable`); see `Retry-After`.";
+                      or records (`storage_unreachable`); see `Retry-After`.";
     /// Any other error.
     Other = "default", "Any other error.";
 }

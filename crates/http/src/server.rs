@@ -24,7 +24,7 @@ use visage_service::app::webhooks;
 use visage_service::config::ServerConfig;
 use visage_service::jobs::runner::Runner;
 use visage_service::storage::Database;
-use visage_service::storage::data_folder::{DataFolder, OpenError};
+use visage_service::storage::data_folder::{DataFolder, OpenError, Places};
 use visage_service::storage::inventory::Storage;
 
 /// How often answers kept for repeated requests are cleaned up.
@@ -123,7 +123,8 @@ async fn check_exposure(config: &ServerConfig, database: &dyn Database) -> Resul
 
 /// Opens the data folder and picks up what a crash left.
 async fn open(config: &Arc<ServerConfig>, engine: Arc<dyn Engine>) -> Result<ServiceContext, StartError> {
-    let data = DataFolder::open_with(&config.data_dir, config.lock_patience, config.objects.as_ref()).await?;
+    let places = Places { objects: config.objects.as_ref(), database: config.database.as_ref() };
+    let data = DataFolder::open_with(&config.data_dir, config.lock_patience, places).await?;
     let left = data.pick_up(config.queue.max_attempts).await?;
     if left.jobs + left.files as u64 > 0 {
         tracing::warn!(jobs = left.jobs, files = left.files, "picked up what the last server left");
@@ -144,7 +145,11 @@ async fn chores(context: ServiceContext, stop: CancellationToken) {
             Ok(None) => {}
             Err(error) => tracing::warn!("looking for what is out of date: {error}"),
         }
-        tokio::join!(keep_whole(&context.gallery, &storage), upkeep(&context, &storage));
+        tokio::join!(
+            keep_whole(&context.gallery, &storage),
+            follow(&context.gallery, &storage),
+            upkeep(&context, &storage)
+        );
     };
     tokio::select! {
         () = work => {}
@@ -172,6 +177,15 @@ async fn keep_whole(gallery: &LiveGallery, storage: &Storage) {
         }
         gallery.lost().await;
         load(gallery, storage).await;
+    }
+}
+
+/// What was committed without our knowledge has to come into the index.
+async fn follow(gallery: &LiveGallery, storage: &Storage) {
+    loop {
+        storage.database.doubted().await;
+        tracing::warn!("the database may hold what the gallery does not know: it is loaded again");
+        gallery.give_up();
     }
 }
 

@@ -54,14 +54,21 @@ impl From<DatabaseError> for Problem {
             DatabaseError::KeyReused { .. } => {
                 Problem::new(Code::KeyReused, detail, "use a new key for a new request; repeat a request unchanged")
             }
+            DatabaseError::Unkeepable => Problem::new(Code::InvalidField, detail, "leave that character out"),
             DatabaseError::Full => Problem::storage_full(&detail),
             DatabaseError::Locked => {
-                let hint = "repeat the request; if it stays, ask the operator which program holds visage.sqlite";
+                let hint = "repeat the request; if it stays, ask the operator which program holds the database";
                 Problem::new(Code::DatabaseLocked, "nothing was stored: another program holds the database", hint)
                     .retry_after(5)
             }
             DatabaseError::Busy => {
                 Problem::new(Code::Overloaded, detail, "send the request again in a moment").retry_after(2)
+            }
+            DatabaseError::Unreachable(_) | DatabaseError::Taken => {
+                tracing::error!("{detail}");
+                let hint = "send the request again in a while; nothing that was accepted is lost";
+                let detail = "the database can't be reached at the moment";
+                Problem::new(Code::StorageUnreachable, detail, hint).retry_after(10)
             }
             DatabaseError::Failed(_)
             | DatabaseError::Shortage(_)
@@ -69,6 +76,7 @@ impl From<DatabaseError> for Problem {
             | DatabaseError::OtherVersion
             | DatabaseError::Damaged { .. }
             | DatabaseError::Corrupt { .. }
+            | DatabaseError::NotEmpty
             | DatabaseError::Foreign => Problem::internal(detail),
         }
     }

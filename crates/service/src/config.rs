@@ -2,6 +2,7 @@
 
 mod base_path;
 mod bucket;
+mod database;
 mod host_name;
 mod network;
 mod origin;
@@ -14,6 +15,7 @@ use visage_formats::ReadLimits;
 
 pub use self::base_path::{BasePath, NoBasePath};
 pub use self::bucket::{BucketSettings, BucketUrl, NoBucketUrl};
+pub use self::database::DatabaseUrl;
 pub use self::host_name::{Host, HostName, NoHostName};
 pub use self::network::{Network, NoNetwork, is_public};
 pub use self::origin::{NoOrigin, Origin};
@@ -25,6 +27,8 @@ pub struct ServerConfig {
     pub addr: SocketAddr,
     /// The folder of the database and of all files. Created when absent; one server at a time.
     pub data_dir: PathBuf,
+    /// Where the database is if not in that folder.
+    pub database: Option<DatabaseUrl>,
     /// Where scans and files of models and standards are kept if not in that folder.
     pub objects: Option<BucketSettings>,
     /// The most worker threads one job may use.
@@ -69,6 +73,7 @@ impl ServerConfig {
         ServerConfig {
             addr,
             data_dir: data_dir.into(),
+            database: None,
             objects: None,
             threads: available_threads(),
             concurrent_jobs: 1,

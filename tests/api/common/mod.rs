@@ -1,5 +1,6 @@
 //! A really started server on a free port and a temporary folder, with algorithms that do what a test tells them.
 
+pub mod database;
 pub mod engine;
 pub mod files;
 pub mod raw;
@@ -29,6 +30,7 @@ pub struct TestServer {
 /// The settings of most tests: a free port, one job at a time, quick heartbeats.
 pub fn config(folder: &Path) -> ServerConfig {
     let mut config = ServerConfig::new(SocketAddr::from(([127, 0, 0, 1], 0)), folder);
+    config.database = database::database_for(folder);
     config.threads = 2;
     config.queue.heartbeat = Duration::from_millis(50);
     config.lock_patience = Duration::from_millis(100);

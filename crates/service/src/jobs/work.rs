@@ -87,7 +87,7 @@ impl From<DatabaseError> for WorkError {
                 failed("storage_full", error.to_string(), None, "free space on the server's disk, then retry the job")
             }
             DatabaseError::Locked | DatabaseError::Busy => WorkError::Later(error.to_string()),
-            error if error.is_shortage() => WorkError::Later(error.to_string()),
+            error if error.is_shortage() || error.is_unreachable() => WorkError::Later(error.to_string()),
             error => {
                 failed("storage_failed", error.to_string(), None, "look into the server's log, then retry the job")
             }
@@ -115,8 +115,8 @@ pub(super) fn kept(
     }
 }
 
-/// Waits for the database from a job's thread. While another program holds the database's lock, it is tried again: what
-/// was computed is worth more than a few seconds.
+/// Waits for the database from a job's thread. While another program holds the database's lock, or its server can't be
+/// reached, it is tried again: what was computed is worth more than a few seconds.
 pub(super) fn stored<T, F: Future<Output = Result<T, DatabaseError>>>(
     runtime: &Handle,
     progress: &Progress,
@@ -125,6 +125,7 @@ pub(super) fn stored<T, F: Future<Output = Result<T, DatabaseError>>>(
     loop {
         match runtime.block_on(ask()) {
             Err(DatabaseError::Locked | DatabaseError::Busy) => progress.waits()?,
+            Err(error) if error.is_unreachable() => progress.waits()?,
             done => return Ok(done?),
         }
     }

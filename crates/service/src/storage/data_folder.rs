@@ -4,16 +4,19 @@
 
 pub mod backup;
 mod elsewhere;
+pub mod migrate;
+mod server;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
+use super::database::Upkeep;
 use super::inventory::{Inventory, PickedUp, Storage, StorageError};
 use super::local_files::{self, FolderError, LocalFiles};
 use super::sqlite::SqliteDatabase;
 use super::{Database, DatabaseError, ObjectError};
-use crate::config::BucketSettings;
+use crate::config::{BucketSettings, DatabaseUrl};
 use visage_domain::FolderId;
 
 /// Why a data folder can't be used.
@@ -81,6 +84,47 @@ pub enum OpenError {
     /// The program knows no object stores.
     #[error("this program was built without S3: build it with `--features s3`, or keep files in the data folder")]
     NoBuckets,
+    /// Its database is on a server, but that was not said.
+    #[error("the database of {folder} is {found}: give --database with that address")]
+    DatabaseElsewhere {
+        /// The data folder.
+        folder: String,
+        /// Where it is.
+        found: String,
+    },
+    /// Its database is in the folder, but is to be on a server.
+    #[error(
+        "{folder} holds a database of its own: move it with `visage migrate --from sqlite:{folder} --to {place}`, choose a new \
+         --data folder, or leave --database out"
+    )]
+    DatabaseHere {
+        /// The data folder.
+        folder: String,
+        /// The server.
+        place: String,
+    },
+    /// The database on a server goes with another folder.
+    #[error(
+        "the database {place} belongs to the data folder {database}, which {folder} is not: give its folder as --data, or another \
+         --database"
+    )]
+    OtherDatabase {
+        /// The data folder.
+        folder: String,
+        /// The server.
+        place: String,
+        /// The folder's id by the database.
+        database: FolderId,
+    },
+    /// There is no database to be moved.
+    #[error("{folder} holds no database that could be moved")]
+    NothingToMove {
+        /// The folder.
+        folder: String,
+    },
+    /// The program knows no database servers.
+    #[error("this program was built without PostgreSQL: build it with `--features postgres`, or leave --database out")]
+    NoServers,
     /// A start-up task ended badly.
     #[error("starting: {0}")]
     Task(#[from] tokio::task::JoinError),
@@ -116,15 +160,25 @@ pub struct DataFolder {
     id: FolderId,
 }
 
+/// Where a data folder has what is not in it.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Places<'a> {
+    /// Its files.
+    pub objects: Option<&'a BucketSettings>,
+    /// Its database.
+    pub database: Option<&'a DatabaseUrl>,
+}
+
 /// The database of a folder alone, while a server may be using the folder: what is changed there the server sees. A new
 /// folder is made.
-pub async fn open_database(folder: &Path) -> Result<Arc<dyn Database>, OpenError> {
-    match DataFolder::open_here(folder, Duration::ZERO).await {
+pub async fn open_database(folder: &Path, database: Option<&DatabaseUrl>) -> Result<Arc<dyn Database>, OpenError> {
+    match DataFolder::open_here(folder, Duration::ZERO, Places { objects: None, database }).await {
         // the folder's lock goes with its files: a server may start from now on
         Ok((data, _)) => Ok(data.storage.database),
-        Err(OpenError::Folder(FolderError::Locked { .. })) => {
-            Ok(Arc::new(SqliteDatabase::open_beside(&local_files::database_of(folder)).await?))
-        }
+        Err(OpenError::Folder(FolderError::Locked { .. })) => match database {
+            Some(url) => server::open_beside(url).await,
+            None => Ok(Arc::new(SqliteDatabase::open_beside(&local_files::database_of(folder)).await?)),
+        },
         Err(error) => Err(error),
     }
 }
@@ -132,18 +186,14 @@ pub async fn open_database(folder: &Path) -> Result<Arc<dyn Database>, OpenError
 impl DataFolder {
     /// Opens and locks a folder; creates it when absent. Whoever holds the lock has the folder's seat.
     pub async fn open(folder: &Path, patience: Duration) -> Result<DataFolder, OpenError> {
-        Self::open_with(folder, patience, None).await
+        Self::open_with(folder, patience, Places::default()).await
     }
 
-    /// The same for one whose files may be kept elsewhere.
-    pub async fn open_with(
-        folder: &Path,
-        patience: Duration,
-        objects: Option<&BucketSettings>,
-    ) -> Result<DataFolder, OpenError> {
-        elsewhere::check(folder, objects)?;
-        let (mut data, files) = Self::open_here(folder, patience).await?;
-        if let Some(settings) = objects {
+    /// The same for one whose files or database may be elsewhere.
+    pub async fn open_with(folder: &Path, patience: Duration, places: Places<'_>) -> Result<DataFolder, OpenError> {
+        elsewhere::check(folder, places.objects)?;
+        let (mut data, files) = Self::open_here(folder, patience, places).await?;
+        if let Some(settings) = places.objects {
             let opened = elsewhere::open(files, folder, settings, data.id).await;
             match opened {
                 Ok(objects) => data.storage.objects = objects,
@@ -156,27 +206,46 @@ impl DataFolder {
         Ok(data)
     }
 
-    /// The folder alone, wherever its files are.
-    async fn open_here(folder: &Path, patience: Duration) -> Result<(DataFolder, Arc<LocalFiles>), OpenError> {
-        let root = folder.to_owned();
-        let files = Arc::new(tokio::task::spawn_blocking(move || LocalFiles::open(&root, patience)).await??);
-        let database = SqliteDatabase::open_with(&files.database(), files.reserve()).await?;
-        let (of_files, of_database) = (files.folder_id()?, database.folder_id().await?);
-        let is_from_before = of_files.is_none() && of_database.is_none();
-        if let (Some(expected), Some(database)) = (of_files, of_database)
-            && expected != database
-        {
-            return Err(OpenError::OtherFolder { folder: folder.display().to_string(), database, expected });
-        }
-        let id = of_files.or(of_database).unwrap_or_default();
+    /// The folder and its database, wherever its files are.
+    async fn open_here(
+        folder: &Path,
+        patience: Duration,
+        places: Places<'_>,
+    ) -> Result<(DataFolder, Arc<LocalFiles>), OpenError> {
+        server::check(folder, places.database)?;
+        let (root, is_on_server) = (folder.to_owned(), places.database.is_some());
+        let take = move || match is_on_server {
+            true => LocalFiles::open_without_database(&root, patience),
+            false => LocalFiles::open(&root, patience),
+        };
+        let files = Arc::new(tokio::task::spawn_blocking(take).await??);
+        let of_files = files.folder_id()?;
+        let (database, id, is_from_before): (Arc<dyn Database>, _, _) = match places.database {
+            Some(url) => {
+                let may_be_new = places.objects.is_some();
+                let (database, id) = server::open(&files, folder, url, patience, may_be_new).await?;
+                (database, id, false)
+            }
+            None => {
+                let database = SqliteDatabase::open_with(&files.database(), files.reserve()).await?;
+                let of_database = database.folder_id().await?;
+                if let (Some(expected), Some(database)) = (of_files, of_database)
+                    && expected != database
+                {
+                    return Err(OpenError::OtherFolder { folder: folder.display().to_string(), database, expected });
+                }
+                let id = of_files.or(of_database).unwrap_or_default();
+                if of_database.is_none() {
+                    database.put_folder_id(id).await?;
+                }
+                (Arc::new(database.on_seat(id.into())), id, of_files.is_none() && of_database.is_none())
+            }
+        };
         if of_files.is_none() {
             let files = files.clone();
             tokio::task::spawn_blocking(move || files.put_folder_id(id)).await??;
         }
-        if of_database.is_none() {
-            database.put_folder_id(id).await?;
-        }
-        let storage = Storage { database: Arc::new(database.on_seat(id.into())), objects: files.clone() };
+        let storage = Storage { database, objects: files.clone() };
         Ok((DataFolder { storage, is_from_before, folder: folder.to_owned(), id }, files))
     }
 

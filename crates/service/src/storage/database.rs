@@ -6,6 +6,7 @@
 //! transaction that is nothing.
 
 mod recycle_bin;
+mod upkeep;
 mod webhooks;
 
 use std::collections::BTreeMap;
@@ -16,16 +17,17 @@ use async_trait::async_trait;
 
 use super::{DatabaseError, Deleted, Unseen};
 use visage_domain::{
-    AssetRecord, AuditEntry, AuditFilter, Backlog, CancelAnswer, Census, Claimant, Examples, FileId, Finish, JobClaim,
+    AssetRecord, AuditEntry, AuditFilter, Backlog, CancelAnswer, Claimant, Examples, FileId, Finish, JobClaim,
     JobFilter, JobId, JobRecord, KeyId, KeyRecord, KnownFiles, LooseFile, MatchedModel, ModelFacets, ModelFilter,
-    ModelId, ModelRecord, NewJob, NewKey, NewModel, NewScanSet, NewSession, NewStandard, NewSurfaceJob, Outdated,
-    Owner, Page, PageRequest, PoseFile, PutScan, Replay, ReplayKey, ScanRecord, ScanSetId, ScanSetRecord, SecretHash,
-    SegmentId, SegmentRecord, SessionId, StandardId, StandardRecord, StoredContent, StoredFile, StoredSignature,
-    StoredVerdict, Unfiled, UploadId, UploadRecord,
+    ModelId, ModelRecord, NewJob, NewKey, NewModel, NewScanSet, NewSession, NewStandard, NewSurfaceJob, Outdated, Page,
+    PageRequest, PoseFile, PutScan, Replay, ReplayKey, ScanRecord, ScanSetId, ScanSetRecord, SecretHash, SegmentId,
+    SegmentRecord, SessionId, StandardId, StandardRecord, StoredContent, StoredFile, StoredSignature, StoredVerdict,
+    Unfiled, UploadId, UploadRecord,
 };
 use visage_shape::standards::Standard;
 
 pub use recycle_bin::RecycleBin;
+pub use upkeep::Upkeep;
 pub use webhooks::Webhooks;
 
 /// A database: everything that the service keeps besides files.
@@ -419,32 +421,4 @@ pub trait Audit {
 
     /// Forgets entries from before this time.
     async fn forget_audit_before(&self, time: jiff::Timestamp) -> Result<u64, DatabaseError>;
-}
-
-/// The database as a whole: whether it is there, sound and writable, and its end.
-#[async_trait]
-pub trait Upkeep {
-    /// Who uses it through this handle: jobs are claimed and files expected in its name.
-    fn owner(&self) -> Owner;
-
-    /// Waits until the index in memory holds everything that was committed before: call it before a query.
-    async fn settled(&self);
-
-    /// Whether it answers.
-    async fn ping(&self) -> Result<(), DatabaseError>;
-
-    /// Whether something could be stored now.
-    async fn check_writable(&self) -> Result<(), DatabaseError>;
-
-    /// Makes what was deleted unreadable wherever copies of it may still be, such as in a log.
-    async fn fold_log(&self);
-
-    /// How much of everything there is.
-    async fn census(&self) -> Result<Census, DatabaseError>;
-
-    /// Everything that the database finds wrong with itself; reads all of it.
-    async fn integrity(&self) -> Result<Vec<String>, DatabaseError>;
-
-    /// Ends all connections.
-    async fn close(&self);
 }

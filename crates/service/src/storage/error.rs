@@ -22,6 +22,15 @@ pub enum DatabaseError {
     /// All connections to the database stayed in use: nothing was written.
     #[error("no connection to the database came free in time")]
     Busy,
+    /// The server of the database can't be reached: whether what was being written is there is not known.
+    #[error("the database can't be reached: {0}")]
+    Unreachable(#[source] Box<dyn Error + Send + Sync>),
+    /// Another server uses the database.
+    #[error("the database is in use by another visage server; stop it, or give another --database")]
+    Taken,
+    /// Rows are to be moved into it, but it has some.
+    #[error("the database is not empty: give a new one")]
+    NotEmpty,
     /// The database file is broken.
     #[error("the database is damaged: {found}; stop the server and look with `visage doctor --data DIR`")]
     Corrupt {
@@ -29,7 +38,9 @@ pub enum DatabaseError {
         found: String,
     },
     /// The file is a database of some other program.
-    #[error("visage.sqlite is the database of another program; choose another --data folder")]
+    #[error(
+        "the database is that of another program, or not of UTF-8; choose another --data folder, or another --database"
+    )]
     Foreign,
     /// A server of another version uses the database.
     #[error(
@@ -47,6 +58,9 @@ pub enum DatabaseError {
         /// Why it can't be read.
         reason: String,
     },
+    /// A text holds a character that no text of the database may hold: nothing was stored or found.
+    #[error("a text holds a character that can't be kept, such as U+0000")]
+    Unkeepable,
     /// There is no such thing.
     #[error("there is no {kind} {id}")]
     NotFound {
@@ -137,8 +151,19 @@ impl DatabaseError {
         matches!(self, DatabaseError::Shortage(_))
     }
 
+    /// Whether its server can't be reached, or may not be used at the moment.
+    pub fn is_unreachable(&self) -> bool {
+        matches!(self, DatabaseError::Unreachable(_) | DatabaseError::Taken)
+    }
+
     /// Whether what was to be written may be there all the same: files that belong to it must stay then.
     pub fn leaves_in_doubt(&self) -> bool {
-        matches!(self, DatabaseError::Failed(_) | DatabaseError::Shortage(_) | DatabaseError::Corrupt { .. })
+        matches!(
+            self,
+            DatabaseError::Failed(_)
+                | DatabaseError::Unreachable(_)
+                | DatabaseError::Shortage(_)
+                | DatabaseError::Corrupt { .. }
+        )
     }
 }

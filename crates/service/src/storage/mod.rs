@@ -23,13 +23,18 @@ pub mod database;
 mod error;
 pub mod inventory;
 pub mod local_files;
+mod migrations;
 pub mod object_store;
+#[cfg(feature = "postgres")]
+pub mod postgres;
 mod reserve;
 #[cfg(feature = "s3")]
 pub(crate) mod s3;
 mod segment_store;
+mod sql_error;
 pub mod sqlite;
 mod unseen;
+mod words;
 
 pub use database::Database;
 pub use error::DatabaseError;

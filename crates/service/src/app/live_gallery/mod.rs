@@ -139,6 +139,17 @@ impl LiveGallery {
         Ok(())
     }
 
+    /// Answers nothing until all of it has been loaded again.
+    pub fn give_up(&self) {
+        let changing = self.changing();
+        if self.is_ready() {
+            *self.write() = State::Loading(Vec::new());
+            *self.write_catalogue() = Catalogue::default();
+        }
+        drop(changing);
+        self.shared.lost.notify_one();
+    }
+
     /// Waits until a part was lost and could not be made anew: then all of it has to be loaded again.
     pub async fn lost(&self) {
         self.shared.lost.notified().await;

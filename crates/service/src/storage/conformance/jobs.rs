@@ -1,5 +1,7 @@
 //! Jobs as the API sees them, and evaluations.
 
+use std::collections::BTreeSet;
+
 use super::{DatabasePlace, claimant, new_job, scan_set};
 use crate::storage::{Database, DatabaseError};
 use visage_domain::{
@@ -27,6 +29,34 @@ pub async fn the_queue_has_an_end(place: &impl DatabasePlace) {
     let refused = db.create_job(&job, None, 1, None).await.expect_err("full");
     assert!(matches!(refused, DatabaseError::QueueFull { limit: 1 }));
     assert!(matches!(db.job(job.id).await, Err(DatabaseError::NotFound { kind: "job", .. })));
+}
+
+/// What is checked over several rows is so for all that come at the same moment, too.
+pub async fn limits_hold_for_processes_that_ask_at_once(place: &impl DatabasePlace) {
+    let processes = [place.open(SeatId::new()).await, place.open(SeatId::new()).await];
+    let set = scan_set(processes[0].as_ref(), &["a.ply", "b.ply"]).await;
+    let orders = (0..12).map(|number| {
+        let db = processes[number % 2].clone();
+        tokio::spawn(async move { db.create_job(&new_job(set), None, 3, None).await })
+    });
+    let mut accepted = 0;
+    for order in orders.collect::<Vec<_>>() {
+        match order.await.expect("no panic") {
+            Ok(()) => accepted += 1,
+            Err(DatabaseError::QueueFull { limit: 3 }) => {}
+            Err(other) => panic!("{other}"),
+        }
+    }
+    assert_eq!(accepted, 3);
+    let demands = (0..12).map(|number| {
+        let db = processes[number % 2].clone();
+        tokio::spawn(async move { db.demand_evaluation(&|_| None).await.expect("one waits").id })
+    });
+    let mut waiting = BTreeSet::new();
+    for demand in demands.collect::<Vec<_>>() {
+        waiting.insert(demand.await.expect("no panic"));
+    }
+    assert_eq!(waiting.len(), 1);
 }
 
 pub async fn a_waiting_job_is_canceled_at_once_and_can_be_retried(place: &impl DatabasePlace) {

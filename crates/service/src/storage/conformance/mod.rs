@@ -46,8 +46,8 @@ pub trait ObjectPlace: Sized + Send + Sync {
 
 /// Runs a kind of database through all checks.
 macro_rules! database_conformance {
-    ($place:ty) => {
-        $crate::storage::conformance::checks! { <$place as $crate::storage::conformance::DatabasePlace>::new().await;
+    ($place:ty $(, #[$attribute:meta])?) => {
+        $crate::storage::conformance::checks! { $(#[$attribute])? <$place as $crate::storage::conformance::DatabasePlace>::new().await;
             queue {
                 jobs_are_claimed_once_and_in_order,
                 a_worker_that_lost_its_lease_writes_nothing,
@@ -64,6 +64,7 @@ macro_rules! database_conformance {
             }
             jobs {
                 the_queue_has_an_end,
+                limits_hold_for_processes_that_ask_at_once,
                 a_waiting_job_is_canceled_at_once_and_can_be_retried,
                 a_scan_set_in_use_is_left_alone,
                 a_replay_is_kept_with_what_it_created,
@@ -117,6 +118,18 @@ pub(crate) use object_conformance;
 
 /// A test for each check, on what an expression makes for it.
 macro_rules! checks {
+    (#[$attribute:meta] $place:expr; $($module:ident { $($check:ident,)* })*) => {
+        $(mod $module {
+            use super::*;
+            $(
+                #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+                #[$attribute]
+                async fn $check() {
+                    $crate::storage::conformance::$module::$check(&$place).await;
+                }
+            )*
+        })*
+    };
     ($place:expr; $($module:ident { $($check:ident,)* })*) => {
         $(mod $module {
             use super::*;

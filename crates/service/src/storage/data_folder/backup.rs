@@ -28,6 +28,17 @@ pub enum BackupError {
     /// A folder can't be used.
     #[error(transparent)]
     Open(#[from] OpenError),
+    /// The database is on a server, which has tools of its own for that.
+    #[error(
+        "the database of {folder} is {place}: copy that with `pg_dump` first, then the folder as it is (its files never change; \
+         `visage doctor --set-aside` sets aside what came after the dump)"
+    )]
+    OnServer {
+        /// The data folder.
+        folder: String,
+        /// The server.
+        place: String,
+    },
     /// There is nothing to copy.
     #[error("{0} is no data folder of visage: it holds no visage.sqlite")]
     NoDatabase(String),
@@ -225,9 +236,11 @@ fn apart(data: &Path, other: &Path) -> Result<(), BackupError> {
 }
 
 fn database_in(folder: &Path) -> Result<PathBuf, BackupError> {
-    let file = local_files::database_of(folder);
-    match std::fs::metadata(&file).is_ok_and(|found| found.len() > 0) {
-        true => Ok(file),
+    if let Some(place) = local_files::database_server(folder).map_err(OpenError::from)? {
+        return Err(BackupError::OnServer { folder: folder.display().to_string(), place });
+    }
+    match local_files::has_database(folder) {
+        true => Ok(local_files::database_of(folder)),
         false => Err(BackupError::NoDatabase(folder.display().to_string())),
     }
 }

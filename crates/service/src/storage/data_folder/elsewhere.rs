@@ -80,7 +80,7 @@ mod tests {
     use std::time::Duration;
 
     use super::*;
-    use crate::storage::data_folder::DataFolder;
+    use crate::storage::data_folder::{DataFolder, Places};
 
     #[tokio::test]
     async fn a_program_without_buckets_says_so_and_touches_nothing() {
@@ -88,7 +88,10 @@ mod tests {
         let folder = parent.path().join("data");
         let url = "s3://scans/visage".parse().expect("a bucket");
         let settings = BucketSettings { url, endpoint: None, region: None, cache_bytes: 0 };
-        let refused = DataFolder::open_with(&folder, Duration::ZERO, Some(&settings)).await.expect_err("no buckets");
+        let refused =
+            DataFolder::open_with(&folder, Duration::ZERO, Places { objects: Some(&settings), database: None })
+                .await
+                .expect_err("no buckets");
         assert!(refused.to_string().contains("--features s3") && !folder.exists(), "{refused}");
     }
 

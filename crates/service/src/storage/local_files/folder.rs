@@ -5,7 +5,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use super::{LocalFiles, doing, listing, private};
+use super::{LocalFiles, doing, listing, private, server};
 use crate::storage::ObjectError;
 use visage_domain::FolderId;
 
@@ -52,10 +52,21 @@ pub enum FolderError {
 }
 
 impl LocalFiles {
+    /// The same for a folder whose database is on a server. Blocks.
+    pub fn open_without_database(root: &Path, patience: Duration) -> Result<LocalFiles, FolderError> {
+        Self::take(root, patience)
+    }
+
     /// Takes the folder into use: creates it when absent (readable by its owner alone) and locks it. A folder with
     /// other things in it is refused, and so is one whose database is gone. A process that has just been killed holds
     /// its lock until the system has taken it apart: `patience` is how long that may take. Blocks.
     pub fn open(root: &Path, patience: Duration) -> Result<LocalFiles, FolderError> {
+        let files = Self::take(root, patience)?;
+        files.prepare_database()?;
+        Ok(files)
+    }
+
+    fn take(root: &Path, patience: Duration) -> Result<LocalFiles, FolderError> {
         refuse_foreign(root)?;
         private::create_folder(root).map_err(doing("creating the data folder"))?;
         let lock = lock(root, patience)?;
@@ -67,7 +78,7 @@ impl LocalFiles {
             private::create_folder(&folder).map_err(doing("creating the data folder"))?;
             private::restrict(&folder).map_err(doing("restricting the data folder"))?;
         }
-        files.prepare_database()?;
+        files.restrict()?;
         Ok(files)
     }
 
@@ -75,11 +86,12 @@ impl LocalFiles {
     fn prepare_database(&self) -> Result<(), ObjectError> {
         let database = self.database();
         match private::create_new(&database) {
-            Err(error) if error.kind() != io::ErrorKind::AlreadyExists => {
-                return Err(doing("creating the database")(error));
-            }
-            _ => {}
+            Err(error) if error.kind() != io::ErrorKind::AlreadyExists => Err(doing("creating the database")(error)),
+            _ => Ok(()),
         }
+    }
+
+    fn restrict(&self) -> Result<(), ObjectError> {
         for name in [DATABASE, "visage.sqlite-wal", "visage.sqlite-shm", LOCK, MARKER] {
             let path = self.root.join(name);
             if path.exists() {
@@ -156,7 +168,7 @@ fn folder_id(root: &Path) -> Result<Option<FolderId>, FolderError> {
 fn refuse_foreign(root: &Path) -> Result<(), FolderError> {
     let folder = root.display().to_string();
     let database = fs::metadata(root.join(DATABASE)).map(|found| found.len()).ok();
-    if database.is_some_and(|bytes| bytes > 0) {
+    if database.is_some_and(|bytes| bytes > 0) || root.join(server::MARKER).exists() {
         return Ok(());
     }
     let entries = match fs::read_dir(root) {

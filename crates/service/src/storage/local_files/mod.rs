@@ -10,6 +10,7 @@
 //! DATA/scan-sets/{set}/{file}      scans, under ids of ours
 //! DATA/models/{model}/{asset}      files of models, under names of ours
 //! DATA/standards/{standard}/{asset} files that standards were made of
+//! DATA/visage.database             on which server the database is if not here
 //! DATA/visage.objects              where scans, models and standards are if not here
 //! DATA/cache/...                   those of them that were used last
 //! DATA/segments/{segment}          the index, made of signatures: what is lost of it is made anew
@@ -25,7 +26,7 @@
 //!   files are what was stored
 //! - `segments`: files of the index
 //! - `pieces`: files that come piece by piece
-//! - `elsewhere`: that files are kept in another place, with a cache here
+//! - `server`: that the database is on a server; `elsewhere`: that files are kept in another place, with a cache here
 //! - `listing`, `sweep`: what is there, the trash; [`copies`]: backups
 
 pub mod copies;
@@ -37,6 +38,7 @@ mod pieces;
 mod private;
 mod reserve;
 mod segments;
+mod server;
 mod staged;
 mod sweep;
 mod verified;
@@ -54,10 +56,16 @@ pub(in crate::storage) use elsewhere::elsewhere;
 pub(in crate::storage) use elsewhere::{create_private_file, create_private_folder};
 pub use folder::{FolderError, FolderLock};
 pub use reserve::DiskReserve;
+pub(in crate::storage) use server::database_server;
 
 /// Where the database of a folder is.
 pub fn database_of(root: &Path) -> PathBuf {
     root.join("visage.sqlite")
+}
+
+/// Whether there is one that anything was stored in.
+pub(in crate::storage) fn has_database(root: &Path) -> bool {
+    std::fs::metadata(database_of(root)).is_ok_and(|found| found.len() > 0)
 }
 
 /// Names what was being done when the file system said no.

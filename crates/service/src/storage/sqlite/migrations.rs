@@ -1,19 +1,10 @@
 //! The migrations, which the program brings along.
 
-use std::borrow::Cow;
+use sqlx::migrate::Migrator;
 
-use sqlx::SqlSafeStr;
-use sqlx::migrate::{Migration, MigrationType, Migrator};
+use crate::storage::migrations::files;
 
-/// The file names in `migrations` and what is in them, in order. sqlx's `migrate!` would list the folder itself, but
-/// its macros build SQLite a second time, for the compiler.
-macro_rules! files {
-    ($($name:literal),* $(,)?) => {
-        [$(($name, include_str!(concat!("../../../migrations/", $name, ".sql")))),*]
-    };
-}
-
-const FILES: [(&str, &str); 16] = files![
+const FILES: [(&str, &str); 16] = files!["../../../migrations/";
     "0001_first",
     "0002_base_model",
     "0003_standards",
@@ -34,11 +25,7 @@ const FILES: [(&str, &str); 16] = files![
 
 /// All of them.
 pub fn migrator() -> Migrator {
-    let migration = |(version, (name, sql)): (i64, (&str, &'static str))| {
-        let description = name.trim_start_matches(|c: char| c.is_ascii_digit() || c == '_').replace('_', " ");
-        Migration::new(version, Cow::Owned(description), MigrationType::Simple, sql.into_sql_str(), false)
-    };
-    Migrator::with_migrations((1..).zip(FILES).map(migration).collect())
+    crate::storage::migrations::migrator(&FILES)
 }
 
 #[cfg(test)]
@@ -52,6 +39,8 @@ mod tests {
             entry.expect("an entry").file_name().to_string_lossy().into_owned()
         };
         let mut there: Vec<_> = std::fs::read_dir(folder).expect("the migrations").map(name).collect();
+        // those of the other database have a folder of their own
+        there.retain(|name| name != "postgres");
         there.sort();
         assert_eq!(there, FILES.map(|(name, _)| format!("{name}.sql")));
         for (migration, (name, sql)) in migrator().iter().zip(FILES) {

@@ -1,37 +1,27 @@
-//! One SQLite file: the only module that knows SQL.
+//! One SQLite file.
 //!
-//! A file implements a trait of [`database`](crate::storage::database), under the same name; `upkeep` is about the
-//! database as a whole, `writing` about transactions, full disks and locks.
+//! The statements stand in `sql`; here is what is SQLite's own: `upkeep` is about the database as a whole, `writing` about
+//! transactions, full disks and locks, `words` about how words are found in names.
 //!
 //! There is one writing connection and a few read-only ones, on a write-ahead log. Writes of several
 //! statements take the write lock at their start (`BEGIN IMMEDIATE`): a transaction that begins by reading
 //! and then writes would be refused at once when another one has written meanwhile.
 
-mod audit;
-mod census;
-mod evaluations;
-mod files;
+#[cfg(test)]
+mod bin_tests;
+mod checksums;
+mod dialect;
 #[cfg(test)]
 mod history_tests;
-mod jobs;
-mod keys;
-mod matches;
 mod migrations;
-mod models;
-mod outbox;
-mod queue;
-mod recycle_bin;
-mod replays;
-mod rows;
-mod scan_sets;
-mod segments;
-mod signatures;
-mod standards;
+#[path = "../sql/mod.rs"]
+#[allow(clippy::duplicate_mod, reason = "one text for each database, see there")]
+mod sql;
 mod upkeep;
-mod uploads;
-mod webhooks;
 mod words;
 mod writing;
+
+pub(in crate::storage) use writing::meaning;
 
 use std::path::Path;
 use std::sync::Arc;
@@ -41,7 +31,7 @@ use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePool, SqlitePo
 
 use super::unseen::Changes;
 use crate::storage::{Database, DatabaseError, NoReserve, Reserve};
-use visage_domain::{Owner, PageRequest, SeatId};
+use visage_domain::{Owner, SeatId};
 
 /// Connections that read at the same time.
 const READERS: u32 = 4;
@@ -142,44 +132,12 @@ fn now_ms() -> i64 {
     jiff::Timestamp::now().as_millisecond()
 }
 
-/// A stored time.
-fn timestamp(ms: i64) -> Result<jiff::Timestamp, DatabaseError> {
-    jiff::Timestamp::from_millisecond(ms).map_err(|error| damaged("a time", error))
-}
-
-/// Turns what the standard library or serde says of a stored value into our error.
-fn damaged(what: &'static str, reason: impl ToString) -> DatabaseError {
-    DatabaseError::Damaged { what, reason: reason.to_string() }
-}
-
-/// SQLite counts in i64; nothing stored here comes near its end.
-fn to_i64(count: u64) -> i64 {
-    i64::try_from(count).unwrap_or(i64::MAX)
-}
-
-/// A stored count.
-fn to_u64(count: i64) -> u64 {
-    u64::try_from(count).unwrap_or(0)
-}
-
-/// A stored id.
-macro_rules! stored_id {
-    ($kind:ident, $text:expr) => {
-        visage_domain::$kind::parse($text).ok_or_else(|| $crate::storage::sqlite::damaged("an id", $text))
-    };
-}
-use stored_id;
-
-/// One row more than is shown tells whether there is a next page.
-fn sql_limit(page: &PageRequest) -> i64 {
-    to_i64(page.limit as u64 + 1)
-}
-
 #[cfg(test)]
 pub(crate) mod testing {
     use super::*;
     use crate::storage::conformance::DatabasePlace;
     pub use crate::storage::conformance::{claimant, scan_set};
+    use crate::storage::database::Upkeep;
     use visage_domain::FolderId;
 
     /// A store in a folder that goes with the test.

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use async_trait::async_trait;
 
-use super::{SqliteDatabase, now_ms, stored_id};
+use super::SqliteDatabase;
 use crate::storage::DatabaseError;
 use crate::storage::database::Upkeep;
 use visage_domain::{Census, FolderId, Owner};
@@ -16,8 +16,21 @@ impl Upkeep for SqliteDatabase {
         self.owner
     }
 
+    async fn folder_id(&self) -> Result<Option<FolderId>, DatabaseError> {
+        self.stored_folder_id().await
+    }
+
+    async fn put_folder_id(&self, id: FolderId) -> Result<(), DatabaseError> {
+        self.store_folder_id(id).await
+    }
+
     async fn settled(&self) {
         self.changes.settled().await;
+    }
+
+    /// A commit into a file tells.
+    async fn doubted(&self) {
+        std::future::pending().await
     }
 
     async fn ping(&self) -> Result<(), DatabaseError> {
@@ -33,7 +46,7 @@ impl Upkeep for SqliteDatabase {
             return Err(DatabaseError::Full);
         }
         let mut tx = self.begin().await?;
-        sqlx::query("UPDATE folder SET checked_at = ?").bind(now_ms()).execute(&mut *tx).await?;
+        sqlx::query("UPDATE folder SET checked_at = ?").bind(tx.now_ms()).execute(&mut *tx).await?;
         tx.commit().await
     }
 
@@ -62,6 +75,15 @@ impl Upkeep for SqliteDatabase {
     }
 }
 
+/// What takes all rows over reads them itself.
+#[cfg(feature = "postgres")]
+impl SqliteDatabase {
+    /// The connections that read.
+    pub(in crate::storage) fn rows(&self) -> &sqlx::SqlitePool {
+        &self.readers
+    }
+}
+
 /// A copy is a file of its own.
 impl SqliteDatabase {
     /// Writes the database as it is at this moment into a new file; readers and writers go on meanwhile.
@@ -75,22 +97,6 @@ impl SqliteDatabase {
     pub async fn forget_all_sessions(&self) -> Result<(), DatabaseError> {
         sqlx::query("DELETE FROM session").execute(&self.writer).await?;
         Ok(())
-    }
-}
-
-/// A file of its own goes with a folder of files: both hold the same id.
-impl SqliteDatabase {
-    /// The id of the folder; `None` for a database from before folders had one, or a new one.
-    pub async fn folder_id(&self) -> Result<Option<FolderId>, DatabaseError> {
-        let id: Option<String> = sqlx::query_scalar("SELECT id FROM folder").fetch_optional(&self.readers).await?;
-        id.map(|text| stored_id!(FolderId, &text)).transpose()
-    }
-
-    /// Says whose database this is; only once.
-    pub async fn put_folder_id(&self, id: FolderId) -> Result<(), DatabaseError> {
-        let mut tx = self.begin_any().await?;
-        sqlx::query("INSERT INTO folder (only_row, id) VALUES (1, ?)").bind(id.to_string()).execute(&mut *tx).await?;
-        tx.commit().await
     }
 }
 

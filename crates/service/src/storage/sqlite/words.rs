@@ -3,7 +3,7 @@
 //! `LIKE` knows large and small letters of English alone, and functions of our own can't be given to SQLite without unsafe code. So a
 //! letter becomes a class of its forms in a pattern of `GLOB`, which takes every other sign as it is.
 
-use std::collections::BTreeSet;
+use crate::storage::words;
 
 /// The condition that a model has all words in its name or label; their [`patterns`] stand for the parameter.
 macro_rules! has_words {
@@ -17,18 +17,15 @@ macro_rules! has_words {
 }
 pub(super) use has_words;
 
-/// The patterns of texts that hold these words, in large letters or small, as a JSON array; a word that is named twice once.
+/// The patterns of words, as [`words::patterns`] lists them.
 pub(super) fn patterns(words: &[String]) -> String {
-    let patterns: BTreeSet<String> = words.iter().map(|word| pattern(word)).collect();
-    serde_json::Value::from_iter(patterns).to_string()
+    words::patterns(words, pattern)
 }
 
 fn pattern(word: &str) -> String {
     let mut pattern = String::from("*");
     for letter in word.chars() {
-        let (small, large) = (single(letter.to_lowercase()), single(letter.to_uppercase()));
-        let forms = [Some(letter), small, large, large.and_then(|large| single(large.to_lowercase()))];
-        let forms: BTreeSet<char> = forms.into_iter().flatten().collect();
+        let forms = words::forms(letter);
         if forms.len() > 1 || matches!(letter, '*' | '?' | '[') {
             pattern.push('[');
             pattern.extend(forms);
@@ -39,11 +36,6 @@ fn pattern(word: &str) -> String {
     }
     pattern.push('*');
     pattern
-}
-
-/// The form of a letter, if it is one sign too.
-fn single(mut form: impl ExactSizeIterator<Item = char>) -> Option<char> {
-    (form.len() == 1).then(|| form.next()).flatten()
 }
 
 #[cfg(test)]

@@ -10,7 +10,7 @@ use std::sync::Arc;
 use sqlx::pool::PoolConnection;
 use sqlx::sqlite::{Sqlite, SqliteConnectOptions, SqliteConnection, SqlitePool, SqlitePoolOptions};
 
-use super::SqliteDatabase;
+use super::{SqliteDatabase, now_ms};
 use crate::storage::{DatabaseError, Unseen};
 
 /// SQLite's result codes, the low byte of the extended ones.
@@ -25,19 +25,14 @@ mod code {
     pub const INDEX_SIZE: i32 = 10 | (19 << 8);
 }
 
-impl From<sqlx::Error> for DatabaseError {
-    fn from(error: sqlx::Error) -> Self {
-        if matches!(error, sqlx::Error::PoolTimedOut) {
-            return DatabaseError::Busy;
-        }
-        let extended = error.as_database_error().and_then(|error| error.code()?.parse::<i32>().ok());
-        match extended.map(|extended| (extended & 0xff, extended)) {
-            Some((code::FULL, _) | (_, code::INDEX_SIZE)) => DatabaseError::Full,
-            Some((code::BUSY | code::LOCKED, _)) => DatabaseError::Locked,
-            Some((code::CORRUPT | code::NOT_A_DATABASE, _)) => DatabaseError::Corrupt { found: error.to_string() },
-            Some((code::CANT_OPEN, _)) => DatabaseError::Shortage(Box::new(error)),
-            _ => DatabaseError::Failed(Box::new(error)),
-        }
+/// What an error of SQLite means, by its extended code.
+pub(in crate::storage) fn meaning(extended: Option<i32>, error: sqlx::Error) -> DatabaseError {
+    match extended.map(|extended| (extended & 0xff, extended)) {
+        Some((code::FULL, _) | (_, code::INDEX_SIZE)) => DatabaseError::Full,
+        Some((code::BUSY | code::LOCKED, _)) => DatabaseError::Locked,
+        Some((code::CORRUPT | code::NOT_A_DATABASE, _)) => DatabaseError::Corrupt { found: error.to_string() },
+        Some((code::CANT_OPEN, _)) => DatabaseError::Shortage(Box::new(error)),
+        _ => DatabaseError::Failed(Box::new(error)),
     }
 }
 
@@ -62,9 +57,15 @@ pub(super) async fn writer(options: &SqliteConnectOptions) -> Result<SqlitePool,
 /// A transaction that holds the write lock from its start. Dropped before [`Self::commit`], it changes nothing.
 pub(super) struct Writing {
     connection: PoolConnection<Sqlite>,
+    now_ms: i64,
 }
 
 impl Writing {
+    /// When it began, by the clock that decides: this machine's.
+    pub(super) fn now_ms(&self) -> i64 {
+        self.now_ms
+    }
+
     /// Makes it durable.
     pub(super) async fn commit(mut self) -> Result<(), DatabaseError> {
         sqlx::query("COMMIT").execute(&mut *self.connection).await?;
@@ -106,7 +107,23 @@ impl SqliteDatabase {
     pub(super) async fn begin_any(&self) -> Result<Writing, DatabaseError> {
         let mut connection = self.writer.acquire().await?;
         sqlx::query("BEGIN IMMEDIATE").execute(&mut *connection).await?;
-        Ok(Writing { connection })
+        Ok(Writing { connection, now_ms: now_ms() })
+    }
+
+    /// A transaction whose rows have nothing to do with others: here one like any.
+    pub(super) async fn begin_rows(&self) -> Result<Writing, DatabaseError> {
+        self.begin_any().await
+    }
+
+    /// One state of everything, for several statements that read.
+    pub(super) async fn snapshot(&self) -> Result<sqlx::Transaction<'static, Sqlite>, DatabaseError> {
+        Ok(self.readers.begin().await?)
+    }
+
+    /// The time by the clock that decides.
+    #[allow(clippy::unused_async, reason = "another database has to be asked for its own")]
+    pub(super) async fn now_ms(&self) -> Result<i64, DatabaseError> {
+        Ok(now_ms())
     }
 
     /// Makes a write that gives space free or ends something: if the disk is full, once more with the reserve.

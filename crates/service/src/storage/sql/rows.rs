@@ -9,8 +9,8 @@ macro_rules! row {
             $($field: $kind,)*
         }
 
-        impl<'r> sqlx::FromRow<'r, sqlx::sqlite::SqliteRow> for $name {
-            fn from_row(row: &'r sqlx::sqlite::SqliteRow) -> Result<Self, sqlx::Error> {
+        impl<'r> sqlx::FromRow<'r, super::DatabaseRow> for $name {
+            fn from_row(row: &'r super::DatabaseRow) -> Result<Self, sqlx::Error> {
                 Ok($name { $($field: sqlx::Row::try_get(row, stringify!($field))?,)* })
             }
         }

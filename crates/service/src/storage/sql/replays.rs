@@ -2,10 +2,8 @@
 
 use std::time::Duration;
 
-use sqlx::SqliteConnection;
-
 use super::rows::row;
-use super::{SqliteDatabase, now_ms};
+use super::{Connection, Store, Writing, damaged};
 use crate::storage::DatabaseError;
 use crate::storage::database::Replays;
 use async_trait::async_trait;
@@ -17,7 +15,7 @@ const KEEP: Duration = Duration::from_secs(24 * 3600);
 row! {
     struct Row {
         body_hash: String,
-        status: u16,
+        status: i64,
         location: String,
         body: String,
         resource_id: String,
@@ -25,10 +23,10 @@ row! {
 }
 
 #[async_trait]
-impl Replays for SqliteDatabase {
+impl Replays for Store {
     async fn replay(&self, key: &ReplayKey) -> Result<Option<Replay>, DatabaseError> {
         let row: Option<Row> = sqlx::query_as(
-            "SELECT body_hash, status, location, body, resource_id FROM replay WHERE route = ? AND key = ?",
+            "SELECT body_hash, status, location, body, resource_id FROM replay WHERE route = $1 AND key = $2",
         )
         .bind(key.route)
         .bind(&key.key)
@@ -40,7 +38,7 @@ impl Replays for SqliteDatabase {
         }
         Ok(Some(Replay {
             key: key.clone(),
-            status: row.status,
+            status: u16::try_from(row.status).map_err(|error| damaged("a status", error))?,
             location: row.location,
             body: row.body,
             resource_id: row.resource_id,
@@ -48,33 +46,35 @@ impl Replays for SqliteDatabase {
     }
 
     async fn forget_old_replays(&self) -> Result<u64, DatabaseError> {
-        let oldest = now_ms() - i64::try_from(KEEP.as_millis()).unwrap_or(i64::MAX);
-        let done = sqlx::query("DELETE FROM replay WHERE created_at < ?").bind(oldest).execute(&self.writer).await?;
+        let mut tx = self.begin_any().await?;
+        let oldest = tx.now_ms() - i64::try_from(KEEP.as_millis()).unwrap_or(i64::MAX);
+        let done = sqlx::query("DELETE FROM replay WHERE created_at < $1").bind(oldest).execute(&mut *tx).await?;
+        tx.commit().await?;
         Ok(done.rows_affected())
     }
 }
 
 /// Keeps an answer; part of the transaction that creates the resource.
-pub(super) async fn insert(db: &mut SqliteConnection, replay: &Replay) -> Result<(), DatabaseError> {
+pub(super) async fn insert(db: &mut Writing, replay: &Replay) -> Result<(), DatabaseError> {
     sqlx::query(
         "INSERT INTO replay (route, key, body_hash, status, location, body, resource_id, created_at)
-         VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
+         VALUES ($1, $2, $3, $4, $5, $6, $7, $8)",
     )
     .bind(replay.key.route)
     .bind(&replay.key.key)
     .bind(&replay.key.body_hash)
-    .bind(replay.status)
+    .bind(i64::from(replay.status))
     .bind(&replay.location)
     .bind(&replay.body)
     .bind(&replay.resource_id)
-    .bind(now_ms())
-    .execute(db)
+    .bind(db.now_ms())
+    .execute(&mut **db)
     .await?;
     Ok(())
 }
 
 /// Forgets the answers about a resource that is deleted.
-pub(super) async fn delete_of(db: &mut SqliteConnection, resource_id: &str) -> Result<(), DatabaseError> {
-    sqlx::query("DELETE FROM replay WHERE resource_id = ?").bind(resource_id).execute(db).await?;
+pub(super) async fn delete_of(db: &mut Connection, resource_id: &str) -> Result<(), DatabaseError> {
+    sqlx::query("DELETE FROM replay WHERE resource_id = $1").bind(resource_id).execute(db).await?;
     Ok(())
 }

@@ -3,10 +3,9 @@
 use std::time::Duration;
 
 use jiff::Timestamp;
-use sqlx::SqliteConnection;
 
 use super::rows::row;
-use super::{SqliteDatabase, damaged, now_ms, outbox, sql_limit, stored_id, timestamp, to_i64, to_u64};
+use super::{Connection, Store, damaged, outbox, sql_limit, stored_id, timestamp, to_i64, to_u32, to_u64};
 use crate::storage::DatabaseError;
 use crate::storage::database::Webhooks;
 use async_trait::async_trait;
@@ -54,9 +53,9 @@ row! {
         id: String,
         event: String,
         status: String,
-        attempts: u32,
+        attempts: i64,
         at: i64,
-        answer: Option<u16>,
+        answer: Option<i64>,
         error: Option<String>,
     }
 }
@@ -67,9 +66,9 @@ impl DeliveryRow {
             id: stored_id!(DeliveryId, &self.id)?,
             event: self.event.parse().map_err(|reason: String| damaged("an event", reason))?,
             status: self.status.parse().map_err(|reason: String| damaged("a status", reason))?,
-            attempts: self.attempts,
+            attempts: to_u32(self.attempts),
             at: timestamp(self.at)?,
-            answer: self.answer,
+            answer: self.answer.map(u16::try_from).transpose().map_err(|error| damaged("an answer", error))?,
             error: self.error,
         })
     }
@@ -82,7 +81,7 @@ row! {
         url: String,
         secret: Vec<u8>,
         body: String,
-        attempts: u32,
+        attempts: i64,
     }
 }
 
@@ -95,13 +94,13 @@ impl ClaimRow {
             url: self.url,
             secret: WebhookSecret(secret),
             body: self.body,
-            attempts: self.attempts,
+            attempts: to_u32(self.attempts),
         })
     }
 }
 
 #[async_trait]
-impl Webhooks for SqliteDatabase {
+impl Webhooks for Store {
     async fn create_webhook(&self, webhook: &NewWebhook, limit: usize) -> Result<(), DatabaseError> {
         let events = serde_json::to_string(&webhook.events).map_err(|error| damaged("events", error))?;
         let mut tx = self.begin().await?;
@@ -109,7 +108,7 @@ impl Webhooks for SqliteDatabase {
         if count >= to_i64(limit as u64) {
             return Err(DatabaseError::TooManyWebhooks { limit });
         }
-        sqlx::query("INSERT INTO webhook (id, key_id, name, url, events, secret) VALUES (?, ?, ?, ?, ?, ?)")
+        sqlx::query("INSERT INTO webhook (id, key_id, name, url, events, secret) VALUES ($1, $2, $3, $4, $5, $6)")
             .bind(webhook.id.to_string())
             .bind(webhook.key.map(|key| key.to_string()))
             .bind(&webhook.name)
@@ -122,7 +121,7 @@ impl Webhooks for SqliteDatabase {
     }
 
     async fn webhooks(&self, page: &PageRequest) -> Result<Page<WebhookRecord>, DatabaseError> {
-        let sql = format!("{WEBHOOK} WHERE ?1 IS NULL OR id < ?1 ORDER BY id DESC LIMIT ?2");
+        let sql = format!("{WEBHOOK} WHERE $1 IS NULL OR id < $1 ORDER BY id DESC LIMIT $2");
         let rows: Vec<WebhookRow> = sqlx::query_as(sqlx::AssertSqlSafe(sql))
             .bind(page.before.as_deref())
             .bind(sql_limit(page))
@@ -133,7 +132,7 @@ impl Webhooks for SqliteDatabase {
     }
 
     async fn webhook(&self, id: WebhookId) -> Result<WebhookRecord, DatabaseError> {
-        let row: Option<WebhookRow> = sqlx::query_as(sqlx::AssertSqlSafe(format!("{WEBHOOK} WHERE id = ?")))
+        let row: Option<WebhookRow> = sqlx::query_as(sqlx::AssertSqlSafe(format!("{WEBHOOK} WHERE id = $1")))
             .bind(id.to_string())
             .fetch_optional(&self.readers)
             .await?;
@@ -143,7 +142,7 @@ impl Webhooks for SqliteDatabase {
     async fn delete_webhook(&self, id: WebhookId) -> Result<(), DatabaseError> {
         let delete = || async {
             let mut tx = self.begin_any().await?;
-            let done = sqlx::query("DELETE FROM webhook WHERE id = ?").bind(id.to_string()).execute(&mut *tx).await?;
+            let done = sqlx::query("DELETE FROM webhook WHERE id = $1").bind(id.to_string()).execute(&mut *tx).await?;
             if done.rows_affected() == 0 {
                 return Err(not_found(id));
             }
@@ -168,11 +167,11 @@ impl Webhooks for SqliteDatabase {
         status: Option<DeliveryStatus>,
         page: &PageRequest,
     ) -> Result<Page<DeliveryRecord>, DatabaseError> {
-        let mut db = self.readers.begin().await?;
+        let mut db = self.snapshot().await?;
         check_there(&mut db, id).await?;
         let rows: Vec<DeliveryRow> = sqlx::query_as(
-            "SELECT * FROM delivery WHERE webhook_id = ?1 AND (?2 IS NULL OR status = ?2) AND (?3 IS NULL OR id < ?3)
-             ORDER BY id DESC LIMIT ?4",
+            "SELECT * FROM delivery WHERE webhook_id = $1 AND ($2 IS NULL OR status = $2) AND ($3 IS NULL OR id < $3)
+             ORDER BY id DESC LIMIT $4",
         )
         .bind(id.to_string())
         .bind(status.map(DeliveryStatus::name))
@@ -189,8 +188,8 @@ impl Webhooks for SqliteDatabase {
         if delivery_of(&mut tx, id, delivery).await?.status == DeliveryStatus::Pending {
             return Err(DatabaseError::StillPending { id: delivery });
         }
-        sqlx::query("UPDATE delivery SET status = 'pending', attempts = 0, at = ? WHERE id = ?")
-            .bind(now_ms())
+        sqlx::query("UPDATE delivery SET status = 'pending', attempts = 0, at = $1 WHERE id = $2")
+            .bind(tx.now_ms())
             .bind(delivery.to_string())
             .execute(&mut *tx)
             .await?;
@@ -203,9 +202,9 @@ impl Webhooks for SqliteDatabase {
         let mut tx = self.begin().await?;
         check_there(&mut tx, id).await?;
         let done = sqlx::query(
-            "UPDATE delivery SET status = 'pending', attempts = 0, at = ? WHERE webhook_id = ? AND status = 'dead'",
+            "UPDATE delivery SET status = 'pending', attempts = 0, at = $1 WHERE webhook_id = $2 AND status = 'dead'",
         )
-        .bind(now_ms())
+        .bind(tx.now_ms())
         .bind(id.to_string())
         .execute(&mut *tx)
         .await?;
@@ -216,7 +215,7 @@ impl Webhooks for SqliteDatabase {
     async fn next_delivery(&self, except: &[WebhookId]) -> Result<Option<Timestamp>, DatabaseError> {
         let at: Option<i64> = sqlx::query_scalar(
             "SELECT at FROM delivery
-             WHERE status = 'pending' AND webhook_id NOT IN (SELECT value FROM json_each(?)) ORDER BY at LIMIT 1",
+             WHERE status = 'pending' AND webhook_id NOT IN (SELECT value FROM json_each($1)) ORDER BY at LIMIT 1",
         )
         .bind(list(except)?)
         .fetch_optional(&self.readers)
@@ -229,11 +228,12 @@ impl Webhooks for SqliteDatabase {
         except: &[WebhookId],
         lease: Duration,
     ) -> Result<Option<DeliveryClaim>, DatabaseError> {
-        let now = now_ms();
+        let mut tx = self.begin_any().await?;
+        let now = tx.now_ms();
         let row: Option<ClaimRow> = sqlx::query_as(
-            "UPDATE delivery SET attempts = attempts + 1, at = ?1, seat = ?4
-             WHERE id = (SELECT id FROM delivery WHERE status = 'pending' AND at <= ?2
-                           AND webhook_id NOT IN (SELECT value FROM json_each(?3)) ORDER BY at, id LIMIT 1)
+            "UPDATE delivery SET attempts = attempts + 1, at = $1, seat = $4
+             WHERE id = (SELECT id FROM delivery WHERE status = 'pending' AND at <= $2
+                           AND webhook_id NOT IN (SELECT value FROM json_each($3)) ORDER BY at, id LIMIT 1)
              RETURNING id, webhook_id, body, attempts,
                        (SELECT url FROM webhook WHERE webhook.id = webhook_id) AS url,
                        (SELECT secret FROM webhook WHERE webhook.id = webhook_id) AS secret",
@@ -242,8 +242,9 @@ impl Webhooks for SqliteDatabase {
         .bind(now)
         .bind(list(except)?)
         .bind(self.owner.seat.to_string())
-        .fetch_optional(&self.writer)
+        .fetch_optional(&mut *tx)
         .await?;
+        tx.commit().await?;
         row.map(ClaimRow::claim).transpose()
     }
 
@@ -251,15 +252,15 @@ impl Webhooks for SqliteDatabase {
         let end = || async {
             let mut tx = self.begin_any().await?;
             sqlx::query(
-                "UPDATE delivery SET status = ?, at = ?, answer = ?, error = ?, seat = NULL
-                 WHERE id = ? AND status = 'pending' AND attempts = ?",
+                "UPDATE delivery SET status = $1, at = $2, answer = $3, error = $4, seat = NULL
+                 WHERE id = $5 AND status = 'pending' AND attempts = $6",
             )
             .bind(attempt.status.name())
             .bind(attempt.at.as_millisecond())
-            .bind(attempt.answer)
+            .bind(attempt.answer.map(i64::from))
             .bind(&attempt.error)
             .bind(claim.id.to_string())
-            .bind(claim.attempts)
+            .bind(i64::from(claim.attempts))
             .execute(&mut *tx)
             .await?;
             tx.commit().await
@@ -270,14 +271,14 @@ impl Webhooks for SqliteDatabase {
     async fn forget_deliveries(&self, delivered: Timestamp, dead: Timestamp) -> Result<(), DatabaseError> {
         let mut tx = self.begin_any().await?;
         for (status, before) in [("delivered", delivered), ("dead", dead)] {
-            sqlx::query("DELETE FROM delivery WHERE status = ? AND at < ?")
+            sqlx::query("DELETE FROM delivery WHERE status = $1 AND at < $2")
                 .bind(status)
                 .bind(before.as_millisecond())
                 .execute(&mut *tx)
                 .await?;
         }
-        let over = "DELETE FROM webhook WHERE key_id IN (SELECT id FROM api_key WHERE expires_at <= ?)";
-        sqlx::query(over).bind(now_ms()).execute(&mut *tx).await?;
+        let over = "DELETE FROM webhook WHERE key_id IN (SELECT id FROM api_key WHERE expires_at <= $1)";
+        sqlx::query(over).bind(tx.now_ms()).execute(&mut *tx).await?;
         tx.commit().await
     }
 }
@@ -291,8 +292,8 @@ fn list(ids: &[WebhookId]) -> Result<String, DatabaseError> {
     serde_json::to_string(&ids).map_err(|error| damaged("ids of webhooks", error))
 }
 
-async fn check_there(db: &mut SqliteConnection, id: WebhookId) -> Result<(), DatabaseError> {
-    let is_there: bool = sqlx::query_scalar("SELECT EXISTS (SELECT 1 FROM webhook WHERE id = ?)")
+async fn check_there(db: &mut Connection, id: WebhookId) -> Result<(), DatabaseError> {
+    let is_there: bool = sqlx::query_scalar("SELECT EXISTS (SELECT 1 FROM webhook WHERE id = $1)")
         .bind(id.to_string())
         .fetch_one(db)
         .await?;
@@ -300,11 +301,11 @@ async fn check_there(db: &mut SqliteConnection, id: WebhookId) -> Result<(), Dat
 }
 
 async fn delivery_of(
-    db: &mut SqliteConnection,
+    db: &mut Connection,
     id: WebhookId,
     delivery: DeliveryId,
 ) -> Result<DeliveryRecord, DatabaseError> {
-    let row: Option<DeliveryRow> = sqlx::query_as("SELECT * FROM delivery WHERE id = ? AND webhook_id = ?")
+    let row: Option<DeliveryRow> = sqlx::query_as("SELECT * FROM delivery WHERE id = $1 AND webhook_id = $2")
         .bind(delivery.to_string())
         .bind(id.to_string())
         .fetch_optional(db)

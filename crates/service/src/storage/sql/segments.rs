@@ -4,7 +4,7 @@ use async_trait::async_trait;
 
 use super::rows::row;
 use super::signatures::checked;
-use super::{SqliteDatabase, damaged, stored_id, to_i64, to_u64};
+use super::{Store, damaged, stored_id, to_i64, to_u64};
 use crate::storage::DatabaseError;
 use crate::storage::database::Segments;
 use visage_domain::asset::Origin;
@@ -50,7 +50,7 @@ fn json<T: serde::Serialize>(list: impl Iterator<Item = T>) -> Result<String, Da
 }
 
 #[async_trait]
-impl Segments for SqliteDatabase {
+impl Segments for Store {
     async fn segments(&self) -> Result<Vec<SegmentRecord>, DatabaseError> {
         let rows: Vec<Segment> = sqlx::query_as("SELECT id, models, bytes, checksum FROM segment ORDER BY id")
             .fetch_all(&self.readers)
@@ -71,7 +71,7 @@ impl Segments for SqliteDatabase {
             "SELECT unfiled.model_id AS id, label, unit, job_id IS NULL AS uploaded, content, checksum FROM unfiled
              LEFT JOIN model ON model.id = unfiled.model_id
              LEFT JOIN signature ON signature.model_id = unfiled.model_id
-             WHERE unfiled.model_id > ? ORDER BY unfiled.model_id LIMIT ?",
+             WHERE unfiled.model_id > $1 ORDER BY unfiled.model_id LIMIT $2",
         )
         .bind(after.map_or(String::new(), |id| id.to_string()))
         .bind(to_i64(limit as u64))
@@ -83,7 +83,7 @@ impl Segments for SqliteDatabase {
     async fn swap_segments(&self, new: &[SegmentRecord], old: &[SegmentId]) -> Result<(), DatabaseError> {
         let mut tx = self.begin_any().await?;
         for segment in new {
-            sqlx::query("INSERT INTO segment (id, models, bytes, checksum) VALUES (?, ?, ?, ?)")
+            sqlx::query("INSERT INTO segment (id, models, bytes, checksum) VALUES ($1, $2, $3, $4)")
                 .bind(segment.id.to_string())
                 .bind(to_i64(segment.models))
                 .bind(to_i64(segment.bytes))
@@ -91,7 +91,7 @@ impl Segments for SqliteDatabase {
                 .execute(&mut *tx)
                 .await?;
         }
-        sqlx::query("DELETE FROM segment WHERE id IN (SELECT value FROM json_each(?))")
+        sqlx::query("DELETE FROM segment WHERE id IN (SELECT value FROM json_each($1))")
             .bind(json(old.iter().map(SegmentId::to_string))?)
             .execute(&mut *tx)
             .await?;
@@ -100,13 +100,13 @@ impl Segments for SqliteDatabase {
 
     async fn file_models(&self, models: &[(ModelId, u128)]) -> Result<(), DatabaseError> {
         for chunk in models.chunks(AT_ONCE) {
-            let known = json(chunk.iter().map(|(id, checksum)| (id.to_string(), format!("{checksum:032x}"))))?;
+            let known = json(chunk.iter().map(|(id, checksum)| format!("{id}{checksum:032x}")))?;
             let mut tx = self.begin_any().await?;
             sqlx::query(
                 "DELETE FROM unfiled WHERE model_id IN (
-                     SELECT signature.model_id FROM json_each(?) AS known
-                     JOIN signature ON signature.model_id = known.value ->> 0
-                     WHERE substr(signature.checksum, 1, 32) = known.value ->> 1)",
+                     SELECT signature.model_id FROM json_each($1) AS known
+                     JOIN signature ON signature.model_id = substr(known.value, 1, 36)
+                     WHERE substr(signature.checksum, 1, 32) = substr(known.value, 37))",
             )
             .bind(known)
             .execute(&mut *tx)
@@ -120,7 +120,7 @@ impl Segments for SqliteDatabase {
         for chunk in models.chunks(AT_ONCE) {
             let mut tx = self.begin_any().await?;
             sqlx::query(
-                "DELETE FROM unfiled WHERE model_id IN (SELECT value FROM json_each(?))
+                "DELETE FROM unfiled WHERE model_id IN (SELECT value FROM json_each($1))
                  AND NOT EXISTS (SELECT 1 FROM signature WHERE signature.model_id = unfiled.model_id)",
             )
             .bind(json(chunk.iter().map(ModelId::to_string))?)
@@ -138,12 +138,12 @@ impl Segments for SqliteDatabase {
         let signed: Vec<ModelId> = signed.iter().map(|id| stored_id!(ModelId, id)).collect::<Result<_, _>>()?;
         let missing: Vec<ModelId> = signed.into_iter().filter(|id| told.binary_search(id).is_err()).collect();
         for chunk in missing.chunks(AT_ONCE) {
-            sqlx::query("INSERT OR IGNORE INTO unfiled SELECT value FROM json_each(?)")
+            sqlx::query("INSERT INTO unfiled SELECT value FROM json_each($1) WHERE TRUE ON CONFLICT DO NOTHING")
                 .bind(json(chunk.iter().map(ModelId::to_string))?)
                 .execute(&mut *tx)
                 .await?;
         }
-        sqlx::query("DELETE FROM segment WHERE id IN (SELECT value FROM json_each(?))")
+        sqlx::query("DELETE FROM segment WHERE id IN (SELECT value FROM json_each($1))")
             .bind(json(lost.iter().map(SegmentId::to_string))?)
             .execute(&mut *tx)
             .await?;
@@ -152,7 +152,7 @@ impl Segments for SqliteDatabase {
 }
 
 /// A copy goes without the files of the index.
-impl SqliteDatabase {
+impl Store {
     /// Makes all models unfiled, and no file count.
     pub async fn forget_all_segments(&self) -> Result<(), DatabaseError> {
         let lost: Vec<SegmentId> = self.segments().await?.into_iter().map(|segment| segment.id).collect();

@@ -1,9 +1,7 @@
 //! Standards made by users: the classes, and the examples marked for them.
 
-use sqlx::SqliteConnection;
-
 use super::rows::row;
-use super::{SqliteDatabase, damaged, evaluations, files, replays, stored_id, to_i64, to_u64};
+use super::{Connection, Store, damaged, evaluations, files, replays, stored_id, to_i64, to_u64};
 use crate::storage::DatabaseError;
 use crate::storage::database::{Standards, Upkeep};
 use async_trait::async_trait;
@@ -37,7 +35,7 @@ impl StandardRow {
 }
 
 #[async_trait]
-impl Standards for SqliteDatabase {
+impl Standards for Store {
     async fn create_standard(
         &self,
         standard: &NewStandard,
@@ -45,10 +43,11 @@ impl Standards for SqliteDatabase {
         replay: &(dyn Fn(Option<JobId>) -> Option<Replay> + Send + Sync),
     ) -> Result<Option<JobId>, DatabaseError> {
         let mut tx = self.begin().await?;
-        let (count, taken): (i64, bool) = sqlx::query_as("SELECT count(*), coalesce(max(name = ?), 0) FROM standard")
-            .bind(&standard.name)
-            .fetch_one(&mut *tx)
-            .await?;
+        let (count, taken): (i64, bool) =
+            sqlx::query_as("SELECT (SELECT count(*) FROM standard), EXISTS (SELECT 1 FROM standard WHERE name = $1)")
+                .bind(&standard.name)
+                .fetch_one(&mut *tx)
+                .await?;
         if taken {
             return Err(DatabaseError::NameTaken { kind: "standard", name: standard.name.clone() });
         }
@@ -73,7 +72,7 @@ impl Standards for SqliteDatabase {
     }
 
     async fn standard(&self, name_or_id: &str) -> Result<StandardRecord, DatabaseError> {
-        let row: Option<StandardRow> = sqlx::query_as("SELECT * FROM standard WHERE name = ?1 OR id = ?1")
+        let row: Option<StandardRow> = sqlx::query_as("SELECT * FROM standard WHERE name = $1 OR id = $1")
             .bind(name_or_id)
             .fetch_optional(&self.readers)
             .await?;
@@ -82,8 +81,8 @@ impl Standards for SqliteDatabase {
 
     async fn renew_standard(&self, id: StandardId, standard: &Standard) -> Result<(), DatabaseError> {
         let content = serde_json::to_string(standard).map_err(|error| damaged("a standard", error))?;
-        sqlx::query("UPDATE standard SET version = ?, class = ? WHERE id = ?")
-            .bind(standard.version)
+        sqlx::query("UPDATE standard SET version = $1, class = $2 WHERE id = $3")
+            .bind(i64::from(standard.version))
             .bind(content)
             .bind(id.to_string())
             .execute(&self.writer)
@@ -93,7 +92,7 @@ impl Standards for SqliteDatabase {
 
     async fn examples(&self, id: StandardId) -> Result<Examples, DatabaseError> {
         let rows: Vec<(String, bool)> =
-            sqlx::query_as("SELECT model_id, is_positive FROM example WHERE standard_id = ? ORDER BY model_id")
+            sqlx::query_as("SELECT model_id, is_positive FROM example WHERE standard_id = $1 ORDER BY model_id")
                 .bind(id.to_string())
                 .fetch_all(&self.readers)
                 .await?;
@@ -107,8 +106,8 @@ impl Standards for SqliteDatabase {
 
     async fn mark_examples(&self, id: StandardId, examples: &Examples) -> Result<(), DatabaseError> {
         let mut tx = self.begin().await?;
-        sqlx::query("DELETE FROM example WHERE standard_id = ?").bind(id.to_string()).execute(&mut *tx).await?;
-        let is_there: bool = sqlx::query_scalar("SELECT EXISTS (SELECT 1 FROM standard WHERE id = ?)")
+        sqlx::query("DELETE FROM example WHERE standard_id = $1").bind(id.to_string()).execute(&mut *tx).await?;
+        let is_there: bool = sqlx::query_scalar("SELECT EXISTS (SELECT 1 FROM standard WHERE id = $1)")
             .bind(id.to_string())
             .fetch_one(&mut *tx)
             .await?;
@@ -127,11 +126,11 @@ impl Standards for SqliteDatabase {
     }
 }
 
-impl SqliteDatabase {
+impl Store {
     async fn delete_standard_once(&self, id: StandardId) -> Result<(), DatabaseError> {
         let mut tx = self.begin_any().await?;
         replays::delete_of(&mut tx, &id.to_string()).await?;
-        let done = sqlx::query("DELETE FROM standard WHERE id = ?").bind(id.to_string()).execute(&mut *tx).await?;
+        let done = sqlx::query("DELETE FROM standard WHERE id = $1").bind(id.to_string()).execute(&mut *tx).await?;
         if done.rows_affected() == 0 {
             return Err(not_found(&id.to_string()));
         }
@@ -144,12 +143,12 @@ fn not_found(name_or_id: &str) -> DatabaseError {
     DatabaseError::NotFound { kind: "standard", id: name_or_id.chars().take(64).collect() }
 }
 
-async fn insert(db: &mut SqliteConnection, standard: &NewStandard) -> Result<(), DatabaseError> {
+async fn insert(db: &mut Connection, standard: &NewStandard) -> Result<(), DatabaseError> {
     let annotation = serde_json::to_string(&standard.annotation).map_err(|error| damaged("an annotation", error))?;
     let content = serde_json::to_string(&standard.definition).map_err(|error| damaged("a standard", error))?;
     sqlx::query(
         "INSERT INTO standard (id, name, asset, bytes, checksum, unit, annotation, version, class)
-         VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
+         VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9)",
     )
     .bind(standard.id.to_string())
     .bind(&standard.name)
@@ -158,7 +157,7 @@ async fn insert(db: &mut SqliteConnection, standard: &NewStandard) -> Result<(),
     .bind(&standard.asset.checksum)
     .bind(standard.unit.name())
     .bind(annotation)
-    .bind(standard.definition.version)
+    .bind(i64::from(standard.definition.version))
     .bind(content)
     .execute(db)
     .await?;
@@ -166,11 +165,11 @@ async fn insert(db: &mut SqliteConnection, standard: &NewStandard) -> Result<(),
 }
 
 /// Marks examples; a model that is not there is an error.
-async fn mark(db: &mut SqliteConnection, id: StandardId, examples: &Examples) -> Result<(), DatabaseError> {
+async fn mark(db: &mut Connection, id: StandardId, examples: &Examples) -> Result<(), DatabaseError> {
     let positive = examples.positive.iter().map(|model| (model, true));
     for (model, is_positive) in positive.chain(examples.negative.iter().map(|model| (model, false))) {
         let done = sqlx::query(
-            "INSERT INTO example (standard_id, model_id, is_positive) SELECT ?, id, ? FROM model WHERE id = ?",
+            "INSERT INTO example (standard_id, model_id, is_positive) SELECT $1, id, $2 FROM model WHERE id = $3",
         )
         .bind(id.to_string())
         .bind(is_positive)

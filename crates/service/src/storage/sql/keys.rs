@@ -3,7 +3,7 @@
 use jiff::Timestamp;
 
 use super::rows::row;
-use super::{SqliteDatabase, damaged, now_ms, sql_limit, stored_id, timestamp, to_i64};
+use super::{Store, damaged, sql_limit, stored_id, timestamp, to_i64};
 use crate::storage::DatabaseError;
 use crate::storage::database::Keys;
 use async_trait::async_trait;
@@ -46,7 +46,7 @@ fn hash(bytes: Vec<u8>) -> Result<SecretHash, DatabaseError> {
 }
 
 #[async_trait]
-impl Keys for SqliteDatabase {
+impl Keys for Store {
     async fn create_key(&self, key: &NewKey, limit: usize) -> Result<(), DatabaseError> {
         let mut tx = self.begin().await?;
         let count: i64 =
@@ -54,7 +54,7 @@ impl Keys for SqliteDatabase {
         if count >= to_i64(limit as u64) {
             return Err(DatabaseError::TooManyKeys { limit });
         }
-        sqlx::query("INSERT INTO api_key (id, name, scope, secret, expires_at) VALUES (?, ?, ?, ?, ?)")
+        sqlx::query("INSERT INTO api_key (id, name, scope, secret, expires_at) VALUES ($1, $2, $3, $4, $5)")
             .bind(key.id.to_string())
             .bind(&key.name)
             .bind(key.scope.name())
@@ -67,7 +67,7 @@ impl Keys for SqliteDatabase {
 
     async fn keys(&self, page: &PageRequest) -> Result<Page<KeyRecord>, DatabaseError> {
         let rows: Vec<KeyRow> =
-            sqlx::query_as("SELECT * FROM api_key WHERE ?1 IS NULL OR id < ?1 ORDER BY id DESC LIMIT ?2")
+            sqlx::query_as("SELECT * FROM api_key WHERE $1 IS NULL OR id < $1 ORDER BY id DESC LIMIT $2")
                 .bind(page.before.as_deref())
                 .bind(sql_limit(page))
                 .fetch_all(&self.readers)
@@ -77,7 +77,7 @@ impl Keys for SqliteDatabase {
     }
 
     async fn key(&self, id: KeyId) -> Result<Option<(KeyRecord, SecretHash)>, DatabaseError> {
-        let row: Option<KeyRow> = sqlx::query_as("SELECT * FROM api_key WHERE id = ?")
+        let row: Option<KeyRow> = sqlx::query_as("SELECT * FROM api_key WHERE id = $1")
             .bind(id.to_string())
             .fetch_optional(&self.readers)
             .await?;
@@ -91,15 +91,15 @@ impl Keys for SqliteDatabase {
     async fn revoke_key(&self, id: KeyId) -> Result<(), DatabaseError> {
         let revoke = || async {
             let mut tx = self.begin_any().await?;
-            let done = sqlx::query("UPDATE api_key SET revoked_at = coalesce(revoked_at, ?) WHERE id = ?")
-                .bind(now_ms())
+            let done = sqlx::query("UPDATE api_key SET revoked_at = coalesce(revoked_at, $1) WHERE id = $2")
+                .bind(tx.now_ms())
                 .bind(id.to_string())
                 .execute(&mut *tx)
                 .await?;
             if done.rows_affected() == 0 {
                 return Err(DatabaseError::NotFound { kind: "key", id: id.to_string() });
             }
-            for what in ["DELETE FROM session WHERE key_id = ?", "DELETE FROM webhook WHERE key_id = ?"] {
+            for what in ["DELETE FROM session WHERE key_id = $1", "DELETE FROM webhook WHERE key_id = $1"] {
                 sqlx::query(what).bind(id.to_string()).execute(&mut *tx).await?;
             }
             tx.commit().await
@@ -109,7 +109,7 @@ impl Keys for SqliteDatabase {
 
     async fn create_session(&self, session: &NewSession) -> Result<(), DatabaseError> {
         let mut tx = self.begin().await?;
-        sqlx::query("INSERT INTO session (id, key_id, secret, expires_at) VALUES (?, ?, ?, ?)")
+        sqlx::query("INSERT INTO session (id, key_id, secret, expires_at) VALUES ($1, $2, $3, $4)")
             .bind(session.id.to_string())
             .bind(session.key.to_string())
             .bind(session.secret.as_slice())
@@ -120,7 +120,7 @@ impl Keys for SqliteDatabase {
     }
 
     async fn session(&self, id: SessionId) -> Result<Option<NewSession>, DatabaseError> {
-        let row: Option<SessionRow> = sqlx::query_as("SELECT key_id, secret, expires_at FROM session WHERE id = ?")
+        let row: Option<SessionRow> = sqlx::query_as("SELECT key_id, secret, expires_at FROM session WHERE id = $1")
             .bind(id.to_string())
             .fetch_optional(&self.readers)
             .await?;
@@ -136,15 +136,17 @@ impl Keys for SqliteDatabase {
     async fn delete_session(&self, id: SessionId) -> Result<(), DatabaseError> {
         let delete = || async {
             let mut tx = self.begin_any().await?;
-            sqlx::query("DELETE FROM session WHERE id = ?").bind(id.to_string()).execute(&mut *tx).await?;
+            sqlx::query("DELETE FROM session WHERE id = $1").bind(id.to_string()).execute(&mut *tx).await?;
             tx.commit().await
         };
         self.with_reserve(delete).await
     }
 
     async fn forget_old_sessions(&self) -> Result<u64, DatabaseError> {
-        let done =
-            sqlx::query("DELETE FROM session WHERE expires_at <= ?").bind(now_ms()).execute(&self.writer).await?;
+        let mut tx = self.begin_any().await?;
+        let delete = "DELETE FROM session WHERE expires_at <= $1";
+        let done = sqlx::query(delete).bind(tx.now_ms()).execute(&mut *tx).await?;
+        tx.commit().await?;
         Ok(done.rows_affected())
     }
 }

@@ -3,7 +3,7 @@
 use jiff::Timestamp;
 
 use super::rows::row;
-use super::{SqliteDatabase, stored_id, timestamp, to_i64, to_u64};
+use super::{Store, stored_id, timestamp, to_i64, to_u64};
 use crate::storage::DatabaseError;
 use crate::storage::database::Uploads;
 use async_trait::async_trait;
@@ -40,13 +40,13 @@ fn not_found(id: UploadId) -> DatabaseError {
 }
 
 #[async_trait]
-impl Uploads for SqliteDatabase {
+impl Uploads for Store {
     async fn create_upload(&self, upload: &UploadRecord, limit: usize) -> Result<(), DatabaseError> {
         let mut tx = self.begin().await?;
         let set = upload.scan_set_id.to_string();
         let counts: Option<i64> = sqlx::query_scalar(
             "SELECT (SELECT count(*) FROM upload WHERE scan_set_id = scan_set.id AND NOT is_done)
-             FROM scan_set WHERE id = ?",
+             FROM scan_set WHERE id = $1",
         )
         .bind(&set)
         .fetch_optional(&mut *tx)
@@ -55,20 +55,22 @@ impl Uploads for SqliteDatabase {
         if to_u64(count) >= limit as u64 {
             return Err(DatabaseError::TooManyScans { limit });
         }
-        sqlx::query("INSERT INTO upload (id, scan_set_id, name, bytes, digest, expires_at) VALUES (?, ?, ?, ?, ?, ?)")
-            .bind(upload.id.to_string())
-            .bind(set)
-            .bind(&upload.name)
-            .bind(to_i64(upload.bytes))
-            .bind(&upload.digest)
-            .bind(upload.expires_at.as_millisecond())
-            .execute(&mut *tx)
-            .await?;
+        sqlx::query(
+            "INSERT INTO upload (id, scan_set_id, name, bytes, digest, expires_at) VALUES ($1, $2, $3, $4, $5, $6)",
+        )
+        .bind(upload.id.to_string())
+        .bind(set)
+        .bind(&upload.name)
+        .bind(to_i64(upload.bytes))
+        .bind(&upload.digest)
+        .bind(upload.expires_at.as_millisecond())
+        .execute(&mut *tx)
+        .await?;
         tx.commit().await
     }
 
     async fn upload(&self, id: UploadId) -> Result<UploadRecord, DatabaseError> {
-        let row: Option<Row> = sqlx::query_as("SELECT * FROM upload WHERE id = ?")
+        let row: Option<Row> = sqlx::query_as("SELECT * FROM upload WHERE id = $1")
             .bind(id.to_string())
             .fetch_optional(&self.readers)
             .await?;
@@ -76,7 +78,7 @@ impl Uploads for SqliteDatabase {
     }
 
     async fn uploads_of(&self, set: ScanSetId) -> Result<Vec<UploadRecord>, DatabaseError> {
-        let rows: Vec<Row> = sqlx::query_as("SELECT * FROM upload WHERE scan_set_id = ? AND NOT is_done ORDER BY id")
+        let rows: Vec<Row> = sqlx::query_as("SELECT * FROM upload WHERE scan_set_id = $1 AND NOT is_done ORDER BY id")
             .bind(set.to_string())
             .fetch_all(&self.readers)
             .await?;
@@ -84,7 +86,7 @@ impl Uploads for SqliteDatabase {
     }
 
     async fn extend_upload(&self, id: UploadId, until: Timestamp) -> Result<(), DatabaseError> {
-        let done = sqlx::query("UPDATE upload SET expires_at = ? WHERE id = ?")
+        let done = sqlx::query("UPDATE upload SET expires_at = $1 WHERE id = $2")
             .bind(until.as_millisecond())
             .bind(id.to_string())
             .execute(&self.writer)
@@ -95,7 +97,7 @@ impl Uploads for SqliteDatabase {
     async fn finish_upload(&self, id: UploadId) -> Result<(), DatabaseError> {
         let finish = async || -> Result<(), DatabaseError> {
             let mut tx = self.begin_any().await?;
-            let update = "UPDATE upload SET is_done = 1 WHERE id = ?";
+            let update = "UPDATE upload SET is_done = TRUE WHERE id = $1";
             sqlx::query(update).bind(id.to_string()).execute(&mut *tx).await?;
             tx.commit().await
         };
@@ -105,7 +107,7 @@ impl Uploads for SqliteDatabase {
     async fn delete_upload(&self, id: UploadId) -> Result<(), DatabaseError> {
         let delete = async || -> Result<(), DatabaseError> {
             let mut tx = self.begin_any().await?;
-            sqlx::query("DELETE FROM upload WHERE id = ?").bind(id.to_string()).execute(&mut *tx).await?;
+            sqlx::query("DELETE FROM upload WHERE id = $1").bind(id.to_string()).execute(&mut *tx).await?;
             tx.commit().await
         };
         self.with_reserve(delete).await
@@ -114,7 +116,7 @@ impl Uploads for SqliteDatabase {
     async fn forget_old_uploads(&self, now: Timestamp) -> Result<(), DatabaseError> {
         let forget = async || -> Result<(), DatabaseError> {
             let mut tx = self.begin_any().await?;
-            let delete = "DELETE FROM upload WHERE expires_at <= ?";
+            let delete = "DELETE FROM upload WHERE expires_at <= $1";
             sqlx::query(delete).bind(now.as_millisecond()).execute(&mut *tx).await?;
             tx.commit().await
         };

@@ -1,11 +1,9 @@
 //! Jobs as the API sees them: create, look up, list, cancel, retry, delete.
 
-use sqlx::SqliteConnection;
-
 use super::rows::row;
 use super::{
-    SqliteDatabase, damaged, models, now_ms, outbox, recycle_bin, replays, scan_sets, sql_limit, stored_id, timestamp,
-    to_u64,
+    Connection, Store, damaged, locked, models, outbox, recycle_bin, replays, scan_sets, sql_limit, stored_id,
+    timestamp, to_u32, to_u64,
 };
 use crate::storage::database::Jobs;
 use crate::storage::{DatabaseError, Deleted, Purged};
@@ -27,7 +25,7 @@ row! {
         stage: Option<String>,
         progress: f64,
         stage_seconds: String,
-        attempts: u32,
+        attempts: i64,
         cancel_asked: bool,
         error: Option<String>,
         base_model_id: Option<String>,
@@ -59,7 +57,7 @@ impl JobRow {
             stage: self.stage,
             progress: self.progress,
             stage_seconds: serde_json::from_str(&self.stage_seconds).map_err(|error| damaged("seconds", error))?,
-            attempts: self.attempts,
+            attempts: to_u32(self.attempts),
             cancel_asked: self.cancel_asked,
             error: self
                 .error
@@ -74,7 +72,7 @@ impl JobRow {
 }
 
 #[async_trait]
-impl Jobs for SqliteDatabase {
+impl Jobs for Store {
     async fn create_job(
         &self,
         job: &NewJob,
@@ -93,7 +91,7 @@ impl Jobs for SqliteDatabase {
         // the scan set may have been deleted since it was looked up
         let inserted = sqlx::query(
             "INSERT INTO job (id, kind, scan_set_id, label, options, base_model_id, base_poses, hints, status)
-             SELECT ?, 'register', id, ?, ?, ?, ?, ?, 'queued' FROM scan_set WHERE id = ?",
+             SELECT $1, 'register', id, $2, $3, $4, $5, $6, 'queued' FROM scan_set WHERE id = $7",
         )
         .bind(job.id.to_string())
         .bind(&job.label)
@@ -126,11 +124,12 @@ impl Jobs for SqliteDatabase {
         // the model may have been deleted since it was looked up
         let inserted = sqlx::query(
             "INSERT INTO job (id, kind, label, options, base_model_id, base_poses, status)
-             SELECT ?, 'surface', ?, ?, id, x'', 'queued' FROM model WHERE id = ?",
+             SELECT $1, 'surface', $2, $3, id, $4, 'queued' FROM model WHERE id = $5",
         )
         .bind(job.id.to_string())
         .bind(&job.label)
         .bind(options)
+        .bind(Vec::<u8>::new())
         .bind(job.model_id.to_string())
         .execute(&mut *tx)
         .await?;
@@ -152,10 +151,10 @@ impl Jobs for SqliteDatabase {
     async fn jobs(&self, filter: &JobFilter, page: &PageRequest) -> Result<Page<JobRecord>, DatabaseError> {
         let rows: Vec<JobRow> = sqlx::query_as(
             "SELECT job.*, model.id AS model_id FROM job LEFT JOIN model ON model.job_id = job.id
-             WHERE (?1 IS NULL OR job.id < ?1)
-               AND (?2 IS NULL OR job.status = ?2)
-               AND (?3 IS NULL OR job.scan_set_id = ?3)
-             ORDER BY job.id DESC LIMIT ?4",
+             WHERE ($1 IS NULL OR job.id < $1)
+               AND ($2 IS NULL OR job.status = $2)
+               AND ($3 IS NULL OR job.scan_set_id = $3)
+             ORDER BY job.id DESC LIMIT $4",
         )
         .bind(page.before.as_deref())
         .bind(filter.status.map(JobStatus::name))
@@ -190,8 +189,8 @@ impl Jobs for SqliteDatabase {
         check_room(&mut tx, queue_limit).await?;
         sqlx::query(
             "UPDATE job SET status = 'queued', stage = NULL, progress = 0, stage_seconds = '{}', attempts = 0,
-                            cancel_asked = 0, error = NULL, started_at = NULL, finished_at = NULL
-             WHERE id = ?",
+                            cancel_asked = FALSE, error = NULL, started_at = NULL, finished_at = NULL
+             WHERE id = $1",
         )
         .bind(id.to_string())
         .execute(&mut *tx)
@@ -205,19 +204,20 @@ impl Jobs for SqliteDatabase {
     }
 }
 
-impl SqliteDatabase {
+impl Store {
     async fn cancel_once(&self, id: JobId) -> Result<CancelAnswer, DatabaseError> {
         let mut tx = self.begin_any().await?;
         let answer = match status_of(&mut tx, id).await? {
             JobStatus::Queued => {
-                let cancel = "UPDATE job SET status = 'canceled', cancel_asked = 1, finished_at = ? WHERE id = ?
+                let cancel = "UPDATE job SET status = 'canceled', cancel_asked = TRUE, finished_at = $1 WHERE id = $2
                               RETURNING id, kind";
-                let canceled = sqlx::query_as(cancel).bind(now_ms()).bind(id.to_string()).fetch_all(&mut *tx).await?;
+                let canceled =
+                    sqlx::query_as(cancel).bind(tx.now_ms()).bind(id.to_string()).fetch_all(&mut *tx).await?;
                 outbox::tell_ends(&mut tx, &canceled, JobStatus::Canceled).await?;
                 CancelAnswer::Canceled
             }
             JobStatus::Running => {
-                sqlx::query("UPDATE job SET cancel_asked = 1 WHERE id = ?")
+                sqlx::query("UPDATE job SET cancel_asked = TRUE WHERE id = $1")
                     .bind(id.to_string())
                     .execute(&mut *tx)
                     .await?;
@@ -236,7 +236,7 @@ impl SqliteDatabase {
         let model = models::id_of_job(&mut tx, &text).await?;
         replays::delete_of(&mut tx, &text).await?;
         // model, assets and signature go by foreign keys
-        sqlx::query("DELETE FROM job WHERE id = ?").bind(&text).execute(&mut *tx).await?;
+        sqlx::query("DELETE FROM job WHERE id = $1").bind(&text).execute(&mut *tx).await?;
         let models: Vec<ModelId> = model.into_iter().collect();
         models::leave(&mut tx, &models).await?;
         let mut purged = Purged::default();
@@ -246,9 +246,9 @@ impl SqliteDatabase {
 }
 
 /// One job; part of a larger transaction, or alone.
-pub(super) async fn record(db: &mut SqliteConnection, id: JobId) -> Result<JobRecord, DatabaseError> {
+pub(super) async fn record(db: &mut Connection, id: JobId) -> Result<JobRecord, DatabaseError> {
     let row: Option<JobRow> = sqlx::query_as(
-        "SELECT job.*, model.id AS model_id FROM job LEFT JOIN model ON model.job_id = job.id WHERE job.id = ?",
+        "SELECT job.*, model.id AS model_id FROM job LEFT JOIN model ON model.job_id = job.id WHERE job.id = $1",
     )
     .bind(id.to_string())
     .fetch_optional(db)
@@ -260,14 +260,16 @@ fn not_found(id: JobId) -> DatabaseError {
     DatabaseError::NotFound { kind: "job", id: id.to_string() }
 }
 
-async fn status_of(db: &mut SqliteConnection, id: JobId) -> Result<JobStatus, DatabaseError> {
-    let status: Option<String> =
-        sqlx::query_scalar("SELECT status FROM job WHERE id = ?").bind(id.to_string()).fetch_optional(db).await?;
+async fn status_of(db: &mut Connection, id: JobId) -> Result<JobStatus, DatabaseError> {
+    let status: Option<String> = sqlx::query_scalar(concat!("SELECT status FROM job WHERE id = $1", locked!()))
+        .bind(id.to_string())
+        .fetch_optional(db)
+        .await?;
     status.ok_or_else(|| not_found(id))?.parse().map_err(|reason: String| damaged("a status", reason))
 }
 
 /// The job is there, and will not change any more unless it is tried again.
-pub(super) async fn check_finished(db: &mut SqliteConnection, id: JobId) -> Result<(), DatabaseError> {
+pub(super) async fn check_finished(db: &mut Connection, id: JobId) -> Result<(), DatabaseError> {
     match status_of(db, id).await?.is_finished() {
         true => Ok(()),
         false => Err(DatabaseError::InUse { kind: "job", id: id.to_string() }),
@@ -275,7 +277,7 @@ pub(super) async fn check_finished(db: &mut SqliteConnection, id: JobId) -> Resu
 }
 
 /// There is room for one more waiting job.
-async fn check_room(db: &mut SqliteConnection, limit: usize) -> Result<(), DatabaseError> {
+async fn check_room(db: &mut Connection, limit: usize) -> Result<(), DatabaseError> {
     let queued: i64 = sqlx::query_scalar("SELECT count(*) FROM job WHERE status = 'queued'").fetch_one(db).await?;
     if to_u64(queued) >= limit as u64 {
         return Err(DatabaseError::QueueFull { limit });

@@ -1,13 +1,13 @@
 //! How much of everything there is.
 
-use super::{SqliteDatabase, to_u64};
+use super::{DATABASE_BYTES, Store, to_u64};
 use crate::storage::DatabaseError;
 use visage_domain::Census;
 
-impl SqliteDatabase {
+impl Store {
     /// All of it in one snapshot; reads the indices of the tables of files once.
-    pub(super) async fn counted(&self) -> Result<Census, DatabaseError> {
-        let mut tx = self.readers.begin().await?;
+    pub(in super::super) async fn counted(&self) -> Result<Census, DatabaseError> {
+        let mut tx = self.snapshot().await?;
         let counts: (i64, i64, i64, i64, i64, i64, i64) = sqlx::query_as(
             "SELECT (SELECT count(*) FROM scan_set), (SELECT count(*) FROM scan), (SELECT count(*) FROM model),
                     (SELECT count(*) FROM standard),
@@ -17,17 +17,14 @@ impl SqliteDatabase {
         .fetch_one(&mut *tx)
         .await?;
         let file_bytes: i64 = sqlx::query_scalar(
-            "SELECT (SELECT coalesce(sum(bytes), 0) FROM scan) + (SELECT coalesce(sum(bytes), 0) FROM asset)
+            "SELECT CAST((SELECT coalesce(sum(bytes), 0) FROM scan) + (SELECT coalesce(sum(bytes), 0) FROM asset)
                   + (SELECT coalesce(sum(bytes), 0) FROM standard)
                   + (SELECT coalesce(sum(bytes), 0) FROM binned_scan)
-                  + (SELECT coalesce(sum(bytes), 0) FROM binned_asset)",
+                  + (SELECT coalesce(sum(bytes), 0) FROM binned_asset) AS BIGINT)",
         )
         .fetch_one(&mut *tx)
         .await?;
-        let database_bytes: i64 =
-            sqlx::query_scalar("SELECT page_count * page_size FROM pragma_page_count(), pragma_page_size()")
-                .fetch_one(&mut *tx)
-                .await?;
+        let database_bytes: i64 = sqlx::query_scalar(DATABASE_BYTES).fetch_one(&mut *tx).await?;
         let jobs: Vec<(String, String, i64)> =
             sqlx::query_as("SELECT kind, status, count(*) FROM job GROUP BY kind, status ORDER BY kind, status")
                 .fetch_all(&mut *tx)

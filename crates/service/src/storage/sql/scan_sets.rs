@@ -1,11 +1,9 @@
 //! Scan sets: their scans and their pose file.
 
-use sqlx::SqliteConnection;
-use sqlx::sqlite::SqlitePool;
-
 use super::rows::row;
 use super::{
-    SqliteDatabase, damaged, files, models, recycle_bin, replays, sql_limit, stored_id, timestamp, to_i64, to_u64,
+    Connection, Pool, Store, damaged, files, models, recycle_bin, replays, sql_limit, stored_id, timestamp, to_i64,
+    to_u64,
 };
 use crate::storage::database::ScanSets;
 use crate::storage::{DatabaseError, Deleted, Purged};
@@ -83,7 +81,7 @@ impl ScanRow {
 }
 
 #[async_trait]
-impl ScanSets for SqliteDatabase {
+impl ScanSets for Store {
     async fn create_scan_set(&self, set: &NewScanSet, replay: Option<&Replay>) -> Result<(), DatabaseError> {
         let mut tx = self.begin().await?;
         insert_set(&mut tx, set).await?;
@@ -96,18 +94,20 @@ impl ScanSets for SqliteDatabase {
 
     async fn scan_set(&self, id: ScanSetId) -> Result<ScanSetRecord, DatabaseError> {
         // one snapshot for both statements: a scan set never shows half of a change
-        let mut tx = self.readers.begin().await?;
-        let row: Option<SetRow> =
-            sqlx::query_as("SELECT * FROM scan_set WHERE id = ?").bind(id.to_string()).fetch_optional(&mut *tx).await?;
+        let mut tx = self.snapshot().await?;
+        let row: Option<SetRow> = sqlx::query_as("SELECT * FROM scan_set WHERE id = $1")
+            .bind(id.to_string())
+            .fetch_optional(&mut *tx)
+            .await?;
         let row = row.ok_or_else(|| not_found(id))?;
         let scans = scan_rows(&mut tx, &row.id).await?;
         row.record(scans)
     }
 
     async fn scan_sets(&self, page: &PageRequest) -> Result<Page<ScanSetRecord>, DatabaseError> {
-        let mut tx = self.readers.begin().await?;
+        let mut tx = self.snapshot().await?;
         let rows: Vec<SetRow> =
-            sqlx::query_as("SELECT * FROM scan_set WHERE ?1 IS NULL OR id < ?1 ORDER BY id DESC LIMIT ?2")
+            sqlx::query_as("SELECT * FROM scan_set WHERE $1 IS NULL OR id < $1 ORDER BY id DESC LIMIT $2")
                 .bind(page.before.as_deref())
                 .bind(sql_limit(page))
                 .fetch_all(&mut *tx)
@@ -125,7 +125,7 @@ impl ScanSets for SqliteDatabase {
         check_free(&mut tx, set).await?;
         let old = file_of(&mut tx, set, &scan.name).await?;
         if old.is_none() {
-            let count: i64 = sqlx::query_scalar("SELECT count(*) FROM scan WHERE scan_set_id = ?")
+            let count: i64 = sqlx::query_scalar("SELECT count(*) FROM scan WHERE scan_set_id = $1")
                 .bind(set.to_string())
                 .fetch_one(&mut *tx)
                 .await?;
@@ -149,7 +149,7 @@ impl ScanSets for SqliteDatabase {
     async fn put_poses(&self, set: ScanSetId, poses: &PoseFile) -> Result<(), DatabaseError> {
         let mut tx = self.begin().await?;
         check_free(&mut tx, set).await?;
-        sqlx::query("UPDATE scan_set SET poses_name = ?, poses = ? WHERE id = ?")
+        sqlx::query("UPDATE scan_set SET poses_name = $1, poses = $2 WHERE id = $3")
             .bind(&poses.name)
             .bind(&poses.content)
             .bind(set.to_string())
@@ -161,7 +161,7 @@ impl ScanSets for SqliteDatabase {
 
     async fn expiry(&self, id: ScanSetId) -> Result<Option<jiff::Timestamp>, DatabaseError> {
         let found: Option<(Option<i64>,)> = sqlx::query_as(
-            "SELECT expiry.at FROM scan_set LEFT JOIN expiry ON expiry.scan_set_id = scan_set.id WHERE scan_set.id = ?",
+            "SELECT expiry.at FROM scan_set LEFT JOIN expiry ON expiry.scan_set_id = scan_set.id WHERE scan_set.id = $1",
         )
         .bind(id.to_string())
         .fetch_optional(&self.readers)
@@ -172,16 +172,16 @@ impl ScanSets for SqliteDatabase {
 
     async fn set_expiry(&self, id: ScanSetId, at: Option<jiff::Timestamp>) -> Result<(), DatabaseError> {
         let mut tx = self.begin().await?;
-        let is_there: bool = sqlx::query_scalar("SELECT EXISTS (SELECT 1 FROM scan_set WHERE id = ?)")
+        let is_there: bool = sqlx::query_scalar("SELECT EXISTS (SELECT 1 FROM scan_set WHERE id = $1)")
             .bind(id.to_string())
             .fetch_one(&mut *tx)
             .await?;
         if !is_there {
             return Err(not_found(id));
         }
-        sqlx::query("DELETE FROM expiry WHERE scan_set_id = ?").bind(id.to_string()).execute(&mut *tx).await?;
+        sqlx::query("DELETE FROM expiry WHERE scan_set_id = $1").bind(id.to_string()).execute(&mut *tx).await?;
         if let Some(at) = at {
-            sqlx::query("INSERT INTO expiry (scan_set_id, at) VALUES (?, ?)")
+            sqlx::query("INSERT INTO expiry (scan_set_id, at) VALUES ($1, $2)")
                 .bind(id.to_string())
                 .bind(at.as_millisecond())
                 .execute(&mut *tx)
@@ -197,8 +197,8 @@ impl ScanSets for SqliteDatabase {
         limit: usize,
     ) -> Result<Vec<ScanSetId>, DatabaseError> {
         let ids: Vec<String> = sqlx::query_scalar(
-            "SELECT scan_set_id FROM expiry WHERE at <= ?1 AND (?2 IS NULL OR scan_set_id > ?2)
-             ORDER BY scan_set_id LIMIT ?3",
+            "SELECT scan_set_id FROM expiry WHERE at <= $1 AND ($2 IS NULL OR scan_set_id > $2)
+             ORDER BY scan_set_id LIMIT $3",
         )
         .bind(now.as_millisecond())
         .bind(after.map(|id| id.to_string()))
@@ -213,7 +213,7 @@ impl ScanSets for SqliteDatabase {
     }
 }
 
-impl SqliteDatabase {
+impl Store {
     async fn delete_scan_once(&self, set: ScanSetId, name: &str) -> Result<FileId, DatabaseError> {
         let mut tx = self.begin_any().await?;
         check_free(&mut tx, set).await?;
@@ -232,12 +232,12 @@ impl SqliteDatabase {
         let text = id.to_string();
         let models = models::ids_of_scan_set(&mut tx, &text).await?;
         let jobs: Vec<String> =
-            sqlx::query_scalar("SELECT id FROM job WHERE scan_set_id = ?").bind(&text).fetch_all(&mut *tx).await?;
+            sqlx::query_scalar("SELECT id FROM job WHERE scan_set_id = $1").bind(&text).fetch_all(&mut *tx).await?;
         for resource in jobs.into_iter().chain([text.clone()]) {
             replays::delete_of(&mut tx, &resource).await?;
         }
         // jobs, models, assets and signatures go by foreign keys
-        sqlx::query("DELETE FROM scan_set WHERE id = ?").bind(&text).execute(&mut *tx).await?;
+        sqlx::query("DELETE FROM scan_set WHERE id = $1").bind(&text).execute(&mut *tx).await?;
         files::leave(&mut tx, StoredFile::ScanSet(id)).await?;
         models::leave(&mut tx, &models).await?;
         let mut purged = Purged::default();
@@ -251,29 +251,31 @@ fn not_found(id: ScanSetId) -> DatabaseError {
 }
 
 /// Stores a scan set and its scans; part of a larger transaction.
-pub(super) async fn insert_set(db: &mut SqliteConnection, set: &NewScanSet) -> Result<(), DatabaseError> {
+pub(super) async fn insert_set(db: &mut Connection, set: &NewScanSet) -> Result<(), DatabaseError> {
     let passed_over = match set.passed_over.as_slice() {
         [] => None,
         files => serde_json::to_string(files).ok(),
     };
-    sqlx::query("INSERT INTO scan_set (id, name, unit, poses_name, poses, passed_over) VALUES (?, ?, ?, ?, ?, ?)")
-        .bind(set.id.to_string())
-        .bind(&set.name)
-        .bind(set.unit.name())
-        .bind(set.poses.as_ref().map(|poses| &poses.name))
-        .bind(set.poses.as_ref().map(|poses| &poses.content))
-        .bind(passed_over)
-        .execute(&mut *db)
-        .await?;
+    sqlx::query(
+        "INSERT INTO scan_set (id, name, unit, poses_name, poses, passed_over) VALUES ($1, $2, $3, $4, $5, $6)",
+    )
+    .bind(set.id.to_string())
+    .bind(&set.name)
+    .bind(set.unit.name())
+    .bind(set.poses.as_ref().map(|poses| &poses.name))
+    .bind(set.poses.as_ref().map(|poses| &poses.content))
+    .bind(passed_over)
+    .execute(&mut *db)
+    .await?;
     for scan in &set.scans {
         insert_scan(db, set.id, scan).await?;
     }
     Ok(())
 }
 
-async fn insert_scan(db: &mut SqliteConnection, set: ScanSetId, scan: &ScanRecord) -> Result<(), DatabaseError> {
+async fn insert_scan(db: &mut Connection, set: ScanSetId, scan: &ScanRecord) -> Result<(), DatabaseError> {
     let columns = "INSERT INTO scan (scan_set_id, name, file_id, points, bytes, checksum, reading)
-                   VALUES (?, ?, ?, ?, ?, ?, ?)";
+                   VALUES ($1, $2, $3, $4, $5, $6, $7)";
     sqlx::query(columns)
         .bind(set.to_string())
         .bind(&scan.name)
@@ -287,8 +289,8 @@ async fn insert_scan(db: &mut SqliteConnection, set: ScanSetId, scan: &ScanRecor
     files::settle(db, StoredFile::Scan(set, scan.file_id)).await
 }
 
-async fn delete_scan_row(db: &mut SqliteConnection, set: ScanSetId, name: &str) -> Result<(), DatabaseError> {
-    sqlx::query("DELETE FROM scan WHERE scan_set_id = ? AND name = ?")
+async fn delete_scan_row(db: &mut Connection, set: ScanSetId, name: &str) -> Result<(), DatabaseError> {
+    sqlx::query("DELETE FROM scan WHERE scan_set_id = $1 AND name = $2")
         .bind(set.to_string())
         .bind(name)
         .execute(db)
@@ -296,16 +298,17 @@ async fn delete_scan_row(db: &mut SqliteConnection, set: ScanSetId, name: &str) 
     Ok(())
 }
 
-async fn scan_rows(db: &mut SqliteConnection, set: &str) -> Result<Vec<ScanRow>, DatabaseError> {
-    let rows = sqlx::query_as("SELECT name, file_id, points, bytes, checksum, reading FROM scan WHERE scan_set_id = ?")
-        .bind(set)
-        .fetch_all(db)
-        .await?;
+async fn scan_rows(db: &mut Connection, set: &str) -> Result<Vec<ScanRow>, DatabaseError> {
+    let rows =
+        sqlx::query_as("SELECT name, file_id, points, bytes, checksum, reading FROM scan WHERE scan_set_id = $1")
+            .bind(set)
+            .fetch_all(db)
+            .await?;
     Ok(rows)
 }
 
 /// The scans in the recycle bin.
-pub(super) async fn binned_scans(readers: &SqlitePool) -> Result<Vec<(ScanSetId, ScanRecord)>, DatabaseError> {
+pub(super) async fn binned_scans(readers: &Pool) -> Result<Vec<(ScanSetId, ScanRecord)>, DatabaseError> {
     let rows: Vec<BinnedRow> = sqlx::query_as("SELECT * FROM binned_scan").fetch_all(readers).await?;
     let scan = |row: BinnedRow| {
         let BinnedRow { scan_set_id, name, file_id, points, bytes, checksum, reading } = row;
@@ -317,8 +320,8 @@ pub(super) async fn binned_scans(readers: &SqlitePool) -> Result<Vec<(ScanSetId,
     rows.into_iter().map(scan).collect()
 }
 
-async fn file_of(db: &mut SqliteConnection, set: ScanSetId, name: &str) -> Result<Option<FileId>, DatabaseError> {
-    let file: Option<String> = sqlx::query_scalar("SELECT file_id FROM scan WHERE scan_set_id = ? AND name = ?")
+async fn file_of(db: &mut Connection, set: ScanSetId, name: &str) -> Result<Option<FileId>, DatabaseError> {
+    let file: Option<String> = sqlx::query_scalar("SELECT file_id FROM scan WHERE scan_set_id = $1 AND name = $2")
         .bind(set.to_string())
         .bind(name)
         .fetch_optional(db)
@@ -327,10 +330,10 @@ async fn file_of(db: &mut SqliteConnection, set: ScanSetId, name: &str) -> Resul
 }
 
 /// The set is there and no unfinished job uses it: a job must see the same scans however often it is run.
-pub(super) async fn check_free(db: &mut SqliteConnection, id: ScanSetId) -> Result<(), DatabaseError> {
+pub(super) async fn check_free(db: &mut Connection, id: ScanSetId) -> Result<(), DatabaseError> {
     let in_use: Option<bool> = sqlx::query_scalar(
         "SELECT EXISTS (SELECT 1 FROM job WHERE scan_set_id = scan_set.id AND status IN ('queued', 'running'))
-         FROM scan_set WHERE id = ?",
+         FROM scan_set WHERE id = $1",
     )
     .bind(id.to_string())
     .fetch_optional(db)

@@ -2,8 +2,7 @@
 
 use super::rows::row;
 use super::signatures::checked;
-use super::words::{self, has_words};
-use super::{SqliteDatabase, damaged, stored_id};
+use super::{Store, damaged, has_words, stored_id, words};
 use crate::storage::DatabaseError;
 use crate::storage::database::Matches;
 use async_trait::async_trait;
@@ -41,14 +40,14 @@ impl Row {
 }
 
 #[async_trait]
-impl Matches for SqliteDatabase {
+impl Matches for Store {
     async fn matched_models(&self, ids: &[ModelId]) -> Result<Vec<MatchedModel>, DatabaseError> {
         let list: Vec<String> = ids.iter().map(ModelId::to_string).collect();
         let list = serde_json::to_string(&list).map_err(|error| damaged("ids", error))?;
         let rows: Vec<Row> = sqlx::query_as(
             "SELECT model.id, name, label, unit, job_id IS NULL AS uploaded, content, checksum FROM model
              LEFT JOIN signature ON signature.model_id = model.id
-             WHERE model.id IN (SELECT value FROM json_each(?)) ORDER BY model.id",
+             WHERE model.id IN (SELECT value FROM json_each($1)) ORDER BY model.id",
         )
         .bind(list)
         .fetch_all(&self.readers)
@@ -57,7 +56,7 @@ impl Matches for SqliteDatabase {
     }
 
     async fn models_with_words(&self, words: &[String]) -> Result<Vec<ModelId>, DatabaseError> {
-        let ids: Vec<String> = sqlx::query_scalar(concat!("SELECT id FROM model WHERE ", has_words!("?")))
+        let ids: Vec<String> = sqlx::query_scalar(concat!("SELECT id FROM model WHERE ", has_words!("$1")))
             .bind(words::patterns(words))
             .fetch_all(&self.readers)
             .await?;

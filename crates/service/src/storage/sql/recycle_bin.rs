@@ -1,12 +1,12 @@
 //! What was deleted and can still be put back: its rows are moved into tables of the same columns, and moved back.
 
 use async_trait::async_trait;
-use sqlx::{AssertSqlSafe, SqliteConnection};
+use sqlx::AssertSqlSafe;
 
 use super::rows::row;
-use super::writing::Writing;
 use super::{
-    SqliteDatabase, damaged, evaluations, files, jobs, outbox, replays, scan_sets, sql_limit, stored_id, to_u64,
+    COLUMNS, Connection, Store, Writing, damaged, evaluations, files, jobs, outbox, replays, scan_sets, sql_limit,
+    stored_id, to_u64,
 };
 use crate::storage::database::RecycleBin;
 use crate::storage::{DatabaseError, Deleted, Purged, Unseen};
@@ -15,23 +15,23 @@ use visage_domain::{
     StoredFile,
 };
 
-/// The tables whose rows are moved, parents first, with what tells the rows that belong to the rows of an entry (`?1`).
-const TABLES: [(&str, &str); 8] = [
-    ("scan_set", "id = ?2"),
-    ("scan", "scan_set_id IN (SELECT id FROM binned_scan_set WHERE bin_id = ?1)"),
-    ("expiry", "scan_set_id IN (SELECT id FROM binned_scan_set WHERE bin_id = ?1)"),
-    ("job", "id = ?2 OR scan_set_id = ?2"),
-    ("model", "id = ?2 OR job_id = ?2 OR scan_set_id = ?2"),
-    ("asset", "model_id IN (SELECT id FROM binned_model WHERE bin_id = ?1)"),
-    ("signature", "model_id IN (SELECT id FROM binned_model WHERE bin_id = ?1)"),
+/// The tables whose rows are moved, parents first, with what tells the rows that belong to the rows of an entry (`$1`).
+pub(in super::super) const TABLES: [(&str, &str); 8] = [
+    ("scan_set", "id = $2"),
+    ("scan", "scan_set_id IN (SELECT id FROM binned_scan_set WHERE bin_id = $1)"),
+    ("expiry", "scan_set_id IN (SELECT id FROM binned_scan_set WHERE bin_id = $1)"),
+    ("job", "id = $2 OR scan_set_id = $2"),
+    ("model", "id = $2 OR job_id = $2 OR scan_set_id = $2"),
+    ("asset", "model_id IN (SELECT id FROM binned_model WHERE bin_id = $1)"),
+    ("signature", "model_id IN (SELECT id FROM binned_model WHERE bin_id = $1)"),
     // the standard may be deleted meanwhile: then it has no examples
-    ("example", "model_id IN (SELECT id FROM binned_model WHERE bin_id = ?1)"),
+    ("example", "model_id IN (SELECT id FROM binned_model WHERE bin_id = $1)"),
 ];
 
 const ENTRY: &str = "SELECT bin.*,
     (SELECT count(*) FROM binned_model WHERE bin_id = bin.id) AS models,
-    (SELECT coalesce(sum(bytes), 0) FROM binned_scan WHERE bin_id = bin.id)
-      + (SELECT coalesce(sum(bytes), 0) FROM binned_asset WHERE bin_id = bin.id) AS bytes FROM bin";
+    CAST((SELECT coalesce(sum(bytes), 0) FROM binned_scan WHERE bin_id = bin.id)
+       + (SELECT coalesce(sum(bytes), 0) FROM binned_asset WHERE bin_id = bin.id) AS BIGINT) AS bytes FROM bin";
 
 row! {
     struct Row {
@@ -59,7 +59,7 @@ impl Row {
 }
 
 #[async_trait]
-impl RecycleBin for SqliteDatabase {
+impl RecycleBin for Store {
     async fn put_in_bin(&self, thing: Deletable) -> Result<Deleted, DatabaseError> {
         // it frees nothing, so it is refused on a full disk, where the deletion for good is not
         let mut tx = self.begin().await?;
@@ -79,7 +79,7 @@ impl RecycleBin for SqliteDatabase {
             Deletable::Model(_) => ("model", "name, label"),
         };
         let noted = sqlx::query(AssertSqlSafe(format!(
-            "INSERT INTO bin (id, kind, thing, name, label) SELECT ?1, ?3, id, {described} FROM {table} WHERE id = ?2"
+            "INSERT INTO bin (id, kind, thing, name, label) SELECT $1, $3, id, {described} FROM {table} WHERE id = $2"
         )))
         .bind(&entry)
         .bind(&id)
@@ -92,12 +92,12 @@ impl RecycleBin for SqliteDatabase {
         for (name, of_entry) in TABLES {
             let columns = columns(&mut tx, name).await?;
             let copy = format!(
-                "INSERT INTO binned_{name} (bin_id, {columns}) SELECT ?1, {columns} FROM {name} WHERE {of_entry}"
+                "INSERT INTO binned_{name} (bin_id, {columns}) SELECT $1, {columns} FROM {name} WHERE {of_entry}"
             );
             sqlx::query(AssertSqlSafe(copy)).bind(&entry).bind(&id).execute(&mut *tx).await?;
         }
         let resources: Vec<String> = sqlx::query_scalar(
-            "SELECT id FROM binned_job WHERE bin_id = ?1 UNION SELECT id FROM binned_model WHERE bin_id = ?1 UNION SELECT ?2",
+            "SELECT id FROM binned_job WHERE bin_id = $1 UNION SELECT id FROM binned_model WHERE bin_id = $1 UNION SELECT $2",
         )
         .bind(&entry)
         .bind(&id)
@@ -107,7 +107,7 @@ impl RecycleBin for SqliteDatabase {
             replays::delete_of(&mut tx, &resource).await?;
         }
         // what is derived from it goes by foreign keys
-        sqlx::query(AssertSqlSafe(format!("DELETE FROM {table} WHERE id = ?"))).bind(&id).execute(&mut *tx).await?;
+        sqlx::query(AssertSqlSafe(format!("DELETE FROM {table} WHERE id = $1"))).bind(&id).execute(&mut *tx).await?;
         let models = models_of(&mut tx, &entry).await?;
         for model in &models {
             outbox::tell(&mut tx, &Event::ModelDeleted(*model)).await?;
@@ -116,7 +116,7 @@ impl RecycleBin for SqliteDatabase {
     }
 
     async fn bin(&self, page: &PageRequest) -> Result<Page<BinRecord>, DatabaseError> {
-        let list = format!("{ENTRY} WHERE ?1 IS NULL OR id < ?1 ORDER BY id DESC LIMIT ?2");
+        let list = format!("{ENTRY} WHERE $1 IS NULL OR id < $1 ORDER BY id DESC LIMIT $2");
         let rows: Vec<Row> = sqlx::query_as(AssertSqlSafe(list))
             .bind(page.before.as_deref())
             .bind(sql_limit(page))
@@ -127,7 +127,7 @@ impl RecycleBin for SqliteDatabase {
     }
 
     async fn binned(&self, thing: &str) -> Result<BinRecord, DatabaseError> {
-        let one = format!("{ENTRY} WHERE thing = ?");
+        let one = format!("{ENTRY} WHERE thing = $1");
         let row: Option<Row> = sqlx::query_as(AssertSqlSafe(one)).bind(thing).fetch_optional(&self.readers).await?;
         row.ok_or_else(|| not_found(thing))?.record()
     }
@@ -135,14 +135,14 @@ impl RecycleBin for SqliteDatabase {
     async fn restore(&self, thing: &str) -> Result<(Vec<ModelId>, Unseen), DatabaseError> {
         let mut tx = self.begin().await?;
         let entry: Option<String> =
-            sqlx::query_scalar("SELECT id FROM bin WHERE thing = ?").bind(thing).fetch_optional(&mut *tx).await?;
+            sqlx::query_scalar("SELECT id FROM bin WHERE thing = $1").bind(thing).fetch_optional(&mut *tx).await?;
         let entry = entry.ok_or_else(|| not_found(thing))?;
         check_origin(&mut tx, &entry).await?;
         for (name, _) in TABLES {
             let columns = columns(&mut tx, name).await?;
             let is_known = if name == "example" { "AND standard_id IN (SELECT id FROM standard)" } else { "" };
             let copy = format!(
-                "INSERT INTO {name} ({columns}) SELECT {columns} FROM binned_{name} WHERE bin_id = ? {is_known}"
+                "INSERT INTO {name} ({columns}) SELECT {columns} FROM binned_{name} WHERE bin_id = $1 {is_known}"
             );
             sqlx::query(AssertSqlSafe(copy)).bind(&entry).execute(&mut *tx).await?;
         }
@@ -190,14 +190,14 @@ impl RecycleBin for SqliteDatabase {
     }
 }
 
-impl SqliteDatabase {
+impl Store {
     async fn purge_due_once(&self, due: &BinDue) -> Result<Purged, DatabaseError> {
         let (mut tx, mut purged): (Writing, _) = (self.begin_any().await?, Purged::default());
         let entries: Vec<String> = sqlx::query_scalar(
-            "SELECT id FROM bin WHERE id < ?1
-             UNION SELECT bin_id FROM binned_scan_set WHERE id < ?2
-             UNION SELECT bin_id FROM binned_expiry WHERE at <= ?3
-             UNION SELECT bin.id FROM bin WHERE kind = 'model' AND thing < ?4",
+            "SELECT id FROM bin WHERE id < $1
+             UNION SELECT bin_id FROM binned_scan_set WHERE id < $2
+             UNION SELECT bin_id FROM binned_expiry WHERE at <= $3
+             UNION SELECT bin.id FROM bin WHERE kind = 'model' AND thing < $4",
         )
         .bind(due.before.to_string())
         .bind(due.scan_sets_before.map(|id| id.to_string()))
@@ -209,7 +209,7 @@ impl SqliteDatabase {
             purge_entry(&mut tx, &entry, &mut purged).await?;
         }
         // of scan sets and jobs that stay in the bin, the models go that are too old
-        let models: Vec<String> = sqlx::query_scalar("SELECT id FROM binned_model WHERE id < ?")
+        let models: Vec<String> = sqlx::query_scalar("SELECT id FROM binned_model WHERE id < $1")
             .bind(due.models_before.map(|id| id.to_string()))
             .fetch_all(&mut *tx)
             .await?;
@@ -217,7 +217,7 @@ impl SqliteDatabase {
             for (table, column) in
                 [("example", "model_id"), ("signature", "model_id"), ("asset", "model_id"), ("model", "id")]
             {
-                let delete = format!("DELETE FROM binned_{table} WHERE {column} = ?");
+                let delete = format!("DELETE FROM binned_{table} WHERE {column} = $1");
                 sqlx::query(AssertSqlSafe(delete)).bind(&model).execute(&mut *tx).await?;
             }
             leave_model(&mut tx, stored_id!(ModelId, &model)?, &mut purged).await?;
@@ -232,13 +232,12 @@ fn not_found(thing: &str) -> DatabaseError {
 }
 
 /// The columns of a table, as SQL lists them.
-async fn columns(db: &mut SqliteConnection, table: &str) -> Result<String, DatabaseError> {
-    let columns = "SELECT group_concat('\"' || name || '\"', ', ') FROM pragma_table_info(?)";
-    Ok(sqlx::query_scalar(columns).bind(table).fetch_one(db).await?)
+async fn columns(db: &mut Connection, table: &str) -> Result<String, DatabaseError> {
+    Ok(sqlx::query_scalar(COLUMNS).bind(table).fetch_one(db).await?)
 }
 
-async fn models_of(db: &mut SqliteConnection, entry: &str) -> Result<Vec<ModelId>, DatabaseError> {
-    let ids: Vec<String> = sqlx::query_scalar("SELECT id FROM binned_model WHERE bin_id = ? ORDER BY id")
+async fn models_of(db: &mut Connection, entry: &str) -> Result<Vec<ModelId>, DatabaseError> {
+    let ids: Vec<String> = sqlx::query_scalar("SELECT id FROM binned_model WHERE bin_id = $1 ORDER BY id")
         .bind(entry)
         .fetch_all(db)
         .await?;
@@ -246,14 +245,14 @@ async fn models_of(db: &mut SqliteConnection, entry: &str) -> Result<Vec<ModelId
 }
 
 /// What an entry was made of is there, or comes back with it.
-async fn check_origin(db: &mut SqliteConnection, entry: &str) -> Result<(), DatabaseError> {
+async fn check_origin(db: &mut Connection, entry: &str) -> Result<(), DatabaseError> {
     let missing: Option<(String, String)> = sqlx::query_as(
         "SELECT 'scan set', scan_set_id FROM (
-             SELECT scan_set_id FROM binned_job WHERE bin_id = ?1 UNION SELECT scan_set_id FROM binned_model WHERE bin_id = ?1)
-         WHERE scan_set_id IS NOT NULL AND scan_set_id NOT IN (SELECT id FROM scan_set UNION SELECT id FROM binned_scan_set WHERE bin_id = ?1)
+             SELECT scan_set_id FROM binned_job WHERE bin_id = $1 UNION SELECT scan_set_id FROM binned_model WHERE bin_id = $1) AS origin
+         WHERE scan_set_id IS NOT NULL AND scan_set_id NOT IN (SELECT id FROM scan_set UNION SELECT id FROM binned_scan_set WHERE bin_id = $1)
          UNION ALL
-         SELECT 'job', job_id FROM binned_model WHERE bin_id = ?1
-         AND job_id IS NOT NULL AND job_id NOT IN (SELECT id FROM job UNION SELECT id FROM binned_job WHERE bin_id = ?1)
+         SELECT 'job', job_id FROM binned_model WHERE bin_id = $1
+         AND job_id IS NOT NULL AND job_id NOT IN (SELECT id FROM job UNION SELECT id FROM binned_job WHERE bin_id = $1)
          LIMIT 1",
     )
     .bind(entry)
@@ -269,19 +268,19 @@ async fn check_origin(db: &mut SqliteConnection, entry: &str) -> Result<(), Data
 }
 
 /// Takes the rows of an entry out of the bin.
-async fn forget_entry(db: &mut SqliteConnection, entry: &str) -> Result<(), DatabaseError> {
+async fn forget_entry(db: &mut Connection, entry: &str) -> Result<(), DatabaseError> {
     for (table, _) in TABLES {
-        let delete = format!("DELETE FROM binned_{table} WHERE bin_id = ?");
+        let delete = format!("DELETE FROM binned_{table} WHERE bin_id = $1");
         sqlx::query(AssertSqlSafe(delete)).bind(entry).execute(&mut *db).await?;
     }
-    sqlx::query("DELETE FROM bin WHERE id = ?").bind(entry).execute(db).await?;
+    sqlx::query("DELETE FROM bin WHERE id = $1").bind(entry).execute(db).await?;
     Ok(())
 }
 
 /// Forgets an entry for good, with the entries of what was made of its things.
-async fn purge_entry(db: &mut SqliteConnection, entry: &str, purged: &mut Purged) -> Result<(), DatabaseError> {
+async fn purge_entry(db: &mut Writing, entry: &str, purged: &mut Purged) -> Result<(), DatabaseError> {
     let thing: Option<String> =
-        sqlx::query_scalar("SELECT thing FROM bin WHERE id = ?").bind(entry).fetch_optional(&mut *db).await?;
+        sqlx::query_scalar("SELECT thing FROM bin WHERE id = $1").bind(entry).fetch_optional(&mut **db).await?;
     // it went with another one
     let Some(thing) = thing else { return Ok(()) };
     forget_for_good(db, entry, purged).await?;
@@ -289,17 +288,13 @@ async fn purge_entry(db: &mut SqliteConnection, entry: &str, purged: &mut Purged
 }
 
 /// Forgets for good what was made of a scan set or a job that is gone for good; part of a larger transaction.
-pub(super) async fn purge_made_of(
-    db: &mut SqliteConnection,
-    thing: &str,
-    purged: &mut Purged,
-) -> Result<(), DatabaseError> {
+pub(super) async fn purge_made_of(db: &mut Writing, thing: &str, purged: &mut Purged) -> Result<(), DatabaseError> {
     let entries: Vec<String> = sqlx::query_scalar(
-        "SELECT bin_id FROM binned_job WHERE scan_set_id = ?1
-         UNION SELECT bin_id FROM binned_model WHERE scan_set_id = ?1 OR job_id = ?1",
+        "SELECT bin_id FROM binned_job WHERE scan_set_id = $1
+         UNION SELECT bin_id FROM binned_model WHERE scan_set_id = $1 OR job_id = $1",
     )
     .bind(thing)
-    .fetch_all(&mut *db)
+    .fetch_all(&mut **db)
     .await?;
     for entry in entries {
         forget_for_good(db, &entry, purged).await?;
@@ -307,10 +302,10 @@ pub(super) async fn purge_made_of(
     Ok(())
 }
 
-async fn forget_for_good(db: &mut SqliteConnection, entry: &str, purged: &mut Purged) -> Result<(), DatabaseError> {
+async fn forget_for_good(db: &mut Writing, entry: &str, purged: &mut Purged) -> Result<(), DatabaseError> {
     let models = models_of(db, entry).await?;
     let sets: Vec<String> =
-        sqlx::query_scalar("SELECT id FROM binned_scan_set WHERE bin_id = ?").bind(entry).fetch_all(&mut *db).await?;
+        sqlx::query_scalar("SELECT id FROM binned_scan_set WHERE bin_id = $1").bind(entry).fetch_all(&mut **db).await?;
     forget_entry(db, entry).await?;
     purged.entries += 1;
     for model in models {
@@ -324,52 +319,8 @@ async fn forget_for_good(db: &mut SqliteConnection, entry: &str, purged: &mut Pu
     Ok(())
 }
 
-async fn leave_model(db: &mut SqliteConnection, model: ModelId, purged: &mut Purged) -> Result<(), DatabaseError> {
+async fn leave_model(db: &mut Writing, model: ModelId, purged: &mut Purged) -> Result<(), DatabaseError> {
     files::leave(db, StoredFile::Model(model)).await?;
     purged.files.push(StoredFile::Model(model));
     Ok(())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::super::testing;
-    use super::*;
-
-    /// A migration that forgets the bin would lose a column at the first restore.
-    #[tokio::test]
-    async fn the_tables_of_the_bin_have_the_columns_of_those_they_stand_for() {
-        let (store, _folder) = testing::store().await;
-        let mut db = store.readers.acquire().await.expect("a connection");
-        for (table, _) in TABLES {
-            let mut names = async |table: &str| {
-                let names = columns(&mut db, table).await.expect("read");
-                let mut names: Vec<String> = names.split(", ").map(str::to_owned).collect();
-                names.sort();
-                names
-            };
-            let mut own = names(table).await;
-            own.push("\"bin_id\"".to_owned());
-            own.sort();
-            assert_eq!(names(&format!("binned_{table}")).await, own, "{table}");
-        }
-    }
-
-    /// What refers to a table of the bin would be deleted with the row and not come back.
-    #[tokio::test]
-    async fn every_table_that_goes_with_a_set_a_job_or_a_model_is_in_the_bin_or_made_anew() {
-        let (store, _folder) = testing::store().await;
-        let tables: Vec<String> = sqlx::query_scalar(
-            "SELECT DISTINCT s.name FROM sqlite_schema AS s, pragma_foreign_key_list(s.name) AS f
-             WHERE f.\"table\" IN ('scan_set', 'job', 'model') ORDER BY 1",
-        )
-        .fetch_all(&store.readers)
-        .await
-        .expect("read");
-        let made_anew = ["verdict", "upload"];
-        for table in &tables {
-            let is_kept = TABLES.iter().any(|(name, _)| name == table);
-            assert!(is_kept || made_anew.contains(&table.as_str()), "{table} is deleted and not put back");
-        }
-        assert!(tables.len() >= 7, "{tables:?}");
-    }
 }

@@ -1,11 +1,9 @@
 //! Models: what they are made of, their files and their signatures.
 
-use sqlx::SqliteConnection;
-
 use super::rows::row;
-use super::words::{self, has_words};
 use super::{
-    SqliteDatabase, damaged, evaluations, files, outbox, replays, signatures, sql_limit, stored_id, to_i64, to_u64,
+    Connection, Store, Writing, damaged, evaluations, files, has_words, outbox, replays, signatures, sql_limit,
+    stored_id, to_i64, to_u64, words,
 };
 use crate::storage::database::Models;
 use crate::storage::{DatabaseError, Deleted, Purged, Unseen};
@@ -48,7 +46,7 @@ impl ModelRow {
 }
 
 #[async_trait]
-impl Models for SqliteDatabase {
+impl Models for Store {
     async fn create_model(&self, model: &NewModel, replay: Option<&Replay>) -> Result<Unseen, DatabaseError> {
         let mut tx = self.begin().await?;
         insert(&mut tx, model).await?;
@@ -69,7 +67,7 @@ impl Models for SqliteDatabase {
     async fn model(&self, id: ModelId) -> Result<ModelRecord, DatabaseError> {
         let row: Option<ModelRow> = sqlx::query_as(
             "SELECT model.*, signature.summary FROM model
-             LEFT JOIN signature ON signature.model_id = model.id WHERE model.id = ?",
+             LEFT JOIN signature ON signature.model_id = model.id WHERE model.id = $1",
         )
         .bind(id.to_string())
         .fetch_optional(&self.readers)
@@ -81,12 +79,12 @@ impl Models for SqliteDatabase {
         let rows: Vec<ModelRow> = sqlx::query_as(concat!(
             "SELECT model.*, signature.summary FROM model
              LEFT JOIN signature ON signature.model_id = model.id
-             WHERE (?1 IS NULL OR model.id < ?1)
-               AND (?2 IS NULL OR model.label = ?2)
-               AND (?3 IS NULL OR model.scan_set_id = ?3)
+             WHERE ($1 IS NULL OR model.id < $1)
+               AND ($2 IS NULL OR model.label = $2)
+               AND ($3 IS NULL OR model.scan_set_id = $3)
                AND ",
-            has_words!("?4"),
-            " ORDER BY model.id DESC LIMIT ?5",
+            has_words!("$4"),
+            " ORDER BY model.id DESC LIMIT $5",
         ))
         .bind(page.before.as_deref())
         .bind(filter.label.as_deref())
@@ -101,7 +99,7 @@ impl Models for SqliteDatabase {
 
     async fn assets(&self, id: ModelId) -> Result<Vec<AssetRecord>, DatabaseError> {
         let rows: Vec<(String, i64, String)> =
-            sqlx::query_as("SELECT name, bytes, checksum FROM asset WHERE model_id = ? ORDER BY name")
+            sqlx::query_as("SELECT name, bytes, checksum FROM asset WHERE model_id = $1 ORDER BY name")
                 .bind(id.to_string())
                 .fetch_all(&self.readers)
                 .await?;
@@ -115,7 +113,7 @@ impl Models for SqliteDatabase {
         let delete = || async {
             let mut tx = self.begin_any().await?;
             replays::delete_of(&mut tx, &id.to_string()).await?;
-            let done = sqlx::query("DELETE FROM model WHERE id = ?").bind(id.to_string()).execute(&mut *tx).await?;
+            let done = sqlx::query("DELETE FROM model WHERE id = $1").bind(id.to_string()).execute(&mut *tx).await?;
             if done.rows_affected() == 0 {
                 return Err(not_found(id));
             }
@@ -131,11 +129,11 @@ fn not_found(id: ModelId) -> DatabaseError {
 }
 
 /// Stores a model with its files' records and its signature; part of a larger transaction.
-pub(super) async fn insert(db: &mut SqliteConnection, model: &NewModel) -> Result<(), DatabaseError> {
+pub(super) async fn insert(db: &mut Writing, model: &NewModel) -> Result<(), DatabaseError> {
     let id = model.id.to_string();
     sqlx::query(
         "INSERT INTO model (id, job_id, scan_set_id, name, label, unit, points, quality, reading)
-         VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
+         VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9)",
     )
     .bind(&id)
     .bind(model.origin.map(|(job, _)| job.to_string()))
@@ -146,15 +144,15 @@ pub(super) async fn insert(db: &mut SqliteConnection, model: &NewModel) -> Resul
     .bind(to_i64(model.points))
     .bind(&model.quality)
     .bind(&model.reading)
-    .execute(&mut *db)
+    .execute(&mut **db)
     .await?;
     for asset in &model.assets {
-        sqlx::query("INSERT INTO asset (model_id, name, bytes, checksum) VALUES (?, ?, ?, ?)")
+        sqlx::query("INSERT INTO asset (model_id, name, bytes, checksum) VALUES ($1, $2, $3, $4)")
             .bind(&id)
             .bind(&asset.name)
             .bind(to_i64(asset.bytes))
             .bind(&asset.checksum)
-            .execute(&mut *db)
+            .execute(&mut **db)
             .await?;
     }
     if let Some(signature) = &model.signature {
@@ -163,7 +161,7 @@ pub(super) async fn insert(db: &mut SqliteConnection, model: &NewModel) -> Resul
     files::settle(db, StoredFile::Model(model.id)).await?;
     outbox::tell(db, &Event::ModelAdded(model.id)).await?;
     let is_to_be_judged: bool =
-        sqlx::query_scalar("SELECT EXISTS (SELECT 1 FROM standard)").fetch_one(&mut *db).await?;
+        sqlx::query_scalar("SELECT EXISTS (SELECT 1 FROM standard)").fetch_one(&mut **db).await?;
     if is_to_be_judged {
         evaluations::queue(db).await?;
     }
@@ -171,7 +169,7 @@ pub(super) async fn insert(db: &mut SqliteConnection, model: &NewModel) -> Resul
 }
 
 /// Models have no rows any more; part of the transaction that deletes those.
-pub(super) async fn leave(db: &mut SqliteConnection, models: &[ModelId]) -> Result<(), DatabaseError> {
+pub(super) async fn leave(db: &mut Writing, models: &[ModelId]) -> Result<(), DatabaseError> {
     for model in models {
         files::leave(db, StoredFile::Model(*model)).await?;
         outbox::tell(db, &Event::ModelDeleted(*model)).await?;
@@ -180,15 +178,15 @@ pub(super) async fn leave(db: &mut SqliteConnection, models: &[ModelId]) -> Resu
 }
 
 /// The models made from a scan set.
-pub(super) async fn ids_of_scan_set(db: &mut SqliteConnection, set: &str) -> Result<Vec<ModelId>, DatabaseError> {
+pub(super) async fn ids_of_scan_set(db: &mut Connection, set: &str) -> Result<Vec<ModelId>, DatabaseError> {
     let ids: Vec<String> =
-        sqlx::query_scalar("SELECT id FROM model WHERE scan_set_id = ?").bind(set).fetch_all(db).await?;
+        sqlx::query_scalar("SELECT id FROM model WHERE scan_set_id = $1").bind(set).fetch_all(db).await?;
     ids.iter().map(|text| stored_id!(ModelId, text)).collect()
 }
 
 /// The model made by a job.
-pub(super) async fn id_of_job(db: &mut SqliteConnection, job: &str) -> Result<Option<ModelId>, DatabaseError> {
+pub(super) async fn id_of_job(db: &mut Connection, job: &str) -> Result<Option<ModelId>, DatabaseError> {
     let id: Option<String> =
-        sqlx::query_scalar("SELECT id FROM model WHERE job_id = ?").bind(job).fetch_optional(db).await?;
+        sqlx::query_scalar("SELECT id FROM model WHERE job_id = $1").bind(job).fetch_optional(db).await?;
     id.map(|text| stored_id!(ModelId, &text)).transpose()
 }

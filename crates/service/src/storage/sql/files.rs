@@ -1,9 +1,7 @@
 //! Which files belong to the database, and which may be on disk though no row knows them.
 
-use sqlx::SqliteConnection;
-
 use super::rows::row;
-use super::{SqliteDatabase, now_ms, stored_id};
+use super::{Connection, Store, Writing, stored_id};
 use crate::storage::DatabaseError;
 use crate::storage::database::Files;
 use async_trait::async_trait;
@@ -66,9 +64,9 @@ impl LooseRow {
 }
 
 #[async_trait]
-impl Files for SqliteDatabase {
+impl Files for Store {
     async fn known_files(&self) -> Result<(KnownFiles, Vec<LooseFile>), DatabaseError> {
-        let mut tx = self.readers.begin().await?;
+        let mut tx = self.snapshot().await?;
         // what is in the recycle bin needs its files, too
         let sets: Vec<String> = sqlx::query_scalar("SELECT id FROM scan_set UNION ALL SELECT id FROM binned_scan_set")
             .fetch_all(&mut *tx)
@@ -115,8 +113,8 @@ impl Files for SqliteDatabase {
 }
 
 /// A file has its row now; part of the transaction that stores that.
-pub(super) async fn settle(db: &mut SqliteConnection, file: StoredFile) -> Result<(), DatabaseError> {
-    sqlx::query("DELETE FROM loose_file WHERE kind = ? AND id = ?")
+pub(super) async fn settle(db: &mut Connection, file: StoredFile) -> Result<(), DatabaseError> {
+    sqlx::query("DELETE FROM loose_file WHERE kind = $1 AND id = $2")
         .bind(kind_of(file))
         .bind(id_of(file))
         .execute(db)
@@ -125,23 +123,25 @@ pub(super) async fn settle(db: &mut SqliteConnection, file: StoredFile) -> Resul
 }
 
 /// A file has no row any more; part of the transaction that deletes that.
-pub(super) async fn leave(db: &mut SqliteConnection, file: StoredFile) -> Result<(), DatabaseError> {
+pub(super) async fn leave(db: &mut Writing, file: StoredFile) -> Result<(), DatabaseError> {
     insert_loose(db, file, None).await
 }
 
 /// With an owner, who puts the file in its place; without, its row was deleted.
-async fn insert_loose(db: &mut SqliteConnection, file: StoredFile, owner: Option<Owner>) -> Result<(), DatabaseError> {
-    let columns = "INSERT OR REPLACE INTO loose_file (kind, id, scan_set_id, is_deleted, since, seat, process)
-                   VALUES (?, ?, ?, ?, ?, ?, ?)";
+async fn insert_loose(db: &mut Writing, file: StoredFile, owner: Option<Owner>) -> Result<(), DatabaseError> {
+    let columns = "INSERT INTO loose_file (kind, id, scan_set_id, is_deleted, since, seat, process)
+                   VALUES ($1, $2, $3, $4, $5, $6, $7)
+                   ON CONFLICT (kind, id) DO UPDATE SET scan_set_id = excluded.scan_set_id, since = excluded.since,
+                       is_deleted = excluded.is_deleted, seat = excluded.seat, process = excluded.process";
     sqlx::query(columns)
         .bind(kind_of(file))
         .bind(id_of(file))
         .bind(scan_set_of(file))
         .bind(owner.is_none())
-        .bind(now_ms())
+        .bind(db.now_ms())
         .bind(owner.map(|owner| owner.seat.to_string()))
         .bind(owner.map(|owner| owner.process.to_string()))
-        .execute(db)
+        .execute(&mut **db)
         .await?;
     Ok(())
 }
