@@ -8,6 +8,7 @@ mod convert;
 pub mod demo;
 pub mod deviation;
 mod doctor;
+mod exchange;
 mod healthcheck;
 mod key;
 mod objects;
@@ -74,6 +75,10 @@ enum Command {
     Backup(backup::BackupArgs),
     /// Put a backup back into a new data folder.
     Restore(backup::RestoreArgs),
+    /// Write the gallery of a data folder into one file, for a program of another version.
+    Export(exchange::ExportArgs),
+    /// Read what `visage export` has written into a data folder.
+    Import(exchange::ImportArgs),
     /// Make, list and revoke the keys of a service.
     Key(key::KeyArgs),
     /// Print the contract of the service (OpenAPI, YAML).
@@ -132,6 +137,8 @@ fn run() -> anyhow::Result<()> {
         Command::Doctor(args) => doctor::run(args),
         Command::Backup(args) => backup::back_up(args),
         Command::Restore(args) => backup::restore(args),
+        Command::Export(args) => exchange::export(args),
+        Command::Import(args) => exchange::import(args),
         Command::Key(args) => key::run(args),
         Command::Openapi => openapi::run(),
         Command::Healthcheck(args) => healthcheck::run(args),

@@ -12,6 +12,7 @@
 //! - [`placing`]: where a probe lies on what was found; [`deviation`]: how far models of one frame are from each other;
 //!   [`duplicates`]: models that are there twice; [`model_file`]: what is measured on
 //! - [`evaluations`]: how well the gallery's answers agree with its labels
+//! - [`exchange`]: a gallery as one file, for programs of other versions
 //! - [`live_gallery`]: the stored signatures, searchable in memory
 //! - [`engine`]: the seam to the algorithms (tests put slow or failing ones in)
 //! - [`looks`]: many who wait for one job look at it together; [`shared_reads`]: so do others who read one thing at a time
@@ -28,6 +29,7 @@ pub mod deviation;
 pub mod duplicates;
 pub mod engine;
 pub mod evaluations;
+pub mod exchange;
 pub mod figures;
 pub mod live_gallery;
 pub mod looks;

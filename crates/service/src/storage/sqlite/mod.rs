@@ -13,6 +13,7 @@ mod evaluations;
 mod files;
 #[cfg(test)]
 mod history_tests;
+mod imports;
 mod jobs;
 mod keys;
 mod matches;
