@@ -48,8 +48,9 @@ ci:
 
 # known faults, licences and sources of what it is built of (cargo install cargo-deny cargo-audit)
 audit:
-    cargo deny check
-    cargo audit
+    cargo deny --all-features check
+    cargo audit --deny warnings
+    cargo audit --deny warnings --file examples/library/Cargo.lock
 
 # what takes too long for every change: hundreds of kills, disks that are full
 long:

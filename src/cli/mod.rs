@@ -9,6 +9,7 @@ mod database;
 pub mod demo;
 pub mod deviation;
 mod doctor;
+mod exchange;
 mod healthcheck;
 mod key;
 mod migrate;
@@ -78,6 +79,10 @@ enum Command {
     Migrate(migrate::MigrateArgs),
     /// Put a backup back into a new data folder.
     Restore(backup::RestoreArgs),
+    /// Write the gallery of a data folder into one file, for a program of another version.
+    Export(exchange::ExportArgs),
+    /// Read what `visage export` has written into a data folder.
+    Import(exchange::ImportArgs),
     /// Make, list and revoke the keys of a service.
     Key(key::KeyArgs),
     /// Print the contract of the service (OpenAPI, YAML).
@@ -137,6 +142,8 @@ fn run() -> anyhow::Result<()> {
         Command::Backup(args) => backup::back_up(args),
         Command::Migrate(args) => migrate::run(&args),
         Command::Restore(args) => backup::restore(args),
+        Command::Export(args) => exchange::export(args),
+        Command::Import(args) => exchange::import(args),
         Command::Key(args) => key::run(args),
         Command::Openapi => openapi::run(),
         Command::Healthcheck(args) => healthcheck::run(args),

@@ -11,7 +11,7 @@ use visage::config::{BucketSettings, ServerConfig};
 use visage::domain::{FileId, ModelId, StoredFile};
 use visage::http::{Server, StartError};
 use visage::storage::data_folder::backup;
-use visage::storage::data_folder::{DataFolder, OpenError};
+use visage::storage::data_folder::{DataFolder, OpenError, Places};
 use visage::storage::inventory::StorageError;
 
 use crate::common::{TestServer, config, expect_json, expect_problem, files, scan_form, text};
@@ -33,7 +33,9 @@ fn keeps_in(objects: &BucketSettings) -> impl FnOnce(&mut ServerConfig) + use<> 
 
 /// What is in the bucket. No server may be using the folder.
 async fn stored(folder: &Path, objects: &BucketSettings) -> Vec<StoredFile> {
-    let data = DataFolder::open_with(folder, Duration::from_secs(5), Some(objects)).await.expect("opened");
+    let data = DataFolder::open_with(folder, Duration::from_secs(5), Places { objects: Some(objects), database: None })
+        .await
+        .expect("opened");
     let files = data.storage.blocking(|objects| objects.listing()).await.expect("listed");
     data.storage.database.close().await;
     files

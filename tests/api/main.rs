@@ -15,6 +15,7 @@ mod contract;
 mod describing;
 mod documents;
 mod encoding;
+mod exchange;
 mod gallery;
 mod hints;
 mod hosts;

@@ -70,6 +70,8 @@ def test_surfaces_go_over_to_trimesh(registration: visage.Registration) -> None:
 
 def test_surfaces_go_over_to_open3d(registration: visage.Registration) -> None:
     pytest.importorskip("open3d")
+    # what trimesh was given before stays ours
+    registration.mesh.to_trimesh()
     assert len(registration.cloud.to_open3d().points) == len(registration.cloud)
     assert len(registration.mesh.to_open3d().triangles) == len(registration.mesh.triangles)
 

@@ -6,6 +6,7 @@
 //! - `scan_set`, `job`, `model`, `signature`, `standard`, `evaluation`, `replay`: records, as they are stored and given back
 //! - `job_kind`, `job_status`, `queue`: what jobs are for, where they stand, and how workers take and end them
 //! - `segment`: files of the index, and what they don't tell
+//! - `import`: models that come from another data folder
 //! - `key`, `audit`: who may ask, and for what; who did what; `webhook`: addresses that get messages, and of which events
 //! - `upload`: files that come piece by piece; `recycle_bin`: what was deleted and can still be put back
 //! - `stored_file`: what is kept as files; `census`: how much; `page`: lists, page by page
@@ -17,6 +18,7 @@ mod audit;
 mod census;
 mod evaluation;
 mod ids;
+mod import;
 mod job;
 mod job_kind;
 mod job_status;
@@ -43,6 +45,7 @@ pub use ids::{
     AuditId, BinId, DeliveryId, FileId, FolderId, JobId, KeyId, ModelId, ProcessId, ScanSetId, SeatId, SegmentId,
     SessionId, StandardId, UploadId, WebhookId,
 };
+pub use import::ImportedModel;
 pub use job::{CancelAnswer, JobBase, JobError, JobFilter, JobRecord, NewJob, NewSurfaceJob};
 pub use job_kind::JobKind;
 pub use job_status::JobStatus;

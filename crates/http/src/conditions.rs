@@ -4,6 +4,7 @@ use axum::extract::FromRequestParts;
 use axum::http::request::Parts;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
+use bytes::Bytes;
 use serde::Serialize;
 use tokio::sync::{OwnedRwLockReadGuard, OwnedRwLockWriteGuard};
 
@@ -129,7 +130,11 @@ impl Conditions {
 
     /// The answer to a request that reads what is shown as JSON.
     pub fn answer(&self, view: &impl Serialize) -> Result<Response, Problem> {
-        let body = serde_json::to_vec(view).map_err(Problem::internal)?;
+        self.answer_with(serde_json::to_vec(view).map_err(Problem::internal)?.into())
+    }
+
+    /// The same of JSON that is written already.
+    pub fn answer_with(&self, body: Bytes) -> Result<Response, Problem> {
         let etag = ETag::of_bytes(&body);
         self.check_match(Some(&etag))?;
         // what is known may be asked for again at any time, but not shown unasked: a deletion has to be seen

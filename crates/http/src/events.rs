@@ -6,12 +6,12 @@ use std::time::{Duration, Instant};
 use axum::extract::State;
 use axum::http::HeaderMap;
 use axum::response::sse::{Event, KeepAlive, Sse};
+use bytes::Bytes;
 use futures_util::Stream;
 use tokio::sync::watch;
 
 use super::extract::Path;
-use super::job_views::JobView;
-use super::jobs::{TAG, look_up, parse_id};
+use super::jobs::{TAG, look_at, parse_id, shown};
 use super::problem::Problem;
 use super::responses;
 use super::state::AppState;
@@ -45,10 +45,10 @@ pub async fn events(
     let id = parse_id(&id)?;
     let changes = state.context.monitor.changes();
     // a job that is not there is a 404, not an empty stream
-    look_up(&state, id).await?;
+    look_at(&state, id).await?;
     // what can't be read is nothing: it was let through without
-    let shown = access::shown(&headers).unwrap_or_default();
-    let follower = Follower { state, id, shown, checked: Instant::now(), changes, last: None, ended: false };
+    let by = access::shown(&headers).unwrap_or_default();
+    let follower = Follower { state, id, by, checked: Instant::now(), changes, last: None, ended: false };
     let base = base::current();
     let stream = futures_util::stream::unfold(follower, move |mut follower| {
         // addresses in events are those of the request
@@ -62,11 +62,11 @@ struct Follower {
     state: AppState,
     id: JobId,
     /// By what it was begun.
-    shown: Option<Shown>,
+    by: Option<Shown>,
     /// When that was last seen to be valid.
     checked: Instant,
     changes: watch::Receiver<u64>,
-    last: Option<String>,
+    last: Option<Bytes>,
     ended: bool,
 }
 
@@ -79,12 +79,14 @@ impl Follower {
             }
             // seen as of now: what changes during the look rings again
             self.changes.mark_unchanged();
-            let job = look_up(&self.state, self.id).await.ok()?;
-            let data = serde_json::to_string(&JobView::of(&job)).ok()?;
-            self.ended = job.status.is_finished();
+            let look = look_at(&self.state, self.id).await.ok()?;
+            let data = shown(&look).ok()?;
+            self.ended = look.job().status.is_finished();
             if self.last.as_ref() != Some(&data) || self.ended {
-                self.last = Some(data.clone());
-                return Some(Event::default().event(if self.ended { "end" } else { "progress" }).data(data));
+                let event = Event::default().event(if self.ended { "end" } else { "progress" });
+                let event = event.data(std::str::from_utf8(&data).ok()?);
+                self.last = Some(data);
+                return Some(event);
             }
         }
         None
@@ -96,7 +98,7 @@ impl Follower {
             return true;
         }
         self.checked = Instant::now();
-        access::may_still(&self.state, self.shown).await
+        access::may_still(&self.state, self.by).await
     }
 
     /// Waits for news; false when the stream has to end.

@@ -1,11 +1,13 @@
 //! `/v1/jobs`: asynchronous registration.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use axum::Json;
 use axum::extract::{Request, State};
 use axum::http::StatusCode;
 use axum::response::Response;
+use bytes::Bytes;
 use serde::Deserialize;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
@@ -27,6 +29,7 @@ use visage_domain::options::{Declared, Options};
 use visage_domain::{
     JobFilter, JobId, JobKind, JobRecord, JobStatus, NewJob, NewScanSet, NewSurfaceJob, PoseFile, ScanRecord,
 };
+use visage_service::app::looks::{self, Look};
 use visage_service::app::models::base_for;
 use visage_service::app::orders;
 use visage_service::app::scan_sets::ReceivedScans;
@@ -58,6 +61,16 @@ pub(super) fn parse_id(text: &str) -> Result<JobId, Problem> {
 /// A job as it stands now.
 pub(super) async fn look_up(state: &AppState, id: JobId) -> Result<JobRecord, Problem> {
     Ok(orders::look_up(&state.context, id).await?)
+}
+
+/// The same, for many who wait.
+pub(super) async fn look_at(state: &AppState, id: JobId) -> Result<Arc<Look>, Problem> {
+    Ok(looks::look_at(&state.context, id).await?)
+}
+
+/// What is sent of it.
+pub(super) fn shown(look: &Look) -> Result<Bytes, Problem> {
+    look.shown(|job| serde_json::to_vec(&JobView::of(job)).map_err(Problem::internal))
 }
 
 /// What a request wants done.
@@ -328,10 +341,10 @@ async fn get_one(
     let end = tokio::time::Instant::now() + Duration::from_secs(wait);
     loop {
         // the bell is armed before the look, so that nothing is missed between the two
-        let mut changes = state.context.monitor.changes();
-        let job = look_up(&state, id).await?;
-        if job.status.is_finished() || wait == 0 || state.stop.is_cancelled() {
-            return conditions.answer(&JobView::of(&job));
+        let mut changes = state.context.monitor.status_changes();
+        let look = look_at(&state, id).await?;
+        if look.job().status.is_finished() || wait == 0 || state.stop.is_cancelled() {
+            return conditions.answer_with(shown(&look)?);
         }
         let news = async {
             // an error would mean that the monitor is gone, and the state holds it; of a job that runs here only the end counts
@@ -341,7 +354,7 @@ async fn get_one(
             () = news => {}
             () = state.stop.cancelled() => {}
             () = tokio::time::sleep_until(end) => {
-                return conditions.answer(&JobView::of(&look_up(&state, id).await?));
+                return conditions.answer_with(shown(look_at(&state, id).await?.as_ref())?);
             }
         }
     }

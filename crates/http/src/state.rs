@@ -1,6 +1,7 @@
 //! What every handler can reach.
 
 use std::collections::HashSet;
+use std::ops::Deref;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use axum::http::StatusCode;
@@ -21,9 +22,20 @@ use visage_domain::ReplayKey;
 use visage_service::app::context::ServiceContext;
 use visage_service::config::Limits;
 
-/// The state of the service. Cheap to clone.
+/// The state of the service. Cheap to clone: each request does so several times.
 #[derive(Clone)]
-pub struct AppState {
+pub struct AppState(Arc<Shared>);
+
+impl Deref for AppState {
+    type Target = Shared;
+
+    fn deref(&self) -> &Shared {
+        &self.0
+    }
+}
+
+/// What all requests share.
+pub struct Shared {
     /// Database, files, gallery, engine and what runs now.
     pub context: ServiceContext,
     /// Bounds how many files are in memory to be checked.
@@ -67,7 +79,7 @@ impl AppState {
         stop: CancellationToken,
     ) -> Self {
         let limits = &context.config.limits;
-        AppState {
+        AppState(Arc::new(Shared {
             checks: Arc::new(Semaphore::new(limits.concurrent_checks.max(1))),
             conversions: Arc::new(Semaphore::new(limits.concurrent_conversions.max(1))),
             describing: Turns::new(limits.concurrent_describing),
@@ -84,7 +96,7 @@ impl AppState {
             stop,
             in_progress: Arc::default(),
             context,
-        }
+        }))
     }
 
     /// Bounds on requests.

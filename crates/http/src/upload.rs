@@ -14,7 +14,7 @@ use super::problem::{Code, Problem};
 use super::state::{AppState, blocking};
 use visage_formats::{ReadLimits, Reading, same_name};
 use visage_geometry::Surface;
-use visage_service::app::arrival::CheckedScan;
+use visage_service::app::arrival::{CheckedScan, giving_way};
 use visage_service::config::Limits;
 use visage_service::storage::{StagedFile, StagedWriter};
 
@@ -140,7 +140,7 @@ pub async fn receive_body(state: &AppState, name: &str, request: Request) -> Res
     use futures_util::StreamExt;
     let packed = request.extensions().get::<PackedDigests>().cloned();
     let mut writer = state.context.objects.receive().await?;
-    let mut hashers = Hashers::default();
+    let mut hashers = Hashers::wanted_by(request.headers());
     let mut counted = 0;
     let mut body = request.into_body().into_data_stream();
     while let Some(chunk) = body.next().await {
@@ -207,7 +207,7 @@ async fn read_as<T: Send + 'static>(
     blocking(move || {
         let _permit = permit;
         let bytes = objects.read_staged(&file.staged)?;
-        let read = read(&file.name, &bytes, &limits)?;
+        let read = giving_way(|| read(&file.name, &bytes, &limits))?;
         Ok((file, read))
     })
     .await?
@@ -221,8 +221,8 @@ pub async fn unpacked(state: &AppState, file: UploadedFile) -> Result<UploadedFi
     let objects = state.context.objects.clone();
     let bytes = blocking(move || {
         let bytes = objects.read_staged(&file.staged)?;
-        let unpacked =
-            visage_formats::packed::unpacked(&file.name, &bytes, &limits).map(|(_, bytes)| bytes.into_owned());
+        let unpack = || visage_formats::packed::unpacked(&file.name, &bytes, &limits);
+        let unpacked = giving_way(unpack).map(|(_, bytes)| bytes.into_owned());
         unpacked.map_err(|error| Problem::unreadable(&file.name, &error))
     })
     .await??;

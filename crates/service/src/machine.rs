@@ -2,7 +2,7 @@
 
 mod workers;
 
-pub use workers::workers;
+pub use workers::{giving_way, workers};
 
 use std::fs;
 

@@ -58,7 +58,7 @@ class PointCloud:
 
     def to_trimesh(self) -> Any:
         """A `trimesh.PointCloud`."""
-        return _module("trimesh").PointCloud(self.points, colors=self.colors)
+        return _module("trimesh").PointCloud(self.points.copy(), colors=self.colors)
 
 
 @frozen(eq=False)
@@ -99,6 +99,12 @@ class Mesh:
 
     def to_trimesh(self) -> Any:
         """A `trimesh.Trimesh`."""
+        # of its own: trimesh makes normals that it is given read-only, and they are everybody's here
+        normals = None if self.normals is None else self.normals.copy()
         return _module("trimesh").Trimesh(
-            self.vertices, self.triangles, vertex_normals=self.normals, vertex_colors=self.colors, process=False
+            self.vertices.copy(),
+            self.triangles.copy(),
+            vertex_normals=normals,
+            vertex_colors=self.colors,
+            process=False,
         )

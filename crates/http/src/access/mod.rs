@@ -24,6 +24,7 @@ use super::problem::{Code, Problem};
 use super::state::AppState;
 use visage_domain::{KeyRecord, Scope};
 use visage_service::app::access::{self, Shown};
+use visage_service::app::shared_reads::SharedReads;
 use visage_service::storage::{Database, DatabaseError};
 
 pub use contract::tell;
@@ -50,20 +51,26 @@ pub struct Anonymous {
     is_open: bool,
     /// There was a key once; this never becomes untrue again.
     has_keys: Arc<AtomicBool>,
+    /// Each request asks whether there is a key by now: those that come at once ask together.
+    looking: Arc<SharedReads<(), bool>>,
 }
 
 impl Anonymous {
     /// By whether the operator said that everybody may, and whether others than programs of this machine reach it.
     pub fn new(is_open: bool, is_exposed: bool) -> Anonymous {
-        Anonymous { may_be: is_open || !is_exposed, is_open, has_keys: Arc::default() }
+        Anonymous { may_be: is_open || !is_exposed, is_open, has_keys: Arc::default(), looking: Arc::default() }
     }
 
-    async fn is_allowed(&self, database: &dyn Database) -> Result<bool, DatabaseError> {
+    async fn is_allowed(&self, database: &Arc<dyn Database>) -> Result<bool, DatabaseError> {
         if self.is_open || !self.may_be {
             return Ok(self.may_be);
         }
         // keys are made by other processes too
-        if !self.has_keys.load(Ordering::Relaxed) && database.has_keys().await? {
+        let look = || {
+            let database = database.clone();
+            async move { database.has_keys().await }
+        };
+        if !self.has_keys.load(Ordering::Relaxed) && *self.looking.get((), look).await? {
             self.has_keys.store(true, Ordering::Relaxed);
         }
         Ok(!self.has_keys.load(Ordering::Relaxed))
@@ -130,7 +137,7 @@ async fn caller(
         };
         let is_refused = key.is_none() && matches!(shown, Some(Shown::Key(_)));
         // whoever shows a wrong key has to learn it, and is nobody meanwhile
-        let all = !is_refused && key.is_none() && state.anonymous.is_allowed(database).await?;
+        let all = !is_refused && key.is_none() && state.anonymous.is_allowed(&state.context.database).await?;
         let scope = key.as_ref().map(|key| key.scope).or(all.then_some(Scope::Admin));
         Ok((Caller { key, scope }, is_refused))
     };
@@ -158,7 +165,7 @@ pub async fn may_still(state: &AppState, shown: Option<Shown>) -> bool {
                 return Ok(is_known);
             }
         }
-        state.anonymous.is_allowed(database).await
+        state.anonymous.is_allowed(&state.context.database).await
     };
     identified.await.unwrap_or(false)
 }

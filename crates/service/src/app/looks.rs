@@ -1,103 +1,78 @@
-//! Many who wait for one job look at it together: each change would otherwise be as many reads as there are clients.
+//! Many who wait for one job look at it together: each change would otherwise be as many reads, and as many answers written, as there are
+//! clients.
 
-use std::collections::HashMap;
-use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, OnceLock};
 
-use crate::storage::{Database, DatabaseError};
+use bytes::Bytes;
+
+use super::context::ServiceContext;
+use super::shared_reads::SharedReads;
+use crate::storage::DatabaseError;
 use visage_domain::{JobId, JobRecord};
 
-/// The last look at a job, and how many had asked when it began.
-type Last = (u64, Option<Arc<JobRecord>>);
-
-#[derive(Debug, Default)]
-struct Place {
-    asked: AtomicU64,
-    /// Held while somebody looks.
-    last: tokio::sync::Mutex<Last>,
-}
-
 /// Looks at jobs that are under way.
-#[derive(Debug, Default)]
-pub(super) struct Looks(Mutex<HashMap<JobId, Arc<Place>>>);
+pub(super) type Looks = SharedReads<JobId, Look>;
 
-impl Looks {
-    /// A job as it was stored at some moment after this call: whoever asks while another one looks shares the look that follows, never
-    /// the one that has begun before.
-    pub(super) async fn job(&self, database: &dyn Database, id: JobId) -> Result<Arc<JobRecord>, DatabaseError> {
-        let visit = Visit { looks: self, id, place: self.lock().entry(id).or_default().clone() };
-        let place = &visit.place;
-        let turn = place.asked.fetch_add(1, Ordering::SeqCst) + 1;
-        let mut last = place.last.lock().await;
-        if let (begun, Some(job)) = &*last
-            && *begun >= turn
-        {
-            return Ok(job.clone());
-        }
-        let begun = place.asked.load(Ordering::SeqCst);
-        let job = Arc::new(database.job(id).await?);
-        *last = (begun, Some(job.clone()));
-        Ok(job)
+/// A job as it was at some moment, for all who looked at it then.
+#[derive(Debug)]
+pub struct Look {
+    job: JobRecord,
+    shown: OnceLock<Bytes>,
+}
+
+impl Look {
+    /// The job.
+    pub fn job(&self) -> &JobRecord {
+        &self.job
     }
 
-    fn lock(&self) -> MutexGuard<'_, HashMap<JobId, Arc<Place>>> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    /// The job as it is shown to clients: written by the first who needs it.
+    ///
+    /// # Errors
+    /// What `show` says.
+    pub fn shown<E>(&self, show: impl FnOnce(&JobRecord) -> Result<Vec<u8>, E>) -> Result<Bytes, E> {
+        if let Some(shown) = self.shown.get() {
+            return Ok(shown.clone());
+        }
+        let shown = Bytes::from(show(&self.job)?);
+        Ok(self.shown.get_or_init(|| shown).clone())
     }
 }
 
-/// Somebody who looks, or waits to; the last one to leave takes the place away.
-struct Visit<'a> {
-    looks: &'a Looks,
-    id: JobId,
-    place: Arc<Place>,
-}
-
-impl Drop for Visit<'_> {
-    fn drop(&mut self) {
-        let mut places = self.looks.lock();
-        // the map's and this one: nobody can take another one meanwhile
-        if Arc::strong_count(&self.place) <= 2 {
-            places.remove(&self.id);
+/// A job as it was stored, with how far it had come, at some moment after this call.
+pub async fn look_at(context: &ServiceContext, id: JobId) -> Result<Arc<Look>, DatabaseError> {
+    let read = || {
+        let (database, monitor) = (context.database.clone(), context.monitor.clone());
+        async move {
+            let mut job = database.job(id).await?;
+            monitor.refresh(&mut job);
+            Ok(Look { job, shown: OnceLock::new() })
         }
-    }
+    };
+    context.looks.get(id, read).await
 }
 
 #[cfg(test)]
 mod tests {
-    use std::future::Future;
-    use std::pin::pin;
-    use std::task::{Context, Waker};
-
     use super::super::context::testing::context;
     use super::*;
     use crate::storage::conformance::{new_job, scan_set};
     use visage_domain::JobStatus;
 
     #[tokio::test]
-    async fn a_look_that_began_before_is_not_shared_and_one_that_follows_is() {
+    async fn those_who_look_together_share_what_is_shown() {
         let (context, _place) = context().await;
         let database = context.database.as_ref();
         let job = new_job(scan_set(database, &["a.ply", "b.ply"]).await);
         database.create_job(&job, None, 10, None).await.expect("queued");
-        let looks = Looks::default();
-        // somebody looks
-        let place = looks.lock().entry(job.id).or_default().clone();
-        let looking = place.last.lock().await;
-        let (mut first, mut second) = (pin!(looks.job(database, job.id)), pin!(looks.job(database, job.id)));
-        let mut nobody = Context::from_waker(Waker::noop());
-        assert!(first.as_mut().poll(&mut nobody).is_pending() && second.as_mut().poll(&mut nobody).is_pending());
+        let (first, second) = tokio::join!(look_at(&context, job.id), look_at(&context, job.id));
+        let (first, second) = (first.expect("there"), second.expect("there"));
+        assert!(Arc::ptr_eq(&first, &second));
+        let written = first.shown(|job| Ok::<_, ()>(job.status.name().into())).expect("written");
+        assert_eq!(second.shown(|_| Err(())), Ok(written), "it is written once");
         database.cancel_job(job.id).await.expect("canceled");
-        drop(looking);
-        let (first, second) = (first.await.expect("there"), second.await.expect("there"));
-        assert_eq!(first.status, JobStatus::Canceled, "it was looked at after it was asked for");
-        assert!(Arc::ptr_eq(&first, &second), "one look for both");
-        assert!(
-            !Arc::ptr_eq(&first, &looks.job(database, job.id).await.expect("there")),
-            "and another one for who asks later"
-        );
-        drop(place);
-        assert!(looks.job(database, JobId::new()).await.is_err());
-        looks.job(database, job.id).await.expect("there");
-        assert!(looks.lock().is_empty());
+        let later = look_at(&context, job.id).await.expect("there");
+        assert_eq!(later.job().status, JobStatus::Canceled);
+        assert!(look_at(&context, JobId::new()).await.is_err());
     }
 }

@@ -12,8 +12,10 @@
 //! - [`placing`]: where a probe lies on what was found; [`deviation`]: how far models of one frame are from each other;
 //!   [`duplicates`]: models that are there twice; [`model_file`]: what is measured on
 //! - [`evaluations`]: how well the gallery's answers agree with its labels
+//! - [`exchange`]: a gallery as one file, for programs of other versions
 //! - [`live_gallery`]: the stored signatures, searchable in memory
 //! - [`engine`]: the seam to the algorithms (tests put slow or failing ones in)
+//! - [`looks`]: many who wait for one job look at it together; [`shared_reads`]: so do others who read one thing at a time
 //! - [`monitor`]: what runs now, for cancel and for those who wait; [`tracker`]: its progress, with a clock
 //! - [`figures`]: what this process has done, counted
 //! - [`context`]: what all of these share
@@ -27,9 +29,10 @@ pub mod deviation;
 pub mod duplicates;
 pub mod engine;
 pub mod evaluations;
+pub mod exchange;
 pub mod figures;
 pub mod live_gallery;
-mod looks;
+pub mod looks;
 pub mod model_file;
 pub mod models;
 pub mod monitor;
@@ -41,6 +44,7 @@ pub mod recycle_bin;
 pub mod renditions;
 pub mod retention;
 pub mod scan_sets;
+pub mod shared_reads;
 pub mod standards;
 pub mod tracker;
 pub mod uploads;

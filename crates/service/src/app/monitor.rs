@@ -63,6 +63,7 @@ pub struct JobMonitor {
     left_behind: Mutex<Vec<u64>>,
     workers: Mutex<BTreeSet<WorkerId>>,
     changes: watch::Sender<u64>,
+    status_changes: watch::Sender<u64>,
     work: Notify,
     /// What was done so far.
     pub figures: Figures,
@@ -77,6 +78,7 @@ impl Default for JobMonitor {
             left_behind: Mutex::default(),
             workers: Mutex::default(),
             changes: watch::Sender::new(0),
+            status_changes: watch::Sender::new(0),
             work: Notify::new(),
             figures: Figures::default(),
             claiming: tokio::sync::Mutex::default(),
@@ -93,7 +95,19 @@ impl JobMonitor {
 
     /// Tells everybody who waits that some job, or a message to a webhook, has changed.
     pub fn announce_change(&self) {
+        self.status_changes.send_modify(|count| *count = count.wrapping_add(1));
+        self.announce_progress();
+    }
+
+    /// Tells those who follow a job that it has come further.
+    fn announce_progress(&self) {
         self.changes.send_modify(|count| *count = count.wrapping_add(1));
+    }
+
+    /// Rings as [`JobMonitor::changes`] does, but not when a job has only come further: hundreds may wait for ends, and each job comes
+    /// further hundreds of times.
+    pub fn status_changes(&self) -> watch::Receiver<u64> {
+        self.status_changes.subscribe()
     }
 
     /// Rings whenever some job, or a message to a webhook, has changed.
@@ -138,7 +152,7 @@ impl JobMonitor {
         let bell = Arc::downgrade(self);
         let ring = move || {
             if let Some(monitor) = bell.upgrade() {
-                monitor.announce_change();
+                monitor.announce_progress();
             }
         };
         let tracker = Arc::new(match kind {

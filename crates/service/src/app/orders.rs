@@ -1,6 +1,7 @@
 //! Jobs are ordered, stopped, tried again and deleted.
 
 use super::context::ServiceContext;
+use super::looks::look_at;
 use super::models;
 use super::recycle_bin::{self, Removal};
 use super::scan_sets::{self, ReceivedScans};
@@ -52,9 +53,7 @@ pub async fn evaluate(
 
 /// A job as it stands now.
 pub async fn look_up(context: &ServiceContext, id: JobId) -> Result<JobRecord, DatabaseError> {
-    let mut job = JobRecord::clone(context.looks.job(context.database.as_ref(), id).await?.as_ref());
-    context.monitor.refresh(&mut job);
-    Ok(job)
+    Ok(look_at(context, id).await?.job().clone())
 }
 
 /// Stops a job: at once if it waits, within a second if it runs.

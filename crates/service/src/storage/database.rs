@@ -1,10 +1,10 @@
 //! What every database has to offer: a trait for each kind of thing that is kept, and [`Database`] for all of them.
 //!
-//! Values of `domain` go in and come out, errors are [`DatabaseError`]s. A write is whole or not at all, and there when
-//! it has returned. The traits are used as `Arc<dyn Database>`: with a type parameter instead, every handler and with
-//! it the table of routes would be generic. So calls return boxed futures, which `async-trait` writes; beside a
-//! transaction that is nothing.
+//! Values of `domain` go in and come out, errors are [`DatabaseError`]s. A write is whole or not at all, and there when it
+//! has returned. The traits are used as `Arc<dyn Database>`: with a type parameter instead, every handler and with it the
+//! table of routes would be generic. So calls return boxed futures (`async-trait`): beside a transaction that is nothing.
 
+mod imports;
 mod recycle_bin;
 mod upkeep;
 mod webhooks;
@@ -26,9 +26,7 @@ use visage_domain::{
 };
 use visage_shape::standards::Standard;
 
-pub use recycle_bin::RecycleBin;
-pub use upkeep::Upkeep;
-pub use webhooks::Webhooks;
+pub use self::{imports::Imports, recycle_bin::RecycleBin, upkeep::Upkeep, webhooks::Webhooks};
 
 /// A database: everything that the service keeps besides files.
 pub trait Database:
@@ -37,6 +35,7 @@ pub trait Database:
     + Jobs
     + JobQueue
     + Models
+    + Imports
     + Signatures
     + Segments
     + Matches

@@ -20,6 +20,7 @@ use self::depth::DepthScan;
 use self::textures::Beside;
 use super::context::ServiceContext;
 use crate::config::Limits;
+pub use crate::machine::giving_way;
 use crate::storage::{ObjectError, ObjectStore, StagedFile};
 use visage_domain::{PassedOver, PoseFile};
 use visage_formats::{Dropped, FormatError, archive, same_name, scan_names, shared_frame};
@@ -119,7 +120,7 @@ impl Desk {
         let (desk, span) = (self.clone(), tracing::Span::current());
         let work = move || {
             let _permit = permit;
-            span.in_scope(|| work(&desk))
+            giving_way(|| span.in_scope(|| work(&desk)))
         };
         tokio::task::spawn_blocking(work).await?
     }

@@ -20,7 +20,7 @@ use visage_domain::{Attempt, DeliveryClaim, DeliveryStatus, WebhookId};
 
 /// How often it is looked for messages that nobody announced.
 const LOOK: Duration = Duration::from_secs(5);
-/// The least time between two looks: what runs rings several times a second.
+/// The least time between two looks.
 const PACE: Duration = Duration::from_millis(50);
 /// How much longer than an attempt may take nobody else takes its message.
 const MARGIN: Duration = Duration::from_secs(15);
@@ -29,7 +29,7 @@ const GONE: u16 = 410;
 
 /// Sends until it is dropped.
 pub async fn run(context: &ServiceContext, courier: Arc<dyn Courier>) {
-    let mut bell = context.monitor.changes();
+    let mut bell = context.monitor.status_changes();
     let sender = Sender {
         database: context.database.clone(),
         monitor: context.monitor.clone(),

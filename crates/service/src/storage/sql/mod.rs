@@ -15,6 +15,7 @@ mod census;
 mod evaluations;
 mod files;
 mod folder;
+mod imports;
 mod jobs;
 mod keys;
 mod matches;
