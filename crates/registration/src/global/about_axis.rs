@@ -7,19 +7,18 @@
 
 use std::f64::consts::TAU;
 
-use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::agglomerative::Agglomeration;
-use super::axis::{Axis, FREE};
+use super::axis::Axis;
 use super::coarse_set::CoarseSet;
 use super::component::Component;
 use super::pair_hypothesis::PairHypothesis;
+use super::turned::{Turned, refined};
 use super::verification::verify;
-use crate::least_squares::robust_kernel::RobustKernel;
 use crate::sensor::turning::Turning;
 use crate::view_graph::all_pairs;
-use visage_geometry::{Motion, Point3, Vector3};
+use visage_geometry::Vector3;
 
 /// Angles that are tried for a pair: as many parts of a whole turn.
 const STEPS: usize = 72;
@@ -34,8 +33,12 @@ visage_geometry::tuning! {
         aside: f64 = 1.0,
         /// Axes along what the background faces are tried at places so far apart, in the reach,
         grid_step: f64 = 0.12,
-        /// so many to each side of the middle.
-        grid_half: i32 = 4,
+        /// so many to each side of the middle,
+        grid_half: i32 = 3,
+        /// and as the scanner sees it from so many before the middle to so many behind it.
+        grid_behind: [i32; 2] = [-2, 7],
+        /// An axis is along what the background faces within this cosine.
+        along: f64 = 0.99,
         /// Points of a view that are asked of an angle at first,
         first_samples: usize = 12,
         /// every so many angles,
@@ -52,14 +55,6 @@ visage_geometry::tuning! {
         seconds: usize = 12,
         /// Of them as many are refined.
         finalists: usize = 4,
-        /// Search distances of the steps of the refinement, in spacings.
-        reaches: [f64; 9] = [7.5, 6.0, 5.0, 4.0, 3.2, 2.5, 2.5, 2.5, 2.5],
-        /// Points of all views in each other that take part in it, about,
-        refined_samples: usize = 18_000,
-        /// and of a view in another, at least and at most.
-        view_samples: [usize; 2] = [40, 300],
-        /// Normals farther apart than this cosine don't belong to one surface.
-        least_cosine: f64 = 0.6,
         /// Points of a view that are asked when whole arrangements are compared.
         queried: usize = 200,
         /// Surfels of a view that are asked of two arrangements.
@@ -69,23 +64,6 @@ visage_geometry::tuning! {
 
 /// For each pair what speaks for each angle: `turns[i][j][k]` for a turn of view j by k steps to where view i has it.
 type Turns = Vec<Vec<[f64; STEPS]>>;
-
-/// An axis and for each view how far the thing was turned about it.
-#[derive(Debug, Clone)]
-struct Turned {
-    axis: Axis,
-    angles: Vec<f64>,
-    /// What speaks for it.
-    score: f64,
-}
-
-impl Turned {
-    /// Poses of the local frames with the thing at rest.
-    fn local_poses(&self, turning: &Turning) -> Vec<Motion> {
-        let views = self.angles.iter().zip(&turning.world_from_local);
-        views.map(|(angle, world_from_local)| self.axis.turn(-angle) * world_from_local).collect()
-    }
-}
 
 /// The views as one component that turned about an axis, if pictures and surfaces bear it out better than what was `found`
 /// without one.
@@ -104,12 +82,19 @@ pub fn laid(turning: &Turning, hypotheses: &[PairHypothesis], edge: f64, found: 
     (score > without.max(0.0)).then_some(component)
 }
 
-/// Whether the surfels speak for a component that was laid about an axis, too: they are asked where all views were `found` a
-/// place without one. Pictures speak most for views that show the same, and of a thing that looks nearly the same
-/// from two sides those are often not the right ones.
-pub fn is_seconded(coarse_set: &CoarseSet, component: &Component, found: &Agglomeration) -> bool {
+/// Whether pictures and surfels together speak for a component that was laid about an axis: surfels are asked as well where all views
+/// were `found` a place without one. Pictures speak most for views that show the same, and of a thing that looks nearly the
+/// same from two sides those are often not the right ones; surfels speak for what was laid by them. `pictures` is what pictures say.
+pub fn is_seconded(
+    coarse_set: &CoarseSet,
+    pictures: impl Fn(&Component) -> f64,
+    component: &Component,
+    found: &Agglomeration,
+) -> bool {
     let whole = found.components.first().filter(|found| found.views.len() == component.views.len());
-    whole.is_none_or(|whole| by_surfels(coarse_set, component) > by_surfels(coarse_set, whole))
+    // pictures count both directions of a pair, surfels their mean
+    let by_both = |component: &Component| 0.5 * pictures(component) + by_surfels(coarse_set, component);
+    whole.is_none_or(|whole| by_both(component) > by_both(whole))
 }
 
 /// What the surfels of all pairs say of a component.
@@ -125,7 +110,7 @@ fn by_surfels(coarse_set: &CoarseSet, component: &Component) -> f64 {
 }
 
 /// What pictures and surfaces of all pairs say of a component.
-fn borne_out(turning: &Turning, component: &Component) -> f64 {
+pub fn borne_out(turning: &Turning, component: &Component) -> f64 {
     let at_rest = |k: usize| component.local_poses[k] * turning.world_from_local[component.views[k]].inverse();
     let pair = |(a, b): (usize, usize)| {
         let motion = at_rest(a).inv_mul(&at_rest(b));
@@ -135,9 +120,27 @@ fn borne_out(turning: &Turning, component: &Component) -> f64 {
 }
 
 /// The best axes with the angles of all views about them, refined.
+///
+/// Things mostly turn on what they stand on, so axes along what the background faces have seats of their own: by a few points
+/// alone some wrong free motion always looks better.
 fn search(turning: &Turning, hypotheses: &[PairHypothesis], edge: f64) -> Vec<Turned> {
+    let Proposed { along, free } = proposed(turning, hypotheses, edge);
+    let share = if along.is_empty() { 1 } else { 2 };
+    let slack = 0.5 * TUNING.grid_step * turning.reach;
+    let mut finalists = best_axes(turning, &along, slack, TUNING.seconds / share, TUNING.finalists / share);
+    finalists.extend(best_axes(turning, &free, 0.0, TUNING.seconds / share, TUNING.finalists / share));
+    let settled = |turned: &Turned| {
+        // a better axis may have other angles
+        let again = assembled(turning, &refined(turning, turned).axis, 0.0);
+        refined(turning, &again)
+    };
+    finalists.par_iter().with_max_len(1).map(settled).collect()
+}
+
+/// Of some axes the best with the angles of all views about them: `seconds` are looked at closely, `count` are kept. Axes may be off by
+/// `slack`, a length.
+fn best_axes(turning: &Turning, axes: &[Axis], slack: f64, seconds: usize, count: usize) -> Vec<Turned> {
     let n = turning.views.len();
-    let axes = proposed(turning, hypotheses, edge);
     let near = |(i, j): &(usize, usize)| {
         let apart = (j - i).min(n + i - j);
         apart <= TUNING.first_neighbours
@@ -149,7 +152,7 @@ fn search(turning: &Turning, hypotheses: &[PairHypothesis], edge: f64) -> Vec<Tu
         let best = |&(i, j): &(usize, usize)| {
             let angles = (0..STEPS).step_by(TUNING.first_stride).map(step_angle);
             angles
-                .map(|angle| turning.agreement(i, j, &axis.turn(angle), TUNING.first_samples))
+                .map(|angle| turning.agreement_within(i, j, &axis.turn(angle), TUNING.first_samples, slack))
                 .fold(f64::NEG_INFINITY, f64::max)
         };
         pairs.iter().map(best).sum()
@@ -158,27 +161,29 @@ fn search(turning: &Turning, hypotheses: &[PairHypothesis], edge: f64) -> Vec<Tu
     rated.sort_by(|a, b| b.0.total_cmp(&a.0));
     let mut kept: Vec<Axis> = Vec::new();
     for (_, axis) in rated {
-        if kept.len() < TUNING.seconds && !kept.iter().any(|other| other.is_like(&axis, turning.reach)) {
+        if kept.len() < seconds && !kept.iter().any(|other| other.is_like(&axis, turning.reach)) {
             kept.push(axis);
         }
     }
-    let mut turned: Vec<Turned> = kept.par_iter().with_max_len(1).map(|axis| assembled(turning, axis)).collect();
+    let mut turned: Vec<Turned> = kept.par_iter().with_max_len(1).map(|axis| assembled(turning, axis, slack)).collect();
     turned.sort_by(|a, b| b.score.total_cmp(&a.score));
-    turned.truncate(TUNING.finalists);
-    let settled = |turned: &Turned| {
-        // a better axis may have other angles
-        let again = assembled(turning, &refined(turning, turned).axis);
-        refined(turning, &again)
-    };
-    turned.par_iter().with_max_len(1).map(settled).collect()
+    turned.truncate(count);
+    turned
 }
 
 fn step_angle(step: usize) -> f64 {
     TAU * step as f64 / STEPS as f64
 }
 
-/// The axes of the pairs' free motions, and those along what the background faces.
-fn proposed(turning: &Turning, hypotheses: &[PairHypothesis], edge: f64) -> Vec<Axis> {
+/// Axes that are tried.
+struct Proposed {
+    /// Those along what the background faces.
+    along: Vec<Axis>,
+    /// Those of other free motions of pairs.
+    free: Vec<Axis>,
+}
+
+fn proposed(turning: &Turning, hypotheses: &[PairHypothesis], edge: f64) -> Proposed {
     let of_pair = |hypothesis: &PairHypothesis| {
         let [world_i, world_j] = [hypothesis.i, hypothesis.j].map(|view| turning.world_from_local[view]);
         Axis::of(&(world_i * hypothesis.i_from_j * world_j.inverse()), TUNING.slides * edge)
@@ -187,26 +192,32 @@ fn proposed(turning: &Turning, hypotheses: &[PairHypothesis], edge: f64) -> Vec<
     best.sort_by(|a, b| b.score().total_cmp(&a.score()).then((a.i, a.j).cmp(&(b.i, b.j))));
     let mut axes: Vec<Axis> = best.into_iter().take(TUNING.motions).filter_map(of_pair).collect();
     axes.retain(|axis| axis.distance(&Vector3::zeros()) < TUNING.aside * turning.reach);
+    let is_along = |axis: &Axis| turning.facing.iter().any(|way| way.dot(&axis.direction).abs() > TUNING.along);
+    let (mut along, free): (Vec<Axis>, Vec<Axis>) = axes.into_iter().partition(is_along);
     let step = TUNING.grid_step * turning.reach;
     for direction in &turning.facing {
-        let middle = Axis { point: Vector3::zeros(), direction: *direction };
-        let places = -TUNING.grid_half..=TUNING.grid_half;
-        for (a, b) in places.clone().flat_map(|a| places.clone().map(move |b| (a, b))) {
-            axes.push(middle.changed(&[f64::from(a) * step, f64::from(b) * step, 0.0, 0.0]));
+        // only the near side of what turns was seen: the axis lies behind its middle
+        let behind = -(turning.eye - direction * direction.dot(&turning.eye));
+        let Some(behind) = behind.try_normalize(f64::MIN_POSITIVE) else { continue };
+        let beside = direction.cross(&behind);
+        let [nearest, farthest] = TUNING.grid_behind;
+        for (a, b) in (nearest..=farthest).flat_map(|a| (-TUNING.grid_half..=TUNING.grid_half).map(move |b| (a, b))) {
+            let point = behind * (f64::from(a) * step) + beside * (f64::from(b) * step);
+            along.push(Axis { point, direction: *direction });
         }
     }
-    axes
+    Proposed { along, free }
 }
 
-/// All angles of all pairs about an axis, and of them those that all pairs together bear out best.
-fn assembled(turning: &Turning, axis: &Axis) -> Turned {
+/// All angles of all pairs about an axis that may be off by `slack`, and of them those that all pairs together bear out best.
+fn assembled(turning: &Turning, axis: &Axis, slack: f64) -> Turned {
     let n = turning.views.len();
     let mut turns: Turns = vec![vec![[0.0; STEPS]; n]; n];
     let [least, most] = TUNING.pair_samples;
     let samples = (TUNING.samples / all_pairs(n).count().max(1)).clamp(least, most);
     for (i, j) in all_pairs(n) {
         for step in 0..STEPS {
-            let said = turning.agreement(i, j, &axis.turn(step_angle(step)), samples);
+            let said = turning.agreement_within(i, j, &axis.turn(step_angle(step)), samples, slack);
             turns[i][j][step] = said;
             turns[j][i][(STEPS - step) % STEPS] = said;
         }
@@ -254,86 +265,13 @@ fn grown(turns: &Turns, first: usize) -> (f64, Vec<usize>) {
     (score, steps)
 }
 
-/// Axis and angles drawn onto the surfaces together, by Gauss-Newton steps on the distances along both normals.
-fn refined(turning: &Turning, start: &Turned) -> Turned {
-    let n = turning.views.len();
-    let mut turned = start.clone();
-    for reach in TUNING.reaches.map(|reach| reach * turning.spacing) {
-        let blocks: Vec<(DMatrix<f64>, DVector<f64>)> =
-            (0..n).into_par_iter().with_max_len(1).map(|i| sums_onto(turning, &turned, i, reach)).collect();
-        let unknowns = n + FREE;
-        let (mut information, mut gradient) =
-            (DMatrix::<f64>::zeros(unknowns, unknowns), DVector::<f64>::zeros(unknowns));
-        for (block, right) in blocks {
-            information += block;
-            gradient += right;
-        }
-        // all angles together turn the whole, which changes nothing: the damping keeps them
-        for k in 0..unknowns {
-            information[(k, k)] += 1e-6 * information[(k, k)] + f64::MIN_POSITIVE;
-        }
-        let Some(step) = information.cholesky().map(|factor| factor.solve(&gradient)) else { break };
-        turned.angles.iter_mut().zip(step.iter()).for_each(|(angle, change)| *angle -= change);
-        turned.axis = turned.axis.changed(&[0, 1, 2, 3].map(|k| -step[n + k]));
-    }
-    turned
-}
-
-/// The normal equations of all other views' points on view i: of the angles, then of the axis.
-fn sums_onto(turning: &Turning, turned: &Turned, i: usize, reach: f64) -> (DMatrix<f64>, DVector<f64>) {
-    let n = turning.views.len();
-    let (mut information, mut gradient) = (DMatrix::<f64>::zeros(n + FREE, n + FREE), DVector::<f64>::zeros(n + FREE));
-    let kernel = RobustKernel::within(reach);
-    let target = &turning.views[i];
-    let [least, most] = TUNING.view_samples;
-    let samples = (TUNING.refined_samples / (n * n)).clamp(least, most);
-    let small = [1e-4 * turning.reach, 1e-4 * turning.reach, 1e-4, 1e-4];
-    for j in (0..n).filter(|j| *j != i) {
-        let angle = turned.angles[i] - turned.angles[j];
-        let motion = turned.axis.turn(angle);
-        let changed = |k: usize| {
-            let mut by = [0.0; FREE];
-            by[k] = small[k];
-            turned.axis.changed(&by).turn(angle)
-        };
-        let changed = [0, 1, 2, 3].map(changed);
-        let view = &turning.views[j];
-        let step = view.indexed.points.len().div_ceil(samples).max(1);
-        for (point, normal) in view.indexed.points.iter().zip(&view.normals).step_by(step) {
-            let point: Point3 = nalgebra::Point3::from(*point).cast::<f64>();
-            let place = motion * point;
-            let near = target.indexed.tree.nearest(&place.coords.cast::<f32>().into(), (reach * reach) as f32);
-            let Some(met) = near.map(|near| near.index as usize) else { continue };
-            let (normal, other) = (motion.rotation * normal.cast::<f64>(), target.normals[met].cast::<f64>());
-            if normal.dot(&other) < TUNING.least_cosine {
-                continue;
-            }
-            let mean = (normal + other).normalize();
-            let residual =
-                mean.dot(&(place.coords - nalgebra::Vector3::from(target.indexed.points[met]).cast::<f64>()));
-            let weight = kernel.weight(residual);
-            let by_angle = mean.dot(&turned.axis.direction.cross(&(place.coords - turned.axis.point)));
-            let by_axis = [0, 1, 2, 3].map(|k| mean.dot(&((changed[k] * point - place) / small[k])));
-            let entries = [(i, by_angle), (j, -by_angle)];
-            let entries: Vec<(usize, f64)> =
-                entries.into_iter().chain(by_axis.into_iter().enumerate().map(|(k, by)| (n + k, by))).collect();
-            for (row, a) in &entries {
-                gradient[*row] += weight * a * residual;
-                for (column, b) in &entries {
-                    information[(*row, *column)] += weight * a * b;
-                }
-            }
-        }
-    }
-    (information, gradient)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::global::fixture::Fixture;
     use crate::global::verification::PairVotes;
     use crate::sensor::turning::balls;
+    use visage_geometry::Motion;
 
     /// How far the poses of the views are off from how the thing was turned, at most, in degrees.
     fn off(turning: &Turning, component: &Component, direction: &Vector3, angles: &[f64]) -> f64 {
@@ -354,6 +292,19 @@ mod tests {
         let laid = laid(&turning, &[], 2.0, &Agglomeration::default()).expect("it turns about the floor's normal");
         let off = off(&turning, &laid, &direction, &angles);
         assert!(off < 2.0, "{off}");
+    }
+
+    #[test]
+    fn axes_are_tried_well_behind_the_near_side_that_was_seen() {
+        let turning = balls::turning(&Vector3::y(), &[0.0, 0.7]);
+        let behind = -turning.eye.normalize();
+        let along = proposed(&turning, &[], 2.0).along;
+        let (nearest, farthest) = along
+            .iter()
+            .filter(|axis| axis.direction.y.abs() > 0.999)
+            .map(|axis| axis.point.dot(&behind) / turning.reach)
+            .fold((0.0f64, 0.0f64), |(least, most), at| (least.min(at), most.max(at)));
+        assert!(nearest < -0.15 && farthest > 0.7, "{nearest} to {farthest}");
     }
 
     #[test]
@@ -401,8 +352,14 @@ mod tests {
         let found = |component: Component| Agglomeration { components: vec![component], ambiguous: vec![false; 3] };
         let all = component((0..3).map(right).collect());
         let turned = component((0..3).map(|k| right(k) * Motion::rotation(Vector3::z() * (0.5 * k as f64))).collect());
-        assert!(is_seconded(&coarse_set, &all, &found(turned.clone())));
-        assert!(!is_seconded(&coarse_set, &turned, &found(all.clone())));
-        assert!(is_seconded(&coarse_set, &turned, &found(component(all.local_poses[..2].to_vec()))), "one is open");
+        let silent = |_: &Component| 0.0;
+        assert!(is_seconded(&coarse_set, silent, &all, &found(turned.clone())));
+        assert!(!is_seconded(&coarse_set, silent, &turned, &found(all.clone())));
+        assert!(
+            is_seconded(&coarse_set, silent, &turned, &found(component(all.local_poses[..2].to_vec()))),
+            "one is open"
+        );
+        let for_turned = |component: &Component| if *component == turned { 1e3 } else { 0.0 };
+        assert!(is_seconded(&coarse_set, for_turned, &turned, &found(all.clone())), "pictures say so much more");
     }
 }

@@ -6,13 +6,13 @@ use crate::quality::witness::Witness;
 
 /// Coefficients of the logistic model; see [`features`]. Fitted by `examples/confidence.rs` on code-made sets of three of six
 /// sensors with four of eight scenes and on half of the objects; docs/results/scanners.md shows how it holds on the others.
-pub const MODEL: [f64; FEATURES] = [1.18, -1.85, -0.55, -0.10, 0.63, -2.05, -1.65, 1.96, -0.46, 1.09, -2.36];
+pub const MODEL: [f64; FEATURES] = [1.51, -1.85, -0.55, -0.10, 0.63, -2.05, -1.65, 1.96, -0.46, 1.09, -1.30, -0.58];
 /// What the logarithm of the odds loses where something moved before a background that holds the views: one of both is wrong.
 pub const STILL: f64 = 4.0;
 /// A view is called sure from this confidence on.
 pub const SURE: f64 = limits::LEAST_SURE;
 /// Numbers that the model looks at.
-pub const FEATURES: usize = 11;
+pub const FEATURES: usize = 12;
 
 visage_geometry::tuning! {
     const TUNING: Tuning {
@@ -23,6 +23,8 @@ visage_geometry::tuning! {
         /// Nearer to each other than this, in the noise of the set, surfaces lie by chance: where few surfels agree (99 % of right
         /// views have more).
         least_rms: f64 = 0.8,
+        /// Another place that does so much better than a view's own says no more by doing better still.
+        most_rival: f64 = 1.5,
         /// Agreement of colours that is as good as any.
         colours_agree: f64 = 0.8,
     }
@@ -50,6 +52,7 @@ pub fn features(support: &PoseSupport, witness: &Witness) -> [f64; FEATURES] {
         (witness.displacement.unwrap_or(TUNING.usual_displacement) + TUNING.least_displacement).ln(),
         witness.colours.map_or(0.0, |agreement| agreement.min(TUNING.colours_agree) - TUNING.colours_agree),
         f64::from(u8::from(witness.is_looked_through)),
+        s.rival.min(TUNING.most_rival),
     ]
 }
 
@@ -67,6 +70,7 @@ mod tests {
             rms: 1.0,
             agreeing: 0.8,
             held: 0.2,
+            rival: 0.0,
             component_rival: 0.0,
             sharpness: 1.0,
         };
@@ -77,6 +81,7 @@ mod tests {
             PoseSupport { contradict: 0.3, ..right },
             PoseSupport { component_contradict: 0.1, ..right },
             PoseSupport { component_rival: 1.0, ..right },
+            PoseSupport { rival: 1.0, ..right },
             PoseSupport { sharpness: 0.7, ..right },
             PoseSupport { rms: 2.0, ..right },
             PoseSupport {

@@ -16,6 +16,7 @@ pub mod confidence;
 pub mod consensus;
 pub mod contact;
 pub mod cropped;
+pub mod cuts;
 pub mod descriptor;
 pub mod exhaustive;
 #[cfg(test)]
@@ -36,6 +37,7 @@ pub mod scan_set;
 pub mod sensor_side;
 pub mod slippage;
 pub mod surfel_icp;
+mod turned;
 pub mod verification;
 pub mod votes;
 
@@ -124,8 +126,8 @@ impl Search {
         component.iter().map(seen).collect()
     }
 
-    /// How the views of a refined component that was found here stand.
-    pub fn pose_supports(&self, views: &[usize], local_poses: &[Motion]) -> Vec<PoseSupport> {
+    /// How the views of a refined component that was found here stand, and the places of those that hold together.
+    pub fn pose_supports(&self, views: &[usize], local_poses: &[Motion]) -> (Vec<PoseSupport>, Vec<usize>) {
         let place = |view: usize| views.iter().position(|other| *other == view);
         let coarse_views: Vec<&CoarseView> = self
             .views
@@ -138,7 +140,15 @@ impl Search {
             Some(PairHypothesis { i: place(hypothesis.i)?, j: place(hypothesis.j)?, ..*hypothesis })
         };
         let hypotheses: Vec<PairHypothesis> = self.hypotheses.iter().filter_map(named).collect();
-        pose_support::pose_supports(&coarse_views, local_poses, &hypotheses, self.edge, self.noise)
+        let said = pose_support::pairs_said(&coarse_views, local_poses, self.edge);
+        let supports =
+            pose_support::pose_supports(&coarse_views, local_poses, &hypotheses, &said, self.edge, self.noise);
+        // an axis holds what few surfels do not
+        let holding = match self.is_about_axis {
+            true => (0..views.len()).collect(),
+            false => cuts::holding(&coarse_views, local_poses, &said),
+        };
+        (supports, holding)
     }
 }
 
@@ -254,10 +264,11 @@ fn find_at_once(
     }
     let coarse_set =
         CoarseSet { views, coarse_views: &coarse_views, resolution: resolution(spacing, noise, edge), edge, noise };
-    let about_axis = prior
-        .turning
-        .and_then(|turning| about_axis::laid(turning, &hypotheses, edge, &agglomeration))
-        .filter(|component| about_axis::is_seconded(&coarse_set, component, &agglomeration));
+    let about_axis = prior.turning.and_then(|turning| {
+        let pictures = |component: &Component| about_axis::borne_out(turning, component);
+        about_axis::laid(turning, &hypotheses, edge, &agglomeration)
+            .filter(|component| about_axis::is_seconded(&coarse_set, pictures, component, &agglomeration))
+    });
     let is_about_axis = about_axis.is_some();
     if let Some(component) = about_axis {
         agglomeration = Agglomeration { components: vec![component], ambiguous: vec![false; views.len()] };

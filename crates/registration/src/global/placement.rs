@@ -130,9 +130,9 @@ fn open_pieces(
     pieces
 }
 
-/// Refines a component. A few views that then cross the others, or that the others' scanners refute, were laid there by
-/// mistake: they are left out, and the rest is refined anew. When most are, nothing can be said of any, and the verdict
-/// is left to tell.
+/// Refines a component. A few views that then cross the others, or that the others' scanners refute, and parts that the rest
+/// speaks against, were laid there by mistake: they are left out, and the rest is refined anew. When most are, nothing can be
+/// said of any, and the verdict is left to tell.
 fn settle_component(
     views: &[View],
     component: &Component,
@@ -147,10 +147,9 @@ fn settle_component(
     };
     let members = search.seen(views, &component.views);
     let refined = refine(&members, &component.local_poses)?;
-    let pose_supports = pose_supports_of(&members, &component.views, &refined, search);
-    let kept: Vec<usize> =
-        (0..members.len()).filter(|k| confidence(&pose_supports[*k], &Witness::default()) >= TUNING.refuted).collect();
-    if kept.len() == members.len() || kept.len() < 2 || 2 * kept.len() <= members.len() {
+    let (pose_supports, mut kept) = pose_supports_of(&members, &component.views, &refined, search);
+    kept.retain(|k| confidence(&pose_supports[*k], &Witness::default()) >= TUNING.refuted);
+    if kept.len() == members.len() || kept.len() < 2 || 2 * kept.len() < members.len() {
         return Ok((component.clone(), refined, pose_supports));
     }
     let rest = Component {
@@ -160,18 +159,23 @@ fn settle_component(
     };
     let members = search.seen(views, &rest.views);
     let refined = refine(&members, &rest.local_poses)?;
-    let pose_supports = pose_supports_of(&members, &rest.views, &refined, search);
+    let (pose_supports, _) = pose_supports_of(&members, &rest.views, &refined, search);
     Ok((rest, refined, pose_supports))
 }
 
-/// How the views of a refined component stand; `members` are its views.
-fn pose_supports_of(members: &[View], views: &[usize], refined: &Outcome, search: &Search) -> Vec<PoseSupport> {
+/// How the views of a refined component stand, and the places of those that hold together; `members` are its views.
+fn pose_supports_of(
+    members: &[View],
+    views: &[usize],
+    refined: &Outcome,
+    search: &Search,
+) -> (Vec<PoseSupport>, Vec<usize>) {
     let sharpness = sharpness(members, refined, resolution(members, refined));
-    let mut pose_supports = search.pose_supports(views, &refined.local_poses);
+    let (mut pose_supports, holding) = search.pose_supports(views, &refined.local_poses);
     for (support, sharpness) in pose_supports.iter_mut().zip(sharpness) {
         support.sharpness = sharpness.unwrap_or(0.0);
     }
-    pose_supports
+    (pose_supports, holding)
 }
 
 /// The views of a refined component that still hang together, in the frame of the first.

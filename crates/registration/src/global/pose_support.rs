@@ -44,7 +44,9 @@ pub struct PoseSupport {
     pub component_contradict: f64,
     /// Root mean square distance of surfels that agree, in the noise of the set.
     pub rms: f64,
-    /// How well the best other place of a view does, in what its own does: 0 (there is none) to 2; mean over the component.
+    /// How well the best other place of the view does, in what its own does: 0 (there is none) to 2.
+    pub rival: f64,
+    /// The mean of that over the component.
     pub component_rival: f64,
     /// Of the pairs of this view whose best hypothesis says something, the share that says what the component does.
     pub agreeing: f64,
@@ -54,27 +56,30 @@ pub struct PoseSupport {
     pub sharpness: f64,
 }
 
-/// How a component's views stand at `local_poses`; `hypotheses` are their candidates, named by place in the component, and `noise` the
+/// What all pairs of a component's views say of `local_poses`, in lexicographic order.
+pub fn pairs_said(coarse_views: &[&CoarseView], local_poses: &[Motion], edge: f64) -> Vec<PairVotes> {
+    let pairs: Vec<(usize, usize)> = all_pairs(coarse_views.len()).collect();
+    let say = |&(i, j): &(usize, usize)| {
+        verify(coarse_views[i], coarse_views[j], &local_poses[i].inv_mul(&local_poses[j]), edge, TUNING.samples)
+    };
+    pairs.par_iter().map(say).collect()
+}
+
+/// How a component's views stand at `local_poses`, of which their pairs have `said` so much; `hypotheses` are their candidates, named by place in the component, and `noise` the
 /// set's level of noise, in edges.
 pub fn pose_supports(
     coarse_views: &[&CoarseView],
     local_poses: &[Motion],
     hypotheses: &[PairHypothesis],
+    said: &[PairVotes],
     edge: f64,
     noise: f64,
 ) -> Vec<PoseSupport> {
     let n = coarse_views.len();
-    let pairs: Vec<(usize, usize)> = all_pairs(n).collect();
-    let said: Vec<PairVotes> = pairs
-        .par_iter()
-        .map(|&(i, j)| {
-            verify(coarse_views[i], coarse_views[j], &local_poses[i].inv_mul(&local_poses[j]), edge, TUNING.samples)
-        })
-        .collect();
     let mut whole = SurfelVotes::default();
     let mut own = vec![SurfelVotes::default(); n];
     let mut overlap = vec![0.0f64; n];
-    for (&(i, j), evidence) in pairs.iter().zip(&said) {
+    for ((i, j), evidence) in all_pairs(n).zip(said) {
         let votes = evidence.both();
         whole = whole + votes;
         for view in [i, j] {
@@ -96,6 +101,7 @@ pub fn pose_supports(
             contradict: share(&own[view], own[view].contradict),
             component_contradict: share(&whole, whole.contradict),
             rms: rms(&own[view], edge) / (edge * noise),
+            rival: rivals[view],
             component_rival,
             held: Slippage::of(&held_surfels(coarse_views, local_poses, view, edge))
                 .map_or(0.0, |slippage| slippage.hold()),
@@ -225,7 +231,8 @@ mod tests {
 
     fn support(height: fn(f64, f64) -> f64, moved: &Motion) -> PoseSupport {
         let (coarse_view, pose) = coarse_view(height);
-        pose_supports(&[&coarse_view, &coarse_view], &[pose, moved * pose], &[], EDGE, 0.02)[1]
+        let (coarse_views, poses) = ([&coarse_view, &coarse_view], [pose, moved * pose]);
+        pose_supports(&coarse_views, &poses, &[], &pairs_said(&coarse_views, &poses, EDGE), EDGE, 0.02)[1]
     }
 
     #[test]

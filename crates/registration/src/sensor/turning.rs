@@ -56,6 +56,8 @@ pub struct Turning {
     pub views: Vec<Stood>,
     /// The middle of what moved, in the world of the poses that it was found by.
     pub middle: Vector3,
+    /// From where all was seen, about the middle.
+    pub eye: Vector3,
     /// The farthest that any of it is from the middle.
     pub reach: f64,
     /// The median distance of its points from their neighbours.
@@ -114,29 +116,36 @@ impl Turning {
         let facing = facing(wholes.first()?).into_iter().map(|direction| poses[0] * direction).collect();
         let world_from_local = moved_poses.iter().map(|pose| nalgebra::Translation3::from(-middle) * pose).collect();
         let resolution = still.resolution as f32;
-        Some(Turning { world_from_local, views: stood, middle, reach, spacing, facing, resolution })
+        Some(Turning { world_from_local, views: stood, middle, eye: eye_about, reach, spacing, facing, resolution })
     }
 
     /// How much speaks for it that what view j saw stands in view i where `motion` moves it, a point asked: 2 if all agree. Some
     /// `samples` of either view are asked.
     pub fn agreement(&self, i: usize, j: usize, motion: &Motion, samples: usize) -> f64 {
-        let said = self.said(j, i, motion, samples) + self.said(i, j, &motion.inverse(), samples);
+        self.agreement_within(i, j, motion, samples, 0.0)
+    }
+
+    /// The same of a motion that may be off by a length.
+    pub fn agreement_within(&self, i: usize, j: usize, motion: &Motion, samples: usize, slack: f64) -> f64 {
+        let slack = slack as f32;
+        let said = self.said(j, i, motion, samples, slack) + self.said(i, j, &motion.inverse(), samples, slack);
         f64::from(said)
     }
 
     /// What points of one view, moved, say in another.
-    fn said(&self, from: usize, to: usize, motion: &Motion, samples: usize) -> f32 {
+    fn said(&self, from: usize, to: usize, motion: &Motion, samples: usize, slack: f32) -> f32 {
         let motion = motion.cast::<f32>();
         let rotation = motion.rotation.to_rotation_matrix();
         let (own, other) = (&self.views[from], &self.views[to]);
-        let near2 = (TUNING.near * self.spacing as f32).powi(2);
+        let near2 = (TUNING.near * self.spacing as f32 + slack).powi(2);
+        let (on, in_front) = (TUNING.on * self.resolution + slack, TUNING.in_front * self.resolution + slack);
         let step = own.indexed.points.len().div_ceil(samples).max(1);
         let (mut asked, mut balance) = (0.0f32, 0.0f32);
         for (point, normal) in own.indexed.points.iter().zip(&own.normals).step_by(step) {
             asked += 1.0;
             let place = rotation * nalgebra::Vector3::from(*point) + motion.translation.vector;
             if let Seen::Surface { height } = other.picture.look(&place)
-                && height > TUNING.in_front * self.resolution
+                && height > in_front
             {
                 balance -= TUNING.looked_through;
                 continue;
@@ -146,7 +155,7 @@ impl Turning {
             let cosine = normal.dot(&other_normal);
             let offset = place - nalgebra::Vector3::from(other.indexed.points[target.index as usize]);
             let mean = normal + other_normal;
-            if cosine > TUNING.like && (mean.dot(&offset) / mean.norm()).abs() < TUNING.on * self.resolution {
+            if cosine > TUNING.like && (mean.dot(&offset) / mean.norm()).abs() < on {
                 balance += 1.0;
             } else if cosine > TUNING.opposed {
                 balance -= 1.0;
