@@ -33,9 +33,8 @@ fn keeps_in(objects: &BucketSettings) -> impl FnOnce(&mut ServerConfig) + use<> 
 
 /// What is in the bucket. No server may be using the folder.
 async fn stored(folder: &Path, objects: &BucketSettings) -> Vec<StoredFile> {
-    let data = DataFolder::open_with(folder, Duration::from_secs(5), Places { objects: Some(objects), database: None })
-        .await
-        .expect("opened");
+    let places = Places { objects: Some(objects), database: None };
+    let data = DataFolder::open_with(folder, Duration::from_secs(5), places).await.expect("opened");
     let files = data.storage.blocking(|objects| objects.listing()).await.expect("listed");
     data.storage.database.close().await;
     files
