@@ -1,8 +1,8 @@
 //! A gallery as one file, for a program of another version: what `visage backup` copies is for the same version alone.
 //!
 //! - `layout`: what stands in the file, and in which order; docs/EXPORT.md tells others
-//! - [`export`]: a data folder is written to a stream
-//! - [`import`]: a stream is read into a data folder; `received`: its entries, each held against what the one before has announced;
+//! - [`mod@export`]: a data folder is written to a stream
+//! - [`mod@import`]: a stream is read into a data folder; `received`: its entries, each held against what the one before has announced;
 //!   `checked`: what they say, held against what may be stored
 //!
 //! Both go through the file once and hold one entry of it in memory at most. Scans are not part of it, nor are keys, webhooks, the audit
