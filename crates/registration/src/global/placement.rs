@@ -85,9 +85,13 @@ pub fn place(set: &Set, refine: &Refine, progress: &Progress) -> Result<Placemen
     let mut components = Vec::new();
     let mut placed: Option<Outcome> = None;
     let mut pose_supports = vec![None; views.len()];
+    // in a component when it was found, and without a place in the end
+    let mut left_out = vec![false; views.len()];
     for component in found.components.iter().filter(|component| component.views.len() > 1) {
         let search = &found.searches[component.search];
+        component.views.iter().for_each(|view| left_out[*view] = true);
         let (component, refined, found) = settle_component(views, component, search, refine, progress)?;
+        component.views.iter().for_each(|view| left_out[*view] = false);
         components.extend(held_together(set, &component, &refined, &found));
         if placed.is_none() {
             component.views.iter().zip(found).for_each(|(view, support)| pose_supports[*view] = Some(support));
@@ -100,7 +104,9 @@ pub fn place(set: &Set, refine: &Refine, progress: &Progress) -> Result<Placemen
         pose_supports[view].filter(|_| result.placed[view]).map(|support| confidence(&support, &Witness::default()))
     };
     let confidences: Vec<f64> = (0..views.len()).map(|view| sure(view).unwrap_or(0.0)).collect();
-    let pieces = open_pieces(&found.ambiguous, &result, &components, &pose_supports, &confidences);
+    let is_open: Vec<bool> =
+        found.ambiguous.iter().zip(&left_out).map(|(ambiguous, left)| *ambiguous || *left).collect();
+    let pieces = open_pieces(&is_open, &result, &components, &pose_supports, &confidences);
     let alternatives = match found.searches.first() {
         Some(search) => alternatives(views, search, &result, pieces, progress)?,
         None => Vec::new(),
@@ -108,24 +114,24 @@ pub fn place(set: &Set, refine: &Refine, progress: &Progress) -> Result<Placemen
     Ok(Placement { result, origins, confidences, pose_supports, ambiguous: found.ambiguous, components, alternatives })
 }
 
-/// What may lie in several ways: ambiguous views and components without a place, and placed views that are not sure in a set
-/// that looks the same from several sides.
+/// What may lie in several ways: views that are ambiguous or were left out, and components of such, without a place, and placed views
+/// that are not sure in a set that looks the same from several sides.
 fn open_pieces(
-    ambiguous: &[bool],
+    is_open: &[bool],
     result: &Outcome,
     components: &[PlacedComponent],
     pose_supports: &[Option<PoseSupport>],
     confidences: &[f64],
 ) -> Vec<Piece> {
     let open =
-        |component: &&PlacedComponent| component.views.iter().any(|view| ambiguous[*view] && !result.placed[*view]);
+        |component: &&PlacedComponent| component.views.iter().any(|view| is_open[*view] && !result.placed[*view]);
     let mut pieces: Vec<Piece> = components.iter().skip(1).filter(open).map(Piece::of_component).collect();
     let is_single = |view: &usize| !components.iter().skip(1).any(|component| component.views.contains(view));
     let may_lie_elsewhere = |view: &usize| match pose_supports[*view].filter(|_| result.placed[*view]) {
         Some(support) => confidences[*view] < SURE && support.component_rival >= TUNING.symmetric,
-        None => ambiguous[*view] && !result.placed[*view],
+        None => is_open[*view] && !result.placed[*view],
     };
-    pieces.extend((0..ambiguous.len()).filter(is_single).filter(may_lie_elsewhere).map(Piece::of_view));
+    pieces.extend((0..is_open.len()).filter(is_single).filter(may_lie_elsewhere).map(Piece::of_view));
     pieces.truncate(TUNING.most_pieces);
     pieces
 }
