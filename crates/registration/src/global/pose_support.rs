@@ -65,8 +65,8 @@ pub fn pairs_said(coarse_views: &[&CoarseView], local_poses: &[Motion], edge: f6
     pairs.par_iter().map(say).collect()
 }
 
-/// How a component's views stand at `local_poses`, of which their pairs have `said` so much; `hypotheses` are their candidates, named by place in the component, and `noise` the
-/// set's level of noise, in edges.
+/// How a component's views stand at `local_poses`, of which their pairs have `said` so much; `hypotheses` are their candidates,
+/// named by place in the component, and `noise` the set's level of noise, in edges.
 pub fn pose_supports(
     coarse_views: &[&CoarseView],
     local_poses: &[Motion],

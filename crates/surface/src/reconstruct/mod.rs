@@ -40,7 +40,7 @@ use visage_geometry::{Bounds, Cloud, Mesh};
 visage_geometry::tuning! {
     const TUNING: Tuning {
         /// Edge of a cell, in spacings, of points whose noise is the usual one. With 2.0 and the same reach detail is a little coarser than
-        /// that of the best rival, with 1.8 hardly finer than this for 6 % more time (docs/results/surface.md).
+        /// that of the best rival, with 1.8 hardly finer than this for 5 % more time (docs/results/surface.md).
         cell: f64 = 1.85,
         /// Noise in spacings: that of laser scans at their own resolution.
         usual_noise: f64 = 0.13,
