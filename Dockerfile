@@ -17,11 +17,11 @@ COPY --from=page /src/web/dist web/dist
 RUN mkdir src \
     && echo 'fn main() {}' > src/main.rs \
     && touch src/lib.rs \
-    && cargo build --profile dist --locked -p visage --features tls,s3,postgres \
+    && cargo build --profile dist --locked -p visage --features tls,s3,postgres,otel \
     && rm -r src
 COPY src src
 RUN touch src/lib.rs src/main.rs \
-    && cargo build --profile dist --locked -p visage --features tls,s3,postgres \
+    && cargo build --profile dist --locked -p visage --features tls,s3,postgres,otel \
     && mkdir /data
 
 FROM gcr.io/distroless/cc-debian12:nonroot

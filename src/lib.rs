@@ -41,7 +41,7 @@ pub use visage_picture as picture;
 pub use visage_pipeline as pipeline;
 pub use visage_registration as registration;
 pub use visage_report as report;
-pub use visage_service::{app, config, jobs, machine, storage};
+pub use visage_service::{app, config, jobs, machine, storage, traces};
 pub use visage_shape::{descriptor, faces, saliency, standards};
 pub use visage_surface as surface;
 pub use visage_synthetic as synthetic;

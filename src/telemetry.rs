@@ -1,5 +1,11 @@
 //! Logs: one line an event on standard error, as text or as JSON; panics are logged like errors.
 
+#[cfg(not(feature = "otel"))]
+#[path = "telemetry/no_otel.rs"]
+mod otel;
+#[cfg(feature = "otel")]
+mod otel;
+
 use std::io::IsTerminal;
 
 use tracing::level_filters::LevelFilter;
@@ -8,6 +14,8 @@ use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::util::SubscriberInitExt;
 
 use visage_service::panics::panic_message;
+
+pub use otel::Exporter;
 
 /// How log lines are written.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, clap::ValueEnum)]
@@ -38,13 +46,21 @@ pub enum TelemetryError {
     /// A logger is already installed in this process.
     #[error("logging is already set up: {0}")]
     AlreadySet(String),
+    /// Spans can't be sent as the environment says.
+    #[error("OTEL_EXPORTER_OTLP_*: {0}")]
+    Traces(String),
 }
 
 /// Installs the logger and the panic hook of this process.
 pub fn init(format: LogFormat, filter: &str) -> Result<(), TelemetryError> {
+    init_traced(format, filter, &Exporter::none())
+}
+
+/// The same for a process whose spans are sent.
+pub fn init_traced(format: LogFormat, filter: &str, exporter: &Exporter) -> Result<(), TelemetryError> {
     let lines =
         tracing_subscriber::fmt::layer().with_writer(std::io::stderr).with_ansi(std::io::stderr().is_terminal());
-    let filtered = tracing_subscriber::registry().with(targets(filter)?);
+    let filtered = tracing_subscriber::registry().with(targets(filter)?).with(exporter.layer());
     let installed = match format {
         LogFormat::Text => filtered.with(lines).try_init(),
         LogFormat::Json => filtered.with(lines.json().flatten_event(true)).try_init(),

@@ -2,6 +2,7 @@
 
 use std::net::SocketAddr;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::{Context, bail};
@@ -15,6 +16,7 @@ use crate::config::{
 };
 use crate::http::Server;
 use crate::telemetry::{self, LogFormat};
+use crate::traces::Traces;
 
 /// Where and how the service runs.
 #[derive(Debug, Args)]
@@ -203,18 +205,20 @@ impl ServeArgs {
 
 /// Serves until SIGTERM or SIGINT.
 pub fn run(args: &ServeArgs) -> anyhow::Result<()> {
-    telemetry::init(args.log_format, &args.log)?;
+    // it outlives the runtime: what has ended then is still to be sent
+    let exporter = telemetry::Exporter::new()?;
+    telemetry::init_traced(args.log_format, &args.log, &exporter)?;
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().context("starting the runtime")?;
-    let served = runtime.block_on(serve(args.config()?));
+    let served = runtime.block_on(serve(args.config()?, exporter.traces()));
     // a job's thread or a check that does not listen must not keep the process
     runtime.shutdown_timeout(Duration::from_secs(1));
     served
 }
 
-async fn serve(config: ServerConfig) -> anyhow::Result<()> {
+async fn serve(config: ServerConfig, traces: Arc<dyn Traces>) -> anyhow::Result<()> {
     // listened for before the server starts, so that a signal during the start is not lost
     let stop = stop_signal()?;
-    let server = Server::start(config).await?;
+    let server = Server::start_traced(config, traces).await?;
     println!("listening on {}", server.url());
     stop.await;
     server.shutdown().await;

@@ -31,11 +31,17 @@ impl Process {
 
     /// Starts with further arguments; the log goes to `log`.
     pub fn start_with(folder: &Path, arguments: &[&str], log: Stdio) -> Process {
+        Process::start_in(folder, arguments, &[], log)
+    }
+
+    /// The same with variables of the environment.
+    pub fn start_in(folder: &Path, arguments: &[&str], environment: &[(&str, String)], log: Stdio) -> Process {
         let mut child = Command::new(env!("CARGO_BIN_EXE_visage"))
             .args(["serve", "--addr", "127.0.0.1:0", "--log-format", "json", "--data"])
             .arg(folder)
             .args(arguments)
             .envs(on_server(folder))
+            .envs(environment.iter().map(|(name, value)| (name, value)))
             .stdout(Stdio::piped())
             .stderr(log)
             .spawn()

@@ -39,4 +39,6 @@ mod slow;
 mod standards;
 mod storage;
 mod surfaces;
+#[cfg(feature = "otel")]
+mod traces;
 mod webhooks;

@@ -30,6 +30,7 @@ use super::{
 };
 use visage_service::config::{BasePath, Network};
 use visage_service::panics::panic_message;
+use visage_service::traces::Traces;
 
 const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
 
@@ -133,11 +134,13 @@ pub fn router(state: AppState) -> Result<Router, RouterError> {
     let (router, _) = resources().split_for_parts();
     let proxies: Arc<[Network]> = state.context.config.trusted_proxies.clone().into();
     let base = state.context.config.base_path.clone();
+    let traces = state.context.traces.clone();
+    let span = move |request: &Request| request_span(request, traces.as_ref());
     let outside = ServiceBuilder::new()
         .map_request(without_request_id)
         .set_request_id(REQUEST_ID, NewRequestId)
         .layer(from_fn_with_state(proxies, forwarded::noted))
-        .layer(TraceLayer::new_for_http().make_span_with(request_span).on_request(()).on_response(()).on_failure(()))
+        .layer(TraceLayer::new_for_http().make_span_with(span).on_request(()).on_response(()).on_failure(()))
         .layer(from_fn(access_log::logged))
         .layer(from_fn_with_state(state.requests.clone(), metrics::metered))
         .layer(from_fn(headers::said))
@@ -192,11 +195,15 @@ impl MakeRequestId for NewRequestId {
     }
 }
 
-fn request_span<B>(request: &axum::http::Request<B>) -> tracing::Span {
+fn request_span(request: &Request, traces: &dyn Traces) -> tracing::Span {
     let id = request.headers().get(REQUEST_ID).and_then(|id| id.to_str().ok()).unwrap_or_default();
     // the path alone: a query may hold what does not belong into logs
     let client = Client::of(request).map(|client| tracing::field::display(client.address));
-    tracing::info_span!("request", id, client, method = %request.method(), path = request.uri().path())
+    let span = tracing::info_span!("request", id, client, method = %request.method(), path = request.uri().path());
+    if let Some(Ok(traceparent)) = request.headers().get("traceparent").map(HeaderValue::to_str) {
+        traces.go_on(&span, traceparent);
+    }
+    span
 }
 
 async fn not_found(request: Request) -> Problem {

@@ -26,6 +26,7 @@ use visage_service::jobs::runner::Runner;
 use visage_service::storage::Database;
 use visage_service::storage::data_folder::{DataFolder, OpenError, Places};
 use visage_service::storage::inventory::Storage;
+use visage_service::traces::{NoTraces, Traces};
 
 /// How often answers kept for repeated requests are cleaned up.
 const CLEAN_UP: Duration = Duration::from_secs(3600);
@@ -78,13 +79,27 @@ impl Server {
         Self::start_with(config, Arc::new(PipelineEngine)).await
     }
 
+    /// The same, with requests and jobs that are followed across programs.
+    pub async fn start_traced(config: ServerConfig, traces: Arc<dyn Traces>) -> Result<ServerHandle, StartError> {
+        Self::start_all(config, Arc::new(PipelineEngine), traces).await
+    }
+
     /// Starts a server with other algorithms: for tests of the service, and for failure injection.
     pub async fn start_with(config: ServerConfig, engine: Arc<dyn Engine>) -> Result<ServerHandle, StartError> {
+        Self::start_all(config, engine, Arc::new(NoTraces)).await
+    }
+
+    async fn start_all(
+        config: ServerConfig,
+        engine: Arc<dyn Engine>,
+        traces: Arc<dyn Traces>,
+    ) -> Result<ServerHandle, StartError> {
         let mut config = config;
         config.edge.connections = connections::most(config.edge.connections);
         let config = Arc::new(config);
         let tls = config.tls.as_ref().map(Tls::new).transpose()?;
-        let context = open(&config, engine).await?;
+        let mut context = open(&config, engine).await?;
+        context.traces = traces;
         check_exposure(&config, context.database.as_ref()).await?;
         let listener =
             TcpListener::bind(config.addr).await.map_err(|source| StartError::Listen { addr: config.addr, source })?;

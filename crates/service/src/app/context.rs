@@ -11,6 +11,7 @@ use super::monitor::JobMonitor;
 use crate::config::ServerConfig;
 use crate::storage::inventory::Storage;
 use crate::storage::{Database, ObjectStore};
+use crate::traces::{NoTraces, Traces};
 
 /// All that the service works with. Cheap to clone.
 #[derive(Clone)]
@@ -27,6 +28,8 @@ pub struct ServiceContext {
     pub monitor: Arc<JobMonitor>,
     /// Threads, limits and clocks.
     pub config: Arc<ServerConfig>,
+    /// Where spans of requests and jobs go on.
+    pub traces: Arc<dyn Traces>,
     /// Looks at jobs that are under way.
     pub(super) looks: Arc<Looks>,
     /// One evaluation of the gallery at a time.
@@ -43,6 +46,7 @@ impl ServiceContext {
             engine,
             monitor: Arc::default(),
             config,
+            traces: Arc::new(NoTraces),
             looks: Arc::default(),
             evaluating: Arc::new(Semaphore::new(1)),
         }

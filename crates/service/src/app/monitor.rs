@@ -10,6 +10,9 @@ use super::figures::Figures;
 use super::tracker::Tracker;
 use visage_domain::{JobId, JobKind, JobRecord, JobStatus, WorkerId};
 
+/// Jobs of which it is kept by which request they were ordered.
+const MOST_ORDERED: usize = 10_000;
+
 /// Why a running job is to stop.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum StopReason {
@@ -62,6 +65,8 @@ pub struct JobMonitor {
     running: Mutex<HashMap<JobId, Running>>,
     left_behind: Mutex<Vec<u64>>,
     workers: Mutex<BTreeSet<WorkerId>>,
+    /// By which request a job was ordered, as its `traceparent`, until it begins.
+    ordered: Mutex<HashMap<JobId, String>>,
     changes: watch::Sender<u64>,
     status_changes: watch::Sender<u64>,
     work: Notify,
@@ -77,6 +82,7 @@ impl Default for JobMonitor {
             running: Mutex::default(),
             left_behind: Mutex::default(),
             workers: Mutex::default(),
+            ordered: Mutex::default(),
             changes: watch::Sender::new(0),
             status_changes: watch::Sender::new(0),
             work: Notify::new(),
@@ -113,6 +119,19 @@ impl JobMonitor {
     /// Rings whenever some job, or a message to a webhook, has changed.
     pub fn changes(&self) -> watch::Receiver<u64> {
         self.changes.subscribe()
+    }
+
+    /// Says by which request a job was ordered. Of more than wait at a time in any queue nothing is kept.
+    pub(crate) fn ordered(&self, id: JobId, traceparent: String) {
+        let mut ordered = self.ordered.lock().unwrap_or_else(PoisonError::into_inner);
+        if ordered.len() < MOST_ORDERED {
+            ordered.insert(id, traceparent);
+        }
+    }
+
+    /// By which request a job was ordered in this process, said once.
+    pub(crate) fn taken_up(&self, id: JobId) -> Option<String> {
+        self.ordered.lock().unwrap_or_else(PoisonError::into_inner).remove(&id)
     }
 
     /// Waits for a job to be announced.

@@ -26,7 +26,7 @@ pub async fn register(
         }
         None => context.database.create_job(job, None, most, replay).await?,
     }
-    context.monitor.announce_work();
+    announce(context, job.id);
     Ok(())
 }
 
@@ -37,7 +37,7 @@ pub async fn surface(
     replay: Option<&Replay>,
 ) -> Result<(), DatabaseError> {
     context.database.create_surface_job(job, context.config.limits.queued_jobs, replay).await?;
-    context.monitor.announce_work();
+    announce(context, job.id);
     Ok(())
 }
 
@@ -47,8 +47,16 @@ pub async fn evaluate(
     replay: &(dyn for<'r> Fn(&'r JobRecord) -> Option<Replay> + Send + Sync),
 ) -> Result<JobRecord, DatabaseError> {
     let job = context.database.demand_evaluation(replay).await?;
-    context.monitor.announce_work();
+    announce(context, job.id);
     Ok(job)
+}
+
+/// Tells the workers of a job, and by which request it was ordered.
+fn announce(context: &ServiceContext, id: JobId) {
+    if let Some(traceparent) = context.traces.traceparent() {
+        context.monitor.ordered(id, traceparent);
+    }
+    context.monitor.announce_work();
 }
 
 /// A job as it stands now.

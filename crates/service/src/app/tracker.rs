@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
+use tracing::Span;
 use visage_geometry::progress::{ProgressSink, Stage};
 
 /// Progress that is smaller than this is not worth telling anybody.
@@ -37,6 +38,9 @@ struct State {
     told: f64,
     reports: u64,
     finished_stages: BTreeMap<Stage, Spent>,
+    /// Of the job, and of the stage under way: for those who follow traces.
+    job: Span,
+    of_stage: Span,
 }
 
 /// A time on the clock, and on the processors; or since then.
@@ -64,13 +68,26 @@ impl Spent {
 impl Tracker {
     /// `on_news` is called from worker threads: it must be quick and must not block.
     pub fn new(on_news: impl Fn() + Send + Sync + 'static) -> Self {
-        let state = State { stage: None, progress: 0.0, told: 0.0, reports: 0, finished_stages: BTreeMap::new() };
+        let state = State {
+            stage: None,
+            progress: 0.0,
+            told: 0.0,
+            reports: 0,
+            finished_stages: BTreeMap::new(),
+            job: Span::none(),
+            of_stage: Span::none(),
+        };
         Tracker { state: Mutex::new(state), has_one_stage: false, start: Instant::now(), on_news: Box::new(on_news) }
     }
 
     /// The same for a job of a single stage.
     pub fn of_one_stage(on_news: impl Fn() + Send + Sync + 'static) -> Self {
         Tracker { has_one_stage: true, ..Tracker::new(on_news) }
+    }
+
+    /// The span that stages are parts of.
+    pub(crate) fn within(&self, job: Span) {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner).job = job;
     }
 
     /// How often the algorithms have said something: whether they are alive.
@@ -107,6 +124,7 @@ impl ProgressSink for Tracker {
         let entered = state.stage.is_none_or(|(current, _)| current != stage);
         if entered {
             let now = Spent::now(self.start);
+            state.of_stage = tracing::info_span!(parent: &state.job, "stage", stage = stage.name());
             if let Some((last, since)) = state.stage.replace((stage, now)) {
                 let of_stage = state.finished_stages.entry(last).or_default();
                 *of_stage = of_stage.plus(since, now);

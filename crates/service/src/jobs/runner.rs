@@ -79,6 +79,10 @@ impl Worker {
                     // an announcement wakes one worker: pass it on, there may be more than one job
                     self.context.monitor.announce_work();
                     let span = tracing::info_span!("job", job.id = %claim.job.id, attempt = claim.job.attempts);
+                    if let Some(traceparent) = self.context.monitor.taken_up(claim.job.id) {
+                        self.context.traces.go_on(&span, &traceparent);
+                    }
+                    entry.tracker.within(span.clone());
                     self.run_job(claim, entry).instrument(span).await;
                 }
                 Ok(None) => {
