@@ -11,8 +11,8 @@ use clap::Args;
 use super::database::DatabaseArgs;
 use super::objects::ObjectsArgs;
 use crate::config::{
-    BasePath, EdgeLimits, HostName, Limits, Network, Origin, Quotas, Retention, ServerConfig, TlsPem, WebhookSettings,
-    available_threads,
+    BasePath, EdgeLimits, FetchSource, HostName, Limits, Network, Origin, Quotas, Retention, ServerConfig, TlsPem,
+    WebhookSettings, available_threads,
 };
 use crate::http::Server;
 use crate::telemetry::{self, LogFormat};
@@ -112,6 +112,10 @@ pub struct ServeArgs {
     /// repeated
     #[arg(long = "webhook-network", env = "VISAGE_WEBHOOK_NETWORK", value_name = "NETWORK", value_delimiter = ',')]
     webhook_networks: Vec<Network>,
+    /// Where scans may be fetched from: an address, and all that is below it, such as https://data.example/scans/; can be repeated
+    /// [default: nowhere]
+    #[arg(long = "fetch-from", env = "VISAGE_FETCH_FROM", value_name = "URL", value_delimiter = ',')]
+    fetch_from: Vec<FetchSource>,
     /// Connections at the same time; others wait
     #[arg(long, env = "VISAGE_MAX_CONNECTIONS", default_value_t = EdgeLimits::default().connections,
           value_parser = at_least_one)]
@@ -190,6 +194,7 @@ impl ServeArgs {
                 bin: self.bin_days,
             },
             webhooks: WebhookSettings { networks: self.webhook_networks.clone(), ..WebhookSettings::default() },
+            fetch_from: self.fetch_from.clone(),
             edge: EdgeLimits {
                 connections: self.max_connections,
                 head_time: Duration::from_secs(self.head_seconds),

@@ -16,6 +16,7 @@ mod describing;
 mod documents;
 mod encoding;
 mod exchange;
+mod fetching;
 mod gallery;
 mod hints;
 mod hosts;

@@ -2,7 +2,8 @@
 
 What is generated as valid gets ids of resources that are there, files made by code in place of random bytes, and the
 rules between fields that a schema can't say (`RULES`, each with its reason). What is generated as invalid stays as it is.
-The operations that answered with a success are written to the file that VISAGE_ANSWERED names, one a line.
+The operations that answered with a success are written to the file that VISAGE_ANSWERED names, one a line. Scans are
+fetched from VISAGE_SOURCE, an address of this machine that the service may fetch from: it is answered here.
 """
 
 import base64
@@ -18,6 +19,7 @@ from schemathesis.core import NotSet
 from schemathesis.core.parameters import ParameterLocation
 from schemathesis.generation.meta import TestPhase
 
+import sources
 import surfaces
 from resources import (
     BALL,
@@ -54,6 +56,7 @@ IDS = {
     "getScanSet": lambda: {"id": world().scan_set},
     "deleteScanSet": lambda: {"id": new_scan_set()},
     "putScan": lambda: {"id": new_scan_set()},
+    "fetchScan": lambda: {"id": new_scan_set()},
     "createUpload": lambda: {"id": new_scan_set()},
     "listUploads": lambda: {"id": world().scan_set},
     "describeUploads": lambda: {"id": world().scan_set},
@@ -235,6 +238,11 @@ def other_model(query):
         query["other"] = world().positive[1]
 
 
+def source_here(body):
+    """Scans are fetched from here."""
+    body["url"] = sources.address("north.obj")
+
+
 def webhook_here(body):
     """Messages may be sent to this machine."""
     body["url"] = "http://127.0.0.1:9/"
@@ -242,6 +250,7 @@ def webhook_here(body):
 
 RULES = {
     "createWebhook": webhook_here,
+    "fetchScan": source_here,
     "createKey": time_to_come,
     "putExpiry": time_to_come,
     "createJob": job_of_something,
@@ -310,7 +319,7 @@ def before_call(context, case, kwargs):
         # calls that follow from each other keep their own ids
         if meta.phase.name != TestPhase.STATEFUL:
             case.path_parameters.update(IDS[operation]())
-        elif operation in ("putScan", "deleteScan"):
+        elif operation in ("putScan", "fetchScan", "deleteScan"):
             # there the name of a scan set is taken for that of a scan
             case.path_parameters["name"] = "north.obj"
     # a key that is made up is refused everywhere, and signing in is for a real one
@@ -321,6 +330,8 @@ def before_call(context, case, kwargs):
     if operation == "putScan" and is_valid(ParameterLocation.PATH):
         # what is sent has to be of the format that its name says
         case.path_parameters["name"] = surfaces.made(case.path_parameters["name"])
+    if operation == "fetchScan" and is_valid(ParameterLocation.PATH):
+        case.path_parameters["name"] = "north.obj"
     if operation in QUERY_RULES and is_valid(ParameterLocation.QUERY):
         QUERY_RULES[operation](case.query)
     if is_valid(ParameterLocation.HEADER) and "Idempotency-Key" in case.headers:

@@ -164,6 +164,11 @@ pub async fn paced(State(state): State<AppState>, request: Request, next: Next) 
     response
 }
 
+/// A body of somebody else than a client who is waited for as long.
+pub fn at_least_so_fast(body: Body, limits: EdgeLimits) -> Body {
+    Body::new(Paced::new(body, limits))
+}
+
 /// What is wrong with a body that ended before its time.
 pub fn broken(what: &str, error: &(dyn Error + 'static)) -> Problem {
     match cause::<Late>(error) {

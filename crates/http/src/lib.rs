@@ -44,6 +44,7 @@ mod evaluation;
 mod events;
 mod expiry;
 mod extract;
+mod fetching;
 mod forwarded;
 mod headers;
 mod hint_views;

@@ -117,6 +117,8 @@ struct LimitsView {
     idempotency_key_characters: usize,
     /// Standards made by users.
     standards: usize,
+    /// Addresses below which scans may be fetched (`PUT /v1/scan-sets/{id}/scans/{name}/source`).
+    fetch_from: Vec<String>,
 }
 
 /// Versions of what shapes the answers.
@@ -215,6 +217,7 @@ async fn info(State(state): State<AppState>) -> Result<Json<Info>, Problem> {
             resumable_upload_seconds: limits.upload_life.as_secs(),
             idempotency_key_characters: LONGEST_KEY,
             standards: MOST_STANDARDS,
+            fetch_from: config.fetch_from.iter().map(ToString::to_string).collect(),
         },
         job_options: infos(OPTIONS),
         file_formats: visage_formats::surface_endings(),

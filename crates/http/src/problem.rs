@@ -107,13 +107,14 @@ codes! {
     Undescribable = "undescribable_model", UNPROCESSABLE_ENTITY, "the model can't be described";
     TooLittleMemory = "too_little_memory", UNPROCESSABLE_ENTITY, "the job needs more memory than there is";
     TooManyWebhooks = "too_many_webhooks", UNPROCESSABLE_ENTITY, "there are as many webhooks as are allowed";
-    ForbiddenAddress = "forbidden_address", UNPROCESSABLE_ENTITY, "nothing may be sent to this address";
+    ForbiddenAddress = "forbidden_address", UNPROCESSABLE_ENTITY, "this address may not be asked";
     TooManyKeys = "too_many_keys", UNPROCESSABLE_ENTITY, "there are as many keys as are allowed";
     QueueFull = "queue_full", TOO_MANY_REQUESTS, "too many jobs are waiting";
     RateLimited = "rate_limited", TOO_MANY_REQUESTS, "the key has asked for too much in too short a time";
     QuotaExceeded = "quota_exceeded", TOO_MANY_REQUESTS, "the key has as much as it may have";
     Internal = "internal", INTERNAL_SERVER_ERROR, "the server failed";
     Damaged = "damaged", INTERNAL_SERVER_ERROR, "what is stored is damaged";
+    FetchFailed = "fetch_failed", BAD_GATEWAY, "the file could not be fetched";
     DatabaseLocked = "database_locked", SERVICE_UNAVAILABLE, "another program holds the database";
     StorageUnreachable = "storage_unreachable", SERVICE_UNAVAILABLE, "what keeps files or records can't be reached";
     NotReady = "not_ready", SERVICE_UNAVAILABLE, "the server is not ready yet";
@@ -200,6 +201,11 @@ impl Problem {
     pub fn header(mut self, name: HeaderName, value: HeaderValue) -> Self {
         self.0.header = Some((name, value));
         self
+    }
+
+    /// What went wrong this time.
+    pub fn said(&self) -> &str {
+        &self.0.detail
     }
 
     /// The kind of error.

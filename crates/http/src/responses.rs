@@ -58,6 +58,8 @@ problem_responses! {
     /// 429
     TooMany = "429", "The key has asked for too much or has as much as it may have (`rate_limited`, `quota_exceeded`), or too \
                       many jobs are waiting (`queue_full`); `Retry-After` says when to try again.";
+    /// 502
+    NotFetched = "502", "The file could not be fetched from where it is said to be (`fetch_failed`).";
     /// 503
     NotReady = "503", "The server is starting or stopping (`not_ready`, `shutting_down`), or can't reach what keeps files \
                       or records (`storage_unreachable`); see `Retry-After`.";

@@ -17,7 +17,7 @@ use super::problem::Problem;
 use super::scan_set_views::{NewScanSetBody, ScanSetForm, ScanSetList, ScanSetView};
 use super::state::{AppState, deleted, uninterrupted};
 use super::upload::{self, Form, FormRules};
-use super::{cursor, expiry, names, pictures, poses, reading_view, responses, scans};
+use super::{cursor, expiry, fetching, names, pictures, poses, reading_view, responses, scans};
 use visage_domain::{FileId, NewScanSet, PoseFile, ScanRecord, ScanSetId, sort_naturally};
 use visage_service::app::arrival::{self, CheckedScan};
 use visage_service::app::scan_sets::{self, ReceivedScans};
@@ -34,6 +34,7 @@ pub fn router() -> OpenApiRouter<AppState> {
         .routes(routes!(create_from_form))
         .routes(routes!(get_one, delete))
         .routes(routes!(scans::put_scan, scans::delete_scan))
+        .routes(routes!(fetching::fetch))
         .routes(routes!(poses::put_poses))
         .routes(routes!(expiry::get_expiry, expiry::put_expiry))
         .routes(routes!(poses::put_pose_file))

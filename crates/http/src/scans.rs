@@ -18,6 +18,7 @@ use visage_domain::{PutScan, ScanRecord, ScanSetId, ScanSetRecord};
 use visage_formats::same_name;
 use visage_service::app::arrival::CheckedScan;
 use visage_service::app::scan_sets;
+use visage_service::storage::StagedFile;
 
 /// What a body is held against, as the contract describes it.
 #[derive(utoipa::IntoParams)]
@@ -61,9 +62,26 @@ pub(super) async fn put_scan(
     let id = parse_id(&id)?;
     let name = names::scan_name(&name)?;
     check_place(&state, id, &name, &conditions).await?;
+    let staged = receive(&state, &name, request).await?;
+    store(state, id, name, staged, conditions).await
+}
+
+/// Receives the file of a scan, and holds it against the digests that came with it.
+pub(super) async fn receive(state: &AppState, name: &str, request: Request) -> Result<StagedFile, Problem> {
     let headers = request.headers().clone();
-    let (staged, digests) = upload::receive_body(&state, &name, request).await?;
-    digest::check(&headers, &name, &digests)?;
+    let (staged, digests) = upload::receive_body(state, name, request).await?;
+    digest::check(&headers, name, &digests)?;
+    Ok(staged)
+}
+
+/// Checks a scan that has arrived, keeps it, and answers.
+pub(super) async fn store(
+    state: AppState,
+    id: ScanSetId,
+    name: String,
+    staged: StagedFile,
+    conditions: Conditions,
+) -> Result<Response, Problem> {
     let checked = upload::check_scan(&state, UploadedFile { name, staged }).await?;
     uninterrupted(async move {
         let (put, scan) = keep(&state, id, checked, &conditions).await?;

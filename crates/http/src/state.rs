@@ -15,6 +15,7 @@ use super::connections::Connections;
 use super::describe::Turns;
 use super::hosts::Hosts;
 use super::metrics::Requests;
+use super::outgoing::Dialer;
 use super::pictures::Drawn;
 use super::problem::{Code, Problem};
 use super::uploads::Receivers;
@@ -64,6 +65,8 @@ pub struct Shared {
     pub changes: Arc<RwLock<()>>,
     /// Who receives the pieces of which file.
     pub receivers: Arc<Receivers>,
+    /// Fetches scans, if that is allowed.
+    pub dialer: Option<Dialer>,
     /// Set when the server goes down.
     pub stop: CancellationToken,
     /// Requests with an idempotency key that are being worked on.
@@ -93,6 +96,7 @@ impl AppState {
             hosts,
             changes: Arc::default(),
             receivers: Arc::default(),
+            dialer: (!context.config.fetch_from.is_empty()).then(Dialer::of_system),
             stop,
             in_progress: Arc::default(),
             context,

@@ -72,7 +72,7 @@ mod tests {
     use super::*;
     use crate::connections::{Connections, serve};
     use crate::outgoing::{HttpCourier, ProbeError, probe};
-    use visage_service::app::webhooks::{Courier, Letter, Undelivered};
+    use visage_service::app::webhooks::{Courier, Letter, Unreached};
     use visage_service::config::{EdgeLimits, WebhookSettings};
 
     /// Of `localhost`, until 2126, signed by itself; it protects nothing.
@@ -220,7 +220,7 @@ e1DFRmvwFztTAdr3a7+uExmVbnhDxITbQg==
         let letter = Letter { address: url.parse().expect("an address"), headers, body: "{}".to_owned() };
         // without any authority of the system there is no TLS at all
         let refused = courier.deliver(&letter).await.expect_err("nobody vouches for it");
-        assert!(matches!(refused, Undelivered::Failed(_) | Undelivered::NoTls), "{refused}");
+        assert!(matches!(refused, Unreached::Failed(_) | Unreached::NoTls), "{refused}");
         stop.cancel();
         serving.await.expect("it ends");
     }

@@ -1,8 +1,10 @@
 //! What the operator may set: where the service listens, where it keeps things, and how much it takes on.
 
+mod address;
 mod base_path;
 mod bucket;
 mod database;
+mod fetch_source;
 mod host_name;
 mod network;
 mod origin;
@@ -13,9 +15,11 @@ use std::time::Duration;
 
 use visage_formats::ReadLimits;
 
+pub use self::address::{Address, NoAddress};
 pub use self::base_path::{BasePath, NoBasePath};
 pub use self::bucket::{BucketSettings, BucketUrl, NoBucketUrl};
 pub use self::database::DatabaseUrl;
+pub use self::fetch_source::{FetchSource, NoFetchSource};
 pub use self::host_name::{Host, HostName, NoHostName};
 pub use self::network::{Network, NoNetwork, is_public};
 pub use self::origin::{NoOrigin, Origin};
@@ -57,6 +61,8 @@ pub struct ServerConfig {
     pub retention: Retention,
     /// Where messages to webhooks may go, and when they are sent again.
     pub webhooks: WebhookSettings,
+    /// Where scans may be fetched from; nowhere if it is empty.
+    pub fetch_from: Vec<FetchSource>,
     /// Bounds on connections.
     pub edge: EdgeLimits,
     /// Clocks of the job queue.
@@ -88,6 +94,7 @@ impl ServerConfig {
             quotas: Quotas::default(),
             retention: Retention::default(),
             webhooks: WebhookSettings::default(),
+            fetch_from: Vec::new(),
             edge: EdgeLimits::default(),
             queue: QueueTiming::default(),
             lock_patience: Duration::from_secs(5),

@@ -13,7 +13,7 @@ use super::Caller;
 use crate::extract::{is_json, media_type};
 use crate::forwarded::Client;
 use crate::problem::{Code, Problem};
-use crate::uploads;
+use crate::{fetching, uploads};
 use visage_domain::KeyId;
 use visage_service::config::Quotas;
 use visage_service::storage::Database;
@@ -129,7 +129,7 @@ fn make_room(all: &mut HashMap<Who, Counts>, now: Instant) {
 /// What of a request counts.
 #[derive(Debug, Clone, Copy)]
 pub struct Size {
-    /// Whether it brings files.
+    /// Whether it brings files, or has them fetched.
     is_upload: bool,
     /// How many bytes it brings, as far as it says.
     bytes: u64,
@@ -147,7 +147,7 @@ impl Size {
         let announced = number(HeaderName::from_static("upload-length")).filter(|_| is_begun);
         let has_body = length.is_some_and(|length: u64| length > 0) || headers.contains_key(header::TRANSFER_ENCODING);
         Size {
-            is_upload: announced.is_some() || (has_body && !is_json(&media_type(headers))),
+            is_upload: announced.is_some() || place == fetching::PLACE || (has_body && !is_json(&media_type(headers))),
             // what comes piece by piece counts as a whole from its beginning
             bytes: announced.or(length.filter(|_| place != uploads::ONE)).unwrap_or(0),
             is_job: request.method() == "POST"

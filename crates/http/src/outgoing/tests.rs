@@ -2,6 +2,7 @@
 
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpListener;
+use visage_service::app::webhooks::{Courier, Letter};
 use visage_service::config::Network;
 
 use super::*;
@@ -36,7 +37,7 @@ async fn receiver(answer: Vec<u8>) -> (SocketAddr, tokio::task::JoinHandle<Strin
     (addr, serving)
 }
 
-async fn sent(answer: &[u8]) -> Result<u16, Undelivered> {
+async fn sent(answer: &[u8]) -> Result<u16, Unreached> {
     let (addr, _serving) = receiver(answer.to_vec()).await;
     HttpCourier::new(settings(&["127.0.0.1"])).deliver(&letter(&format!("http://{addr}/hook?a=b"))).await
 }
@@ -65,11 +66,11 @@ async fn where_nobody_may_ask_nothing_is_connected_to() {
     // addresses and names that lead to one, also as IPv6: what counts is what would be connected to
     for host in ["127.0.0.1", "localhost", "[::ffff:127.0.0.1]", "[::1]", "169.254.169.254", "0.0.0.0"] {
         let refused = courier.deliver(&letter(&format!("http://{host}:{port}/"))).await;
-        assert!(matches!(refused, Err(Undelivered::Forbidden(_))), "{host}: {refused:?}");
+        assert!(matches!(refused, Err(Unreached::Forbidden(_))), "{host}: {refused:?}");
     }
     // in the clear nothing public is asked
     let refused = courier.deliver(&letter("http://1.1.1.1/")).await;
-    assert!(matches!(refused, Err(Undelivered::Forbidden(_))), "{refused:?}");
+    assert!(matches!(refused, Err(Unreached::Forbidden(_))), "{refused:?}");
     let nobody = tokio::select! {
         biased;
         _ = listener.accept() => false,
@@ -90,11 +91,11 @@ async fn a_redirect_is_an_answer_and_not_followed() {
 #[tokio::test]
 async fn what_is_no_answer_is_a_failure() {
     for answer in [&b""[..], b"hello", b"HTTP/1.1 2", b"SSH-2.0-x\r\n"] {
-        assert!(matches!(sent(answer).await, Err(Undelivered::Failed(_))), "{answer:?}");
+        assert!(matches!(sent(answer).await, Err(Unreached::Failed(_))), "{answer:?}");
     }
     // a head that has no end
     let endless = [b"HTTP/1.1 200 OK\r\nx: ".to_vec(), vec![b'x'; 1 << 20]].concat();
-    assert!(matches!(sent(&endless).await, Err(Undelivered::Failed(_))));
+    assert!(matches!(sent(&endless).await, Err(Unreached::Failed(_))));
 }
 
 #[tokio::test]
@@ -108,7 +109,7 @@ async fn who_never_answers_is_given_up() {
     let listener = TcpListener::bind("127.0.0.1:0").await.expect("a port");
     let url = format!("http://{}/", listener.local_addr().expect("an address"));
     let courier = HttpCourier::new(WebhookSettings { patience: Duration::from_millis(50), ..settings(&["127.0.0.1"]) });
-    assert_eq!(courier.deliver(&letter(&url)).await, Err(Undelivered::TimedOut));
+    assert_eq!(courier.deliver(&letter(&url)).await, Err(Unreached::TimedOut));
 }
 
 #[tokio::test]
@@ -117,17 +118,17 @@ async fn who_is_gone_is_a_failure() {
     let url = format!("http://{}/", listener.local_addr().expect("an address"));
     drop(listener);
     let failed = HttpCourier::new(settings(&["127.0.0.1"])).deliver(&letter(&url)).await;
-    assert!(matches!(failed, Err(Undelivered::Failed(_))), "{failed:?}");
+    assert!(matches!(failed, Err(Unreached::Failed(_))), "{failed:?}");
 }
 
 #[test]
 fn what_can_never_be_reached_is_told_when_a_webhook_is_made() {
     let check = |url: &str, networks: &[&str]| check(&url.parse().expect("an address"), &settings(networks));
-    assert!(matches!(check("http://10.0.0.1/", &[]), Err(Undelivered::Forbidden(_))));
-    assert!(matches!(check("http://a.example/", &[]), Err(Undelivered::Forbidden(_))));
-    assert!(matches!(check("https://127.0.0.1/", &[]), Err(Undelivered::Forbidden(_))));
+    assert!(matches!(check("http://10.0.0.1/", &[]), Err(Unreached::Forbidden(_))));
+    assert!(matches!(check("http://a.example/", &[]), Err(Unreached::Forbidden(_))));
+    assert!(matches!(check("https://127.0.0.1/", &[]), Err(Unreached::Forbidden(_))));
     assert_eq!(check("http://a.example/", &["10.0.0.0/8"]), Ok(()));
-    let secure = if HAS_TLS { Ok(()) } else { Err(Undelivered::NoTls) };
+    let secure = if HAS_TLS { Ok(()) } else { Err(Unreached::NoTls) };
     assert_eq!(check("https://a.example/", &[]), secure);
 }
 

@@ -17,7 +17,8 @@ use super::state::{AppState, deleted, uninterrupted};
 use super::{cursor, names, outgoing, responses};
 use views::{DeliveryList, DeliveryView, NewWebhookBody, NewWebhookView, ReplayedView, WebhookList, WebhookView};
 use visage_domain::{DeliveryId, DeliveryStatus, WebhookId};
-use visage_service::app::webhooks::{self, Address, NoAddress, Undelivered, WebhookError};
+use visage_service::app::webhooks::{self, Unreached, WebhookError};
+use visage_service::config::{Address, NoAddress};
 use visage_service::storage::DatabaseError;
 
 const TAG: &str = "webhooks";
@@ -218,8 +219,8 @@ impl From<WebhookError> for Problem {
     }
 }
 
-impl From<Undelivered> for Problem {
-    fn from(error: Undelivered) -> Self {
+impl From<Unreached> for Problem {
+    fn from(error: Unreached) -> Self {
         let hint = "send an https address of the public network, or ask the operator to allow the network it is in";
         Problem::new(Code::ForbiddenAddress, error.to_string(), hint)
     }

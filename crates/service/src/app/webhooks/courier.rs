@@ -2,7 +2,7 @@
 
 use async_trait::async_trait;
 
-use super::Address;
+use crate::config::Address;
 
 /// A message on its way.
 #[derive(Debug, Clone)]
@@ -15,9 +15,9 @@ pub struct Letter {
     pub body: String,
 }
 
-/// Why a message got no answer.
+/// Why somebody who was asked gave no answer.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum Undelivered {
+pub enum Unreached {
     /// All addresses of the host are where nothing may be sent to.
     #[error(
         "{0} leads to no address that may be asked: only public ones by https are, and networks that the operator allows \
@@ -31,7 +31,7 @@ pub enum Undelivered {
     #[error("there was no answer in time")]
     TimedOut,
     /// This build has no TLS.
-    #[error("this build of visage sends nothing by https: build it with --features tls")]
+    #[error("this build of visage asks nobody by https: build it with --features tls")]
     NoTls,
     /// The connection failed.
     #[error("{0}")]
@@ -43,5 +43,5 @@ pub enum Undelivered {
 pub trait Courier: Send + Sync {
     /// Sends a message and answers with the status that came back. It ends within a stated time, follows no redirect,
     /// and reads nothing of the answer but its head.
-    async fn deliver(&self, letter: &Letter) -> Result<u16, Undelivered>;
+    async fn deliver(&self, letter: &Letter) -> Result<u16, Unreached>;
 }

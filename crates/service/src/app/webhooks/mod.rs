@@ -1,12 +1,10 @@
 //! Webhooks: signed messages to registered addresses when a job ends and when a model is added or deleted.
 //!
 //! Storage queues a message in the transaction of what it is about; here it is sent.
-//! - `address`: where messages may go
 //! - `signature`: how a message shows that it is from here (Standard Webhooks)
 //! - `sender`: sends what waits, again where it has to
 //! - `courier`: the seam to the network
 
-mod address;
 mod courier;
 mod sender;
 mod signature;
@@ -16,11 +14,11 @@ use std::time::Duration;
 use jiff::{SignedDuration, Timestamp};
 
 use super::access::NoRandomness;
+use crate::config::Address;
 use crate::storage::{Database, DatabaseError};
 use visage_domain::{EventKind, KeyId, NewWebhook, WebhookId, WebhookSecret};
 
-pub use address::{Address, NoAddress};
-pub use courier::{Courier, Letter, Undelivered};
+pub use courier::{Courier, Letter, Unreached};
 pub use sender::run;
 pub use signature::written as written_secret;
 

@@ -14,7 +14,7 @@ use super::courier::{Courier, Letter};
 use super::{signature, with_jitter};
 use crate::app::context::ServiceContext;
 use crate::app::monitor::JobMonitor;
-use crate::config::ServerConfig;
+use crate::config::{NoAddress, ServerConfig};
 use crate::storage::{Database, DatabaseError};
 use visage_domain::{Attempt, DeliveryClaim, DeliveryStatus, WebhookId};
 
@@ -115,7 +115,7 @@ impl Sender {
     }
 
     async fn send(&self, claim: &DeliveryClaim) -> Result<u16, String> {
-        let address = claim.url.parse().map_err(|error: super::NoAddress| error.to_string())?;
+        let address = claim.url.parse().map_err(|error: NoAddress| error.to_string())?;
         let (id, seconds) = (claim.id.to_string(), Timestamp::now().as_second());
         let signature = signature::signature(&claim.secret, &id, seconds, &claim.body);
         let headers =
@@ -156,14 +156,14 @@ mod tests {
     use async_trait::async_trait;
     use tokio::sync::mpsc;
 
-    use super::super::{Undelivered, create};
+    use super::super::{Unreached, create};
     use super::*;
     use crate::app::context::testing::context;
     use crate::config::WebhookSettings;
     use crate::storage::DatabaseError;
     use visage_domain::{DeliveryRecord, EventKind, NewModel, PageRequest};
 
-    type Answer = Result<u16, Undelivered>;
+    type Answer = Result<u16, Unreached>;
 
     /// Gives the answers that it was told, in their order, and shows what it was to carry.
     struct Scripted {
@@ -237,7 +237,7 @@ mod tests {
     }
 
     fn failed() -> Answer {
-        Err(Undelivered::TimedOut)
+        Err(Unreached::TimedOut)
     }
 
     #[tokio::test]

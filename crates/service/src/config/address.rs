@@ -1,14 +1,14 @@
-//! Where messages go: an absolute URL of http or https, without a user and without a fragment.
+//! What the service may ask of others: an absolute URL of http or https, without a user and without a fragment.
 
 use std::fmt;
 use std::str::FromStr;
 
-use crate::config::{HostName, Network, is_public};
+use super::{HostName, Network, is_public};
 
 /// The longest address, in bytes.
 const LONGEST: usize = 2000;
 
-/// Where messages of a webhook go.
+/// Where a message of a webhook goes, or a scan is fetched from.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Address {
     /// Whether by TLS.
