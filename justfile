@@ -49,8 +49,14 @@ ci:
 # known faults, licences and sources of what it is built of (cargo install cargo-deny cargo-audit)
 audit:
     cargo deny --all-features check
+    cargo deny --manifest-path examples/library/Cargo.toml --config deny.toml check
     cargo audit --deny warnings
     cargo audit --deny warnings --file examples/library/Cargo.lock
+
+# what the program with all features and the page are made of, as CycloneDX (cargo install cargo-cyclonedx)
+sbom:
+    cargo cyclonedx --format json --features tls,s3,postgres,otel --describe binaries --target-in-filename
+    cd web && npm sbom --sbom-format cyclonedx --omit dev > visage-page.cdx.json
 
 # what takes too long for every change: hundreds of kills, disks that are full
 long:
