@@ -194,7 +194,7 @@ fn ids_are_uuids_and_names_of_scans_have_a_pattern() {
             }
         }
     }
-    assert_eq!(names, 3);
+    assert_eq!(names, 4);
 }
 
 #[test]
