@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use tokio::net::TcpListener;
-use tokio::sync::watch;
+use tokio::sync::{Notify, watch};
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 
@@ -25,6 +25,7 @@ use visage_service::config::ServerConfig;
 use visage_service::jobs::runner::Runner;
 use visage_service::storage::Database;
 use visage_service::storage::data_folder::{DataFolder, OpenError, Places};
+use visage_service::storage::database::{Alone, News};
 use visage_service::storage::inventory::Storage;
 
 /// How often answers kept for repeated requests are cleaned up.
@@ -98,10 +99,13 @@ impl Server {
         let serving = connections::serve(listener, router, config.edge, stop.clone(), count, tls);
         let serving = tokio::spawn(serving);
         let runner = Runner::start(&context, &stop, &crash);
-        let chores = tokio::spawn(chores(context.clone(), stop.clone()));
-        let messages = tokio::spawn(messages(context.clone(), stop.clone()));
+        let beside = vec![
+            tokio::spawn(news(context.clone(), stop.clone())),
+            tokio::spawn(chores(context.clone(), stop.clone())),
+            tokio::spawn(messages(context.clone(), stop.clone())),
+        ];
         tracing::info!(%addr, data = %config.data_dir.display(), threads = config.threads, "serving");
-        Ok(ServerHandle { addr, connections, context, stop, crash, serving, runner, chores, messages })
+        Ok(ServerHandle { addr, connections, context, stop, crash, serving, runner, beside })
     }
 }
 
@@ -145,11 +149,7 @@ async fn chores(context: ServiceContext, stop: CancellationToken) {
             Ok(None) => {}
             Err(error) => tracing::warn!("looking for what is out of date: {error}"),
         }
-        tokio::join!(
-            keep_whole(&context.gallery, &storage),
-            follow(&context.gallery, &storage),
-            upkeep(&context, &storage)
-        );
+        tokio::join!(keep_whole(&context.gallery, &storage), upkeep(&context, &storage));
     };
     tokio::select! {
         () = work => {}
@@ -180,26 +180,41 @@ async fn keep_whole(gallery: &LiveGallery, storage: &Storage) {
     }
 }
 
-/// What was committed without our knowledge has to come into the index.
-async fn follow(gallery: &LiveGallery, storage: &Storage) {
-    loop {
-        storage.database.doubted().await;
-        tracing::warn!("the database may hold what the gallery does not know: it is loaded again");
-        gallery.give_up();
+/// Rings the bells of this process for what any process commits, and has the index follow: a query would else have to catch up.
+async fn news(context: ServiceContext, stop: CancellationToken) {
+    let gallery = Notify::new();
+    let ring = |news| match news {
+        News::Work => context.monitor.announce_work(),
+        News::Progress => context.monitor.announce_progress(),
+        News::Gallery => gallery.notify_one(),
+    };
+    let follow = async {
+        loop {
+            gallery.notified().await;
+            if let Err(error) = context.gallery.follow(context.database.as_ref()).await {
+                tracing::warn!("the gallery can't follow the database: {error}");
+            }
+        }
+    };
+    tokio::select! {
+        () = context.database.listen(&ring) => {}
+        () = follow => {}
+        () = stop.cancelled() => {}
     }
 }
 
 /// Cleans up now and then.
 async fn upkeep(context: &ServiceContext, storage: &Storage) {
     loop {
-        clean_up(storage).await;
         context.gallery.tidy_up();
-        match retention::drop_old(context, jiff::Timestamp::now()).await {
-            Ok(dropped) if dropped == Dropped::default() => {}
-            Ok(Dropped { scan_sets, models, audit, bin }) => {
-                tracing::info!(scan_sets, models, audit, bin, "deleted what was old")
-            }
-            Err(error) => tracing::warn!("deleting what is old: {error}"),
+        match storage.database.try_alone(Alone::Upkeep).await {
+            Ok(Some(_turn)) => clean_up(context, storage).await,
+            // another server does
+            Ok(None) => {}
+            Err(error) => tracing::warn!("cleaning up: {error}"),
+        }
+        if let Err(error) = storage.forget_copies().await {
+            tracing::warn!("removing copies of what was deleted: {error}");
         }
         match uploads::sweep(context, jiff::Timestamp::now()).await {
             Ok(0) => {}
@@ -207,6 +222,34 @@ async fn upkeep(context: &ServiceContext, storage: &Storage) {
             Err(error) => tracing::warn!("giving up uploads: {error}"),
         }
         tokio::time::sleep(CLEAN_UP).await;
+        if let Err(error) = storage.database.keep_index().await
+        {
+            tracing::warn!("saying that the index is used: {error}");
+        }
+    }
+}
+
+/// What one of several servers does for all.
+async fn clean_up(context: &ServiceContext, storage: &Storage) {
+    let (database, now) = (storage.database.as_ref(), jiff::Timestamp::now());
+    let cleaned = [
+        database.forget_old_sessions().await.map(drop),
+        database.forget_old_replays().await.map(drop),
+        database.forget_gallery_changes().await,
+        webhooks::clean_up(database, now).await,
+    ];
+    for error in cleaned.into_iter().filter_map(Result::err) {
+        tracing::warn!("cleaning up: {error}");
+    }
+    if let Err(error) = storage.tidy_up(now).await {
+        tracing::warn!("cleaning up: {error}");
+    }
+    match retention::drop_old(context, now).await {
+        Ok(dropped) if dropped == Dropped::default() => {}
+        Ok(Dropped { scan_sets, models, audit, bin }) => {
+            tracing::info!(scan_sets, models, audit, bin, "deleted what was old")
+        }
+        Err(error) => tracing::warn!("deleting what is old: {error}"),
     }
 }
 
@@ -216,21 +259,6 @@ async fn messages(context: ServiceContext, stop: CancellationToken) {
     tokio::select! {
         () = webhooks::run(&context, courier) => {}
         () = stop.cancelled() => {}
-    }
-}
-
-async fn clean_up(storage: &Storage) {
-    if let Err(error) = storage.database.forget_old_sessions().await {
-        tracing::warn!("cleaning up: {error}");
-    }
-    if let Err(error) = storage.database.forget_old_replays().await {
-        tracing::warn!("cleaning up: {error}");
-    }
-    if let Err(error) = webhooks::clean_up(storage.database.as_ref(), jiff::Timestamp::now()).await {
-        tracing::warn!("cleaning up: {error}");
-    }
-    if let Err(error) = storage.tidy_up(jiff::Timestamp::now()).await {
-        tracing::warn!("cleaning up: {error}");
     }
 }
 
@@ -244,8 +272,8 @@ pub struct ServerHandle {
     crash: CancellationToken,
     serving: JoinHandle<()>,
     runner: Runner,
-    chores: JoinHandle<()>,
-    messages: JoinHandle<()>,
+    /// What goes on beside requests and jobs.
+    beside: Vec<JoinHandle<()>>,
 }
 
 impl ServerHandle {
@@ -278,8 +306,9 @@ impl ServerHandle {
         let aborts = self.serving.abort_handle();
         let drained = tokio::time::timeout(self.context.config.shutdown_deadline, async {
             self.runner.ended().await;
-            let _ = self.chores.await;
-            let _ = self.messages.await;
+            for task in self.beside {
+                let _ = task.await;
+            }
             let _ = self.serving.await;
         })
         .await
@@ -296,11 +325,11 @@ impl ServerHandle {
     pub async fn abort(self) {
         self.crash.cancel();
         self.serving.abort();
-        self.chores.abort();
-        self.messages.abort();
+        self.beside.iter().for_each(JoinHandle::abort);
         let _ = self.serving.await;
-        let _ = self.chores.await;
-        let _ = self.messages.await;
+        for task in self.beside {
+            let _ = task.await;
+        }
         self.stop.cancel();
         self.runner.ended().await;
         // threads of jobs see that nobody wants them any more; then the data folder is free again
