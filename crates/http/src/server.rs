@@ -21,7 +21,7 @@ use visage_service::app::live_gallery::LiveGallery;
 use visage_service::app::retention::{self, Dropped};
 use visage_service::app::uploads;
 use visage_service::app::webhooks;
-use visage_service::config::ServerConfig;
+use visage_service::config::{Role, ServerConfig};
 use visage_service::jobs::runner::Runner;
 use visage_service::storage::Database;
 use visage_service::storage::data_folder::{DataFolder, OpenError, Places};
@@ -61,6 +61,12 @@ pub enum StartError {
         /// The data folder.
         data: String,
     },
+    /// What this server leaves to others nobody would do.
+    #[error(
+        "a server that is alone with its data folder has all roles: others can do their part with --database and --objects, a \
+         database server and a bucket that all use"
+    )]
+    Roles,
     /// The certificate or its key can't be used.
     #[error(transparent)]
     Tls(#[from] TlsError),
@@ -84,6 +90,10 @@ impl Server {
         let mut config = config;
         config.edge.connections = connections::most(config.edge.connections);
         let config = Arc::new(config);
+        let is_shared = config.database.is_some() && config.objects.is_some();
+        if !config.roles.are_all() && !is_shared {
+            return Err(StartError::Roles);
+        }
         let tls = config.tls.as_ref().map(Tls::new).transpose()?;
         let context = open(&config, engine).await?;
         check_exposure(&config, context.database.as_ref()).await?;
@@ -104,7 +114,8 @@ impl Server {
             tokio::spawn(chores(context.clone(), stop.clone())),
             tokio::spawn(messages(context.clone(), stop.clone())),
         ];
-        tracing::info!(%addr, data = %config.data_dir.display(), threads = config.threads, "serving");
+        let roles: Vec<&str> = config.roles.list().map(Role::name).collect();
+        tracing::info!(%addr, data = %config.data_dir.display(), threads = config.threads, roles = roles.join(","), "serving");
         Ok(ServerHandle { addr, connections, context, stop, crash, serving, runner, beside })
     }
 }
@@ -140,6 +151,9 @@ async fn open(config: &Arc<ServerConfig>, engine: Arc<dyn Engine>) -> Result<Ser
 async fn chores(context: ServiceContext, stop: CancellationToken) {
     let storage = context.storage();
     let work = async {
+        if !context.config.roles.api {
+            return upkeep(&context, &storage).await;
+        }
         load(&context.gallery, &storage).await;
         match context.database.queue_evaluation().await {
             Ok(Some(job)) => {
@@ -222,7 +236,8 @@ async fn upkeep(context: &ServiceContext, storage: &Storage) {
             Err(error) => tracing::warn!("giving up uploads: {error}"),
         }
         tokio::time::sleep(CLEAN_UP).await;
-        if let Err(error) = storage.database.keep_index().await
+        if context.config.roles.api
+            && let Err(error) = storage.database.keep_index().await
         {
             tracing::warn!("saying that the index is used: {error}");
         }

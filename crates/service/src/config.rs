@@ -6,6 +6,7 @@ mod database;
 mod host_name;
 mod network;
 mod origin;
+mod roles;
 
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -19,6 +20,7 @@ pub use self::database::DatabaseUrl;
 pub use self::host_name::{Host, HostName, NoHostName};
 pub use self::network::{Network, NoNetwork, is_public};
 pub use self::origin::{NoOrigin, Origin};
+pub use self::roles::{NoRole, Role, Roles};
 
 /// Everything a server needs to know before it starts.
 #[derive(Debug, Clone)]
@@ -39,6 +41,8 @@ pub struct ServerConfig {
     pub job_memory_bytes: Option<u64>,
     /// Bounds on what clients may ask for.
     pub limits: Limits,
+    /// What it does of all that there is to do.
+    pub roles: Roles,
     /// Names by which clients may call the service, besides loopback ones and the address it listens on.
     pub hosts: Vec<HostName>,
     /// The path below which the service is served.
@@ -79,6 +83,7 @@ impl ServerConfig {
             concurrent_jobs: 1,
             job_memory_bytes: crate::machine::memory_bytes().map(|bytes| bytes / 4 * 3),
             limits: Limits::default(),
+            roles: Roles::default(),
             hosts: Vec::new(),
             base_path: BasePath::default(),
             trusted_proxies: Vec::new(),
