@@ -4,10 +4,12 @@
 //! searches: so a query finds what was committed before it came, by whichever process, and nothing that was deleted before. Of a database
 //! that several processes use, the index follows that way alone, also what its own process commits: two ways could overtake each other.
 
+use std::sync::Arc;
+
 use rayon::prelude::*;
 
 use super::loading::PAGE;
-use super::{Change, LiveGallery, facets_of, off_thread, revision};
+use super::{Change, LiveGallery, State, facets_of, off_thread, revision};
 use crate::storage::{Database, DatabaseError};
 use visage_domain::{ModelFacets, ModelId, StoredContent, Unfiled};
 use visage_gallery::IndexedModel;
@@ -33,7 +35,7 @@ impl LiveGallery {
             });
         }
         let Some(version) = database.gallery_version().await? else { return Ok(Following::Alone) };
-        let mut followed = self.shared.followed.lock().await;
+        let mut followed = Arc::clone(&self.shared.followed).lock_owned().await;
         while *followed < version && self.is_ready() {
             let Some(changes) = database.gallery_changes(*followed, PAGE).await? else {
                 tracing::warn!("the gallery is too far behind the database: it is loaded again");
@@ -41,10 +43,26 @@ impl LiveGallery {
                 break;
             };
             let live = self.clone();
-            off_thread(move || live.take_in(changes.models)).await?;
-            *followed = changes.version;
+            // nobody may overtake it, also when whoever wanted it has left
+            let taken_in = move || {
+                live.take_in(changes.models);
+                *followed = changes.version;
+                followed
+            };
+            followed = off_thread(taken_in).await?;
         }
         Ok(Following::Followed)
+    }
+
+    /// Before all of it is loaded: what is committed from now on is looked at again afterwards.
+    pub(super) async fn follow_from_here(&self, database: &dyn Database) -> Result<(), DatabaseError> {
+        let mut followed = self.shared.followed.lock().await;
+        if let Some(version) = database.gallery_version().await? {
+            *followed = version;
+            // what was taken in until now may be older than what is loaded
+            *self.write() = State::Loading(Vec::new());
+        }
+        Ok(())
     }
 
     /// Adds a model that was just stored, unless it has been deleted since.

@@ -15,8 +15,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 
 use crate::machine::workers;
-use crate::storage::inventory::Storage;
 use crate::storage::DatabaseError;
+use crate::storage::inventory::Storage;
 use files::{FilingError, SegmentFiles};
 pub use following::Following;
 use loading::{Loading, not_stored, told};
@@ -68,7 +68,7 @@ struct Shared {
     /// Held by whoever loads, all of it or what is lost.
     loading: tokio::sync::Mutex<()>,
     /// Up to which version of the database it holds all; held by whoever follows.
-    followed: tokio::sync::Mutex<u64>,
+    followed: Arc<tokio::sync::Mutex<u64>>,
     /// Rings when what was lost could not be made anew.
     lost: tokio::sync::Notify,
 }
@@ -92,7 +92,7 @@ impl Default for LiveGallery {
                 is_to_forget: AtomicBool::new(false),
                 files: RwLock::default(),
                 loading: tokio::sync::Mutex::default(),
-                followed: tokio::sync::Mutex::default(),
+                followed: Arc::default(),
                 lost: tokio::sync::Notify::new(),
             }),
         }
@@ -115,10 +115,8 @@ impl LiveGallery {
         }
         let files = Arc::new(SegmentFiles::of(storage));
         *self.shared.files.write().unwrap_or_else(PoisonError::into_inner) = Some(files.clone());
-        let version = storage.database.gallery_version().await?.unwrap_or(0);
+        self.follow_from_here(storage.database.as_ref()).await?;
         let loading = Loading::mapped(storage, files).await?;
-        // what was committed since is looked at once more
-        *self.shared.followed.lock().await = version;
         self.finish(storage, loading).await
     }
 
