@@ -11,8 +11,8 @@ use clap::Args;
 use super::database::DatabaseArgs;
 use super::objects::ObjectsArgs;
 use crate::config::{
-    BasePath, EdgeLimits, FetchSource, HostName, Limits, Network, Origin, Quotas, Retention, ServerConfig, TlsPem,
-    WebhookSettings, available_threads,
+    BasePath, EdgeLimits, FetchSource, HostName, Limits, Network, Origin, Quotas, Retention, Role, Roles, ServerConfig,
+    TlsPem, WebhookSettings, available_threads,
 };
 use crate::http::Server;
 use crate::telemetry::{self, LogFormat};
@@ -59,6 +59,10 @@ pub struct ServeArgs {
     database: DatabaseArgs,
     #[command(flatten)]
     objects: ObjectsArgs,
+    /// What this server does: api answers requests, worker runs jobs. Of several servers on one database and one bucket each may have its
+    /// part; a worker alone serves its health and figures only
+    #[arg(long, env = "VISAGE_ROLES", value_name = "ROLE", value_delimiter = ',', default_values_t = Role::ALL)]
+    roles: Vec<Role>,
     /// The most worker threads one job may use [default: all of the machine]
     #[arg(long, env = "VISAGE_THREADS", value_parser = at_least_one)]
     threads: Option<usize>,
@@ -175,6 +179,7 @@ impl ServeArgs {
                 queued_jobs: self.max_queued_jobs,
                 ..Limits::default()
             },
+            roles: Roles::of(&self.roles),
             hosts: self.hosts.clone(),
             base_path: self.base_path.clone(),
             trusted_proxies: self.trusted_proxies.clone(),

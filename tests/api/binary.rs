@@ -192,7 +192,7 @@ pub fn disturbed_poses(names: &[String]) -> String {
     Value::Object(map).to_string()
 }
 
-async fn start_job(process: &Process) -> String {
+pub async fn start_job(process: &Process) -> String {
     start_job_of(process, 220).await
 }
 
@@ -216,7 +216,7 @@ pub async fn finished(process: &Process, job: &str) -> Value {
     }
 }
 
-async fn results(process: &Process, ended: &Value) -> (Value, bytes::Bytes, Value) {
+pub async fn results(process: &Process, ended: &Value) -> (Value, bytes::Bytes, Value) {
     assert_eq!(ended["status"], "succeeded", "{ended}");
     let model = text(ended, "/links/model");
     let cloud = client().get(format!("{}{model}/cloud.ply", process.url)).send().await.expect("an answer");

@@ -24,6 +24,8 @@ mod jobs;
 mod long;
 mod metrics;
 mod models;
+#[cfg(all(feature = "postgres", feature = "s3"))]
+mod nodes;
 mod page;
 mod pictures;
 mod pieces;

@@ -10,6 +10,7 @@ use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
 use super::base::link;
+use super::conditions::Turn;
 use super::extract::{PageQuery, Path, Query};
 use super::problem::Problem;
 use super::state::{AppState, deleted, uninterrupted};
@@ -147,7 +148,7 @@ async fn show(State(state): State<AppState>, Path(id): Path<String>) -> Result<J
 )]
 async fn restore(State(state): State<AppState>, Path(id): Path<String>) -> Result<Json<BinEntryView>, Problem> {
     uninterrupted(async move {
-        let _turn = state.changes.clone().read_owned().await;
+        let _turn = Turn::take(&state, false).await?;
         let entry = recycle_bin::restore(&state.context, &id).await?;
         Ok(Json(BinEntryView::of(&state, &entry)))
     })

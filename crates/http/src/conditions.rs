@@ -10,6 +10,7 @@ use tokio::sync::{OwnedRwLockReadGuard, OwnedRwLockWriteGuard};
 
 use super::problem::{Code, Problem};
 use super::state::AppState;
+use visage_service::storage::database::{Alone, Exclusive};
 
 /// A strong validator: equal for equal bytes alone.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -79,6 +80,21 @@ impl<S: Send + Sync> FromRequestParts<S> for Conditions {
 pub struct Turn {
     _shared: Option<OwnedRwLockReadGuard<()>>,
     _alone: Option<OwnedRwLockWriteGuard<()>>,
+    /// The same among the processes that use the database.
+    _among_processes: Exclusive,
+}
+
+impl Turn {
+    /// Waits until a change may be made, alone if it depends on the state of what it changes.
+    pub async fn take(state: &AppState, alone: bool) -> Result<Turn, Problem> {
+        let changes = state.changes.clone();
+        let (shared, own) = match alone {
+            true => (None, Some(changes.write_owned().await)),
+            false => (Some(changes.read_owned().await), None),
+        };
+        let among_processes = state.context.database.wait_for(Alone::ConditionalChange, !alone).await?;
+        Ok(Turn { _shared: shared, _alone: own, _among_processes: among_processes })
+    }
 }
 
 impl Conditions {
@@ -93,12 +109,8 @@ impl Conditions {
     }
 
     /// Waits until the change may be made. To be held until it is.
-    pub async fn turn(&self, state: &AppState) -> Turn {
-        let changes = state.changes.clone();
-        match self.any() {
-            true => Turn { _shared: None, _alone: Some(changes.write_owned().await) },
-            false => Turn { _shared: Some(changes.read_owned().await), _alone: None },
-        }
+    pub async fn turn(&self, state: &AppState) -> Result<Turn, Problem> {
+        Turn::take(state, self.any()).await
     }
 
     /// Refuses the request if what is there (`None`: nothing) is not what it asks for.

@@ -380,7 +380,7 @@ async fn cancel(
     conditions: Conditions,
 ) -> Result<(StatusCode, Json<JobView>), Problem> {
     let id = parse_id(&id)?;
-    let _turn = conditions.turn(&state).await;
+    let _turn = conditions.turn(&state).await?;
     check(&state, id, &conditions).await?;
     Ok((StatusCode::ACCEPTED, Json(JobView::of(&orders::cancel(&state.context, id).await?))))
 }
@@ -399,7 +399,7 @@ async fn retry(
     conditions: Conditions,
 ) -> Result<(StatusCode, Json<JobView>), Problem> {
     let id = parse_id(&id)?;
-    let _turn = conditions.turn(&state).await;
+    let _turn = conditions.turn(&state).await?;
     check(&state, id, &conditions).await?;
     // the scan set may have changed since the job ended
     let job = state.context.database.job(id).await?;
@@ -428,7 +428,7 @@ async fn delete(
     let id = parse_id(&id)?;
     let removal = query.removal(&state);
     deleted(async move {
-        let _turn = conditions.turn(&state).await;
+        let _turn = conditions.turn(&state).await?;
         check(&state, id, &conditions).await?;
         Ok(orders::delete(&state.context, id, removal).await?)
     })

@@ -15,12 +15,18 @@ use super::state::AppState;
 use visage_domain::options::OPTIONS;
 use visage_service::app::live_gallery::NotReady;
 use visage_service::app::standards::MOST_STANDARDS;
+use visage_service::config::Role;
 
 const TAG: &str = "service";
 
 /// The routes of the service itself.
 pub fn router() -> OpenApiRouter<AppState> {
-    OpenApiRouter::new().routes(routes!(healthz)).routes(routes!(readyz)).routes(routes!(info))
+    health().routes(routes!(info))
+}
+
+/// Those by which it is watched.
+pub fn health() -> OpenApiRouter<AppState> {
+    OpenApiRouter::new().routes(routes!(healthz)).routes(routes!(readyz))
 }
 
 /// A sign of life.
@@ -29,6 +35,15 @@ struct Health {
     /// `ok`
     #[schema(example = "ok")]
     status: &'static str,
+    /// What this server does: `api` answers requests, `worker` runs jobs.
+    #[schema(example = json!(["api", "worker"]))]
+    roles: Vec<&'static str>,
+}
+
+impl Health {
+    fn of(state: &AppState) -> Json<Health> {
+        Json(Health { status: "ok", roles: state.context.config.roles.list().map(Role::name).collect() })
+    }
 }
 
 /// Whether the process answers at all.
@@ -36,8 +51,8 @@ struct Health {
     get, path = "/healthz", tag = TAG, operation_id = "health",
     responses((status = 200, description = "It does.", body = Health), responses::Other)
 )]
-async fn healthz() -> Json<Health> {
-    Json(Health { status: "ok" })
+async fn healthz(State(state): State<AppState>) -> Json<Health> {
+    Health::of(&state)
 }
 
 /// Whether requests will be served: the database takes writes, the gallery is loaded, no shutdown is under way.
@@ -51,10 +66,10 @@ async fn readyz(State(state): State<AppState>) -> Result<Json<Health>, Problem> 
     }
     state.context.database.ping().await?;
     state.context.database.check_writable().await.map_err(Problem::not_writable)?;
-    if !state.context.gallery.is_ready() {
+    if state.context.config.roles.api && !state.context.gallery.is_ready() {
         return Err(NotReady.into());
     }
-    Ok(Json(Health { status: "ok" }))
+    Ok(Health::of(&state))
 }
 
 /// Bounds on requests.
@@ -176,7 +191,7 @@ struct Info {
     responses((status = 200, description = "What the service offers.", body = Info), responses::Other)
 )]
 async fn info(State(state): State<AppState>) -> Result<Json<Info>, Problem> {
-    state.context.database.settled().await;
+    state.context.settled().await?;
     let config = &state.context.config;
     let limits = &config.limits;
     let (queued_jobs, running_jobs) = state.context.database.queue_length().await?;

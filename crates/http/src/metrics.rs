@@ -188,6 +188,8 @@ async fn process(all: &mut Registry, state: &AppState) -> Result<(), Problem> {
     }
     let accepting = !state.stop.is_cancelled();
     gauge(all, "accepting", "0 once a stop was asked for", f64::from(u8::from(accepting)));
+    let roles = config.roles.list().map(|role| (vec![("role", role.name().to_owned())], 1.0));
+    gauges(all, "role", "What this server does", roles);
     let version = vec![("version", env!("CARGO_PKG_VERSION").to_owned())];
     gauges(all, "build", "Which version runs", std::iter::once((version, 1.0)));
     Ok(())

@@ -86,7 +86,7 @@ async fn store_poses(
         return Err(Problem::new(Code::UnreadablePoses, "the pose file is empty", remedy()));
     }
     let poses = PoseFile { name: if is_json { Asset::Poses.name().into() } else { "poses".to_owned() }, content };
-    let _turn = conditions.turn(&state).await;
+    let _turn = conditions.turn(&state).await?;
     let set = state.context.database.scan_set(id).await?;
     conditions.check(poses_tag(&set).as_ref())?;
     let names: Vec<&str> = set.scans.iter().map(|scan| scan.name.as_str()).collect();

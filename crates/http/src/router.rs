@@ -131,7 +131,15 @@ pub fn router(state: AppState) -> Result<Router, RouterError> {
         let json = json.clone();
         async move { ([(header::CONTENT_TYPE, "application/json")], json) }
     };
-    let (router, _) = resources().split_for_parts();
+    let is_api = state.context.config.roles.api;
+    let served = if is_api { resources() } else { OpenApiRouter::new().merge(meta::health()).merge(metrics::router()) };
+    let (mut router, _) = served.split_for_parts();
+    if is_api {
+        router = router
+            .route("/openapi.yaml", get(contract))
+            .route("/openapi.json", get(contract_as_json))
+            .merge(page::routes());
+    }
     let proxies: Arc<[Network]> = state.context.config.trusted_proxies.clone().into();
     let base = state.context.config.base_path.clone();
     let traces = state.context.traces.clone();
@@ -157,9 +165,6 @@ pub fn router(state: AppState) -> Result<Router, RouterError> {
         .layer(state.hosts.same_origin(origins)?)
         .layer(from_fn_with_state(state.clone(), access::permitted));
     let router = router
-        .route("/openapi.yaml", get(contract))
-        .route("/openapi.json", get(contract_as_json))
-        .merge(page::routes())
         .fallback(not_found)
         .method_not_allowed_fallback(method_not_allowed)
         .with_state(state)

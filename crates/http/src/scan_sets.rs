@@ -238,7 +238,7 @@ async fn delete(
     let id = parse_id(&id)?;
     let removal = query.removal(&state);
     deleted(async move {
-        let _turn = conditions.turn(&state).await;
+        let _turn = conditions.turn(&state).await?;
         if conditions.any() {
             conditions.check_view(&ScanSetView::of(&state.context.database.scan_set(id).await?))?;
         }

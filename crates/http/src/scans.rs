@@ -102,7 +102,7 @@ pub(super) async fn keep(
     checked: CheckedScan,
     conditions: &Conditions,
 ) -> Result<(PutScan, ScanRecord), Problem> {
-    let _turn = conditions.turn(state).await;
+    let _turn = conditions.turn(state).await?;
     conditions.check(scan_tag(state, set, &checked.file.name).await?.as_ref())?;
     let scan = record_of(&checked);
     let put = scan_sets::put_scan(&state.context, set, &scan, checked.file.staged).await?;
@@ -153,7 +153,7 @@ pub(super) async fn delete_scan(
 ) -> Result<StatusCode, Problem> {
     let id = parse_id(&id)?;
     deleted(async move {
-        let _turn = conditions.turn(&state).await;
+        let _turn = conditions.turn(&state).await?;
         // one that is not there is a 404 below
         if let Some(etag) = scan_tag(&state, id, &name).await? {
             conditions.check(Some(&etag))?;

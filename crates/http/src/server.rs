@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use tokio::net::TcpListener;
-use tokio::sync::watch;
+use tokio::sync::{Notify, watch};
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 
@@ -21,10 +21,11 @@ use visage_service::app::live_gallery::LiveGallery;
 use visage_service::app::retention::{self, Dropped};
 use visage_service::app::uploads;
 use visage_service::app::webhooks;
-use visage_service::config::ServerConfig;
+use visage_service::config::{Role, ServerConfig};
 use visage_service::jobs::runner::Runner;
 use visage_service::storage::Database;
 use visage_service::storage::data_folder::{DataFolder, OpenError, Places};
+use visage_service::storage::database::{Alone, News};
 use visage_service::storage::inventory::Storage;
 use visage_service::traces::{NoTraces, Traces};
 
@@ -61,6 +62,12 @@ pub enum StartError {
         /// The data folder.
         data: String,
     },
+    /// What this server leaves to others nobody would do.
+    #[error(
+        "a server that is alone with its data folder has all roles: others can do their part with --database and --objects, a \
+         database server and a bucket that all use"
+    )]
+    Roles,
     /// The certificate or its key can't be used.
     #[error(transparent)]
     Tls(#[from] TlsError),
@@ -97,6 +104,10 @@ impl Server {
         let mut config = config;
         config.edge.connections = connections::most(config.edge.connections);
         let config = Arc::new(config);
+        let is_shared = config.database.is_some() && config.objects.is_some();
+        if !config.roles.are_all() && !is_shared {
+            return Err(StartError::Roles);
+        }
         let tls = config.tls.as_ref().map(Tls::new).transpose()?;
         let mut context = open(&config, engine).await?;
         context.traces = traces;
@@ -113,10 +124,14 @@ impl Server {
         let serving = connections::serve(listener, router, config.edge, stop.clone(), count, tls);
         let serving = tokio::spawn(serving);
         let runner = Runner::start(&context, &stop, &crash);
-        let chores = tokio::spawn(chores(context.clone(), stop.clone()));
-        let messages = tokio::spawn(messages(context.clone(), stop.clone()));
-        tracing::info!(%addr, data = %config.data_dir.display(), threads = config.threads, "serving");
-        Ok(ServerHandle { addr, connections, context, stop, crash, serving, runner, chores, messages })
+        let beside = vec![
+            tokio::spawn(news(context.clone(), stop.clone())),
+            tokio::spawn(chores(context.clone(), stop.clone())),
+            tokio::spawn(messages(context.clone(), stop.clone())),
+        ];
+        let roles: Vec<&str> = config.roles.list().map(Role::name).collect();
+        tracing::info!(%addr, data = %config.data_dir.display(), threads = config.threads, roles = roles.join(","), "serving");
+        Ok(ServerHandle { addr, connections, context, stop, crash, serving, runner, beside })
     }
 }
 
@@ -151,6 +166,9 @@ async fn open(config: &Arc<ServerConfig>, engine: Arc<dyn Engine>) -> Result<Ser
 async fn chores(context: ServiceContext, stop: CancellationToken) {
     let storage = context.storage();
     let work = async {
+        if !context.config.roles.api {
+            return upkeep(&context, &storage).await;
+        }
         load(&context.gallery, &storage).await;
         match context.database.queue_evaluation().await {
             Ok(Some(job)) => {
@@ -160,11 +178,7 @@ async fn chores(context: ServiceContext, stop: CancellationToken) {
             Ok(None) => {}
             Err(error) => tracing::warn!("looking for what is out of date: {error}"),
         }
-        tokio::join!(
-            keep_whole(&context.gallery, &storage),
-            follow(&context.gallery, &storage),
-            upkeep(&context, &storage)
-        );
+        tokio::join!(keep_whole(&context.gallery, &storage), upkeep(&context, &storage));
     };
     tokio::select! {
         () = work => {}
@@ -195,26 +209,41 @@ async fn keep_whole(gallery: &LiveGallery, storage: &Storage) {
     }
 }
 
-/// What was committed without our knowledge has to come into the index.
-async fn follow(gallery: &LiveGallery, storage: &Storage) {
-    loop {
-        storage.database.doubted().await;
-        tracing::warn!("the database may hold what the gallery does not know: it is loaded again");
-        gallery.give_up();
+/// Rings the bells of this process for what any process commits, and has the index follow: a query would else have to catch up.
+async fn news(context: ServiceContext, stop: CancellationToken) {
+    let gallery = Notify::new();
+    let ring = |news| match news {
+        News::Work => context.monitor.announce_work(),
+        News::Progress => context.monitor.announce_progress(),
+        News::Gallery => gallery.notify_one(),
+    };
+    let follow = async {
+        loop {
+            gallery.notified().await;
+            if let Err(error) = context.gallery.follow(context.database.as_ref()).await {
+                tracing::warn!("the gallery can't follow the database: {error}");
+            }
+        }
+    };
+    tokio::select! {
+        () = context.database.listen(&ring) => {}
+        () = follow => {}
+        () = stop.cancelled() => {}
     }
 }
 
 /// Cleans up now and then.
 async fn upkeep(context: &ServiceContext, storage: &Storage) {
     loop {
-        clean_up(storage).await;
         context.gallery.tidy_up();
-        match retention::drop_old(context, jiff::Timestamp::now()).await {
-            Ok(dropped) if dropped == Dropped::default() => {}
-            Ok(Dropped { scan_sets, models, audit, bin }) => {
-                tracing::info!(scan_sets, models, audit, bin, "deleted what was old")
-            }
-            Err(error) => tracing::warn!("deleting what is old: {error}"),
+        match storage.database.try_alone(Alone::Upkeep).await {
+            Ok(Some(_turn)) => clean_up(context, storage).await,
+            // another server does
+            Ok(None) => {}
+            Err(error) => tracing::warn!("cleaning up: {error}"),
+        }
+        if let Err(error) = storage.forget_copies().await {
+            tracing::warn!("removing copies of what was deleted: {error}");
         }
         match uploads::sweep(context, jiff::Timestamp::now()).await {
             Ok(0) => {}
@@ -222,6 +251,35 @@ async fn upkeep(context: &ServiceContext, storage: &Storage) {
             Err(error) => tracing::warn!("giving up uploads: {error}"),
         }
         tokio::time::sleep(CLEAN_UP).await;
+        if context.config.roles.api
+            && let Err(error) = storage.database.keep_index().await
+        {
+            tracing::warn!("saying that the index is used: {error}");
+        }
+    }
+}
+
+/// What one of several servers does for all.
+async fn clean_up(context: &ServiceContext, storage: &Storage) {
+    let (database, now) = (storage.database.as_ref(), jiff::Timestamp::now());
+    let cleaned = [
+        database.forget_old_sessions().await.map(drop),
+        database.forget_old_replays().await.map(drop),
+        database.forget_gallery_changes().await,
+        webhooks::clean_up(database, now).await,
+    ];
+    for error in cleaned.into_iter().filter_map(Result::err) {
+        tracing::warn!("cleaning up: {error}");
+    }
+    if let Err(error) = storage.tidy_up(now).await {
+        tracing::warn!("cleaning up: {error}");
+    }
+    match retention::drop_old(context, now).await {
+        Ok(dropped) if dropped == Dropped::default() => {}
+        Ok(Dropped { scan_sets, models, audit, bin }) => {
+            tracing::info!(scan_sets, models, audit, bin, "deleted what was old")
+        }
+        Err(error) => tracing::warn!("deleting what is old: {error}"),
     }
 }
 
@@ -231,21 +289,6 @@ async fn messages(context: ServiceContext, stop: CancellationToken) {
     tokio::select! {
         () = webhooks::run(&context, courier) => {}
         () = stop.cancelled() => {}
-    }
-}
-
-async fn clean_up(storage: &Storage) {
-    if let Err(error) = storage.database.forget_old_sessions().await {
-        tracing::warn!("cleaning up: {error}");
-    }
-    if let Err(error) = storage.database.forget_old_replays().await {
-        tracing::warn!("cleaning up: {error}");
-    }
-    if let Err(error) = webhooks::clean_up(storage.database.as_ref(), jiff::Timestamp::now()).await {
-        tracing::warn!("cleaning up: {error}");
-    }
-    if let Err(error) = storage.tidy_up(jiff::Timestamp::now()).await {
-        tracing::warn!("cleaning up: {error}");
     }
 }
 
@@ -259,8 +302,8 @@ pub struct ServerHandle {
     crash: CancellationToken,
     serving: JoinHandle<()>,
     runner: Runner,
-    chores: JoinHandle<()>,
-    messages: JoinHandle<()>,
+    /// What goes on beside requests and jobs.
+    beside: Vec<JoinHandle<()>>,
 }
 
 impl ServerHandle {
@@ -293,8 +336,9 @@ impl ServerHandle {
         let aborts = self.serving.abort_handle();
         let drained = tokio::time::timeout(self.context.config.shutdown_deadline, async {
             self.runner.ended().await;
-            let _ = self.chores.await;
-            let _ = self.messages.await;
+            for task in self.beside {
+                let _ = task.await;
+            }
             let _ = self.serving.await;
         })
         .await
@@ -311,11 +355,11 @@ impl ServerHandle {
     pub async fn abort(self) {
         self.crash.cancel();
         self.serving.abort();
-        self.chores.abort();
-        self.messages.abort();
+        self.beside.iter().for_each(JoinHandle::abort);
         let _ = self.serving.await;
-        let _ = self.chores.await;
-        let _ = self.messages.await;
+        for task in self.beside {
+            let _ = task.await;
+        }
         self.stop.cancel();
         self.runner.ended().await;
         // threads of jobs see that nobody wants them any more; then the data folder is free again

@@ -211,7 +211,7 @@ async fn delete(
 ) -> Result<StatusCode, Problem> {
     let standard = uploaded(&state, &name).await?;
     deleted(async move {
-        let _turn = conditions.turn(&state).await;
+        let _turn = conditions.turn(&state).await?;
         check(&state, &standard, &conditions).await?;
         Ok(standards::delete(&state.context, standard.id).await?)
     })
@@ -253,7 +253,7 @@ async fn mark(
     let (body, _) = read_json::<ExamplesView>(&state, request).await?;
     let examples: Examples = body.examples()?;
     let standard = uploaded(&state, &name).await?;
-    let _turn = conditions.turn(&state).await;
+    let _turn = conditions.turn(&state).await?;
     check(&state, &standard, &conditions).await?;
     state.context.database.mark_examples(standard.id, &examples).await?;
     Ok(Json(view(&state, &standard).await?))

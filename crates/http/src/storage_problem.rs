@@ -54,6 +54,9 @@ impl From<DatabaseError> for Problem {
             DatabaseError::KeyReused { .. } => {
                 Problem::new(Code::KeyReused, detail, "use a new key for a new request; repeat a request unchanged")
             }
+            DatabaseError::DoneMeanwhile { .. } => {
+                Problem::new(Code::RequestInProgress, detail, "repeat it: the answer is kept").retry_after(1)
+            }
             DatabaseError::Unkeepable => Problem::new(Code::InvalidField, detail, "leave that character out"),
             DatabaseError::Full => Problem::storage_full(&detail),
             DatabaseError::Locked => {
@@ -64,7 +67,7 @@ impl From<DatabaseError> for Problem {
             DatabaseError::Busy => {
                 Problem::new(Code::Overloaded, detail, "send the request again in a moment").retry_after(2)
             }
-            DatabaseError::Unreachable(_) | DatabaseError::Taken => {
+            DatabaseError::Unreachable(_) | DatabaseError::Taken | DatabaseError::SeatTaken => {
                 tracing::error!("{detail}");
                 let hint = "send the request again in a while; nothing that was accepted is lost";
                 let detail = "the database can't be reached at the moment";
@@ -74,6 +77,7 @@ impl From<DatabaseError> for Problem {
             | DatabaseError::Shortage(_)
             | DatabaseError::Migration(_)
             | DatabaseError::OtherVersion
+            | DatabaseError::OthersOfBefore
             | DatabaseError::Damaged { .. }
             | DatabaseError::Corrupt { .. }
             | DatabaseError::NotEmpty

@@ -8,6 +8,7 @@ mod fetch_source;
 mod host_name;
 mod network;
 mod origin;
+mod roles;
 
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -23,6 +24,7 @@ pub use self::fetch_source::{FetchSource, NoFetchSource};
 pub use self::host_name::{Host, HostName, NoHostName};
 pub use self::network::{Network, NoNetwork, is_public};
 pub use self::origin::{NoOrigin, Origin};
+pub use self::roles::{NoRole, Role, Roles};
 
 /// Everything a server needs to know before it starts.
 #[derive(Debug, Clone)]
@@ -43,6 +45,8 @@ pub struct ServerConfig {
     pub job_memory_bytes: Option<u64>,
     /// Bounds on what clients may ask for.
     pub limits: Limits,
+    /// What it does of all that there is to do.
+    pub roles: Roles,
     /// Names by which clients may call the service, besides loopback ones and the address it listens on.
     pub hosts: Vec<HostName>,
     /// The path below which the service is served.
@@ -85,6 +89,7 @@ impl ServerConfig {
             concurrent_jobs: 1,
             job_memory_bytes: crate::machine::memory_bytes().map(|bytes| bytes / 4 * 3),
             limits: Limits::default(),
+            roles: Roles::default(),
             hosts: Vec::new(),
             base_path: BasePath::default(),
             trusted_proxies: Vec::new(),

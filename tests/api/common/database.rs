@@ -18,8 +18,9 @@ fn made_for(_: &Path) -> DatabaseUrl {
     panic!("these tests were built without --features postgres")
 }
 
+/// The address of the database that goes with a folder, made when there is none.
 #[cfg(feature = "postgres")]
-fn made_for(folder: &Path) -> DatabaseUrl {
+pub fn made_for(folder: &Path) -> DatabaseUrl {
     let folder = folder.to_owned();
     // tests are async, and so is sqlx: on a thread of its own that is no matter
     let made = std::thread::spawn(move || {

@@ -10,7 +10,7 @@ use super::looks::Looks;
 use super::monitor::JobMonitor;
 use crate::config::ServerConfig;
 use crate::storage::inventory::Storage;
-use crate::storage::{Database, ObjectStore};
+use crate::storage::{Database, DatabaseError, ObjectStore};
 use crate::traces::{NoTraces, Traces};
 
 /// All that the service works with. Cheap to clone.
@@ -50,6 +50,12 @@ impl ServiceContext {
             looks: Arc::default(),
             evaluating: Arc::new(Semaphore::new(1)),
         }
+    }
+
+    /// Waits until the index holds everything that was committed before, by this process or another: call it before a query.
+    pub async fn settled(&self) -> Result<(), DatabaseError> {
+        self.database.settled().await;
+        self.gallery.follow(self.database.as_ref()).await.map(drop)
     }
 
     /// The database and the files.

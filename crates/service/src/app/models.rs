@@ -97,9 +97,7 @@ pub async fn delete(context: &ServiceContext, id: ModelId, removal: Removal) -> 
 /// Takes models that the database has forgotten out of the gallery, and removes their files.
 pub(super) async fn forget(context: &ServiceContext, deleted: Deleted) -> Result<(), StorageError> {
     let Deleted { models, purged, unseen } = deleted;
-    for model in &models {
-        context.gallery.remove(*model);
-    }
+    context.gallery.withdraw(context.database.as_ref(), &models).await;
     drop(unseen);
     context.database.fold_log().await;
     let files = models.into_iter().map(StoredFile::Model).chain(purged.files);

@@ -106,7 +106,7 @@ impl JobMonitor {
     }
 
     /// Tells those who follow a job that it has come further.
-    fn announce_progress(&self) {
+    pub fn announce_progress(&self) {
         self.changes.send_modify(|count| *count = count.wrapping_add(1));
     }
 

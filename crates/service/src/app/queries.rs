@@ -123,7 +123,7 @@ pub enum QueryError {
 
 /// Asks the gallery as it is at this moment.
 pub async fn ask(context: &ServiceContext, question: &Question) -> Result<Answer, QueryError> {
-    context.database.settled().await;
+    context.settled().await?;
     match &question.about {
         About::Standard { name } => ask_verdicts(context, question, name).await,
         _ => ask_gallery(context, question).await,

@@ -27,9 +27,7 @@ impl Removal {
 pub(super) async fn put(context: &ServiceContext, thing: Deletable) -> Result<(), StorageError> {
     let deleted = context.database.put_in_bin(thing).await?;
     context.monitor.announce_change();
-    for model in &deleted.models {
-        context.gallery.remove(*model);
-    }
+    context.gallery.withdraw(context.database.as_ref(), &deleted.models).await;
     drop(deleted);
     // the rows were moved, so the log holds them twice
     context.database.fold_log().await;

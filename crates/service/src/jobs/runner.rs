@@ -33,7 +33,7 @@ pub struct Runner {
 }
 
 impl Runner {
-    /// Starts `config.concurrent_jobs` workers that run until `stop`. With `crash`, they also drop what they hold
+    /// Starts `config.concurrent_jobs` workers that run until `stop`; none where jobs are left to others. With `crash`, they also drop what they hold
     /// as if the process had been killed.
     pub fn start(context: &ServiceContext, stop: &CancellationToken, crash: &CancellationToken) -> Runner {
         let worker = |index: usize| {
@@ -48,7 +48,8 @@ impl Runner {
                 }
             })
         };
-        Runner { workers: (0..context.config.concurrent_jobs.max(1)).map(worker).collect() }
+        let workers = if context.config.roles.worker { context.config.concurrent_jobs.max(1) } else { 0 };
+        Runner { workers: (0..workers).map(worker).collect() }
     }
 
     /// Waits until all workers have ended.

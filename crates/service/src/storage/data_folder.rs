@@ -172,14 +172,23 @@ pub struct Places<'a> {
 /// The database of a folder alone, while a server may be using the folder: what is changed there the server sees. A new
 /// folder is made.
 pub async fn open_database(folder: &Path, database: Option<&DatabaseUrl>) -> Result<Arc<dyn Database>, OpenError> {
-    match DataFolder::open_here(folder, Duration::ZERO, Places { objects: None, database }).await {
+    let is_new = !local_files::is_in_use(folder);
+    let refused = match DataFolder::open_here(folder, Duration::ZERO, Places { objects: None, database }).await {
         // the folder's lock goes with its files: a server may start from now on
-        Ok((data, _)) => Ok(data.storage.database),
-        Err(OpenError::Folder(FolderError::Locked { .. })) => match database {
-            Some(url) => server::open_beside(url).await,
-            None => Ok(Arc::new(SqliteDatabase::open_beside(&local_files::database_of(folder)).await?)),
-        },
-        Err(error) => Err(error),
+        Ok((data, _)) => return Ok(data.storage.database),
+        Err(refused) => refused,
+    };
+    let is_beside = match &refused {
+        OpenError::Folder(FolderError::Locked { .. })
+        | OpenError::Storage(StorageError::Database(DatabaseError::Taken)) => true,
+        // a further node of servers that share their database
+        OpenError::OtherDatabase { .. } => is_new,
+        _ => false,
+    };
+    match database {
+        _ if !is_beside => Err(refused),
+        Some(url) => server::open_beside(url).await,
+        None => Ok(Arc::new(SqliteDatabase::open_beside(&local_files::database_of(folder)).await?)),
     }
 }
 
@@ -222,8 +231,8 @@ impl DataFolder {
         let of_files = files.folder_id()?;
         let (database, id, is_from_before): (Arc<dyn Database>, _, _) = match places.database {
             Some(url) => {
-                let may_be_new = places.objects.is_some();
-                let (database, id) = server::open(&files, folder, url, patience, may_be_new).await?;
+                let files_are_shared = places.objects.is_some();
+                let (database, id) = server::open(&files, folder, url, patience, files_are_shared).await?;
                 (database, id, false)
             }
             None => {

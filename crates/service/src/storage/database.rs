@@ -5,6 +5,7 @@
 //! table of routes would be generic. So calls return boxed futures (`async-trait`): beside a transaction that is nothing.
 
 mod imports;
+mod others;
 mod recycle_bin;
 mod upkeep;
 mod webhooks;
@@ -26,7 +27,7 @@ use visage_domain::{
 };
 use visage_shape::standards::Standard;
 
-pub use self::{imports::Imports, recycle_bin::RecycleBin, upkeep::Upkeep, webhooks::Webhooks};
+pub use self::{imports::Imports, others::*, recycle_bin::RecycleBin, upkeep::Upkeep, webhooks::Webhooks};
 
 /// A database: everything that the service keeps besides files.
 pub trait Database:
@@ -48,6 +49,7 @@ pub trait Database:
     + RecycleBin
     + Webhooks
     + Upkeep
+    + Others
     + Debug
     + Send
     + Sync
@@ -239,11 +241,15 @@ pub trait Signatures {
     async fn give_up_signatures(&self, ids: &[ModelId]) -> Result<(), DatabaseError>;
 }
 
-/// Which files of the index count, and of which models they don't tell what the signatures do. Both together are the whole index: a model
+/// Which files of the index count for this handle's seat, a node, and of which models they don't tell what the signatures do. Both together are the whole index: a model
 /// is what the files say of it, unless it is unfiled; then it is what its signature says, or gone if it has none. Whoever stores, changes or
 /// deletes a signature makes its model unfiled in the same transaction.
 #[async_trait]
 pub trait Segments {
+    /// Says that this handle's seat is a node with files of the index of its own: what they don't tell is kept for it from now on. For a
+    /// node that is new everything is unfiled. To be called before all else here, and again within a week.
+    async fn keep_index(&self) -> Result<(), DatabaseError>;
+
     /// The files that count.
     async fn segments(&self) -> Result<Vec<SegmentRecord>, DatabaseError>;
 

@@ -26,8 +26,19 @@ pub enum DatabaseError {
     #[error("the database can't be reached: {0}")]
     Unreachable(#[source] Box<dyn Error + Send + Sync>),
     /// Another server uses the database.
-    #[error("the database is in use by another visage server; stop it, or give another --database")]
+    #[error(
+        "the database is in use by another visage server; stop it, or give another --database (several servers may use one if all keep \
+         their files in one bucket, by --objects)"
+    )]
     Taken,
+    /// A server uses the same node's seat.
+    #[error(
+        "another server runs with a copy of this data folder: give each server a --data folder of its own, a new one"
+    )]
+    SeatTaken,
+    /// The database is of an earlier version, and servers use it.
+    #[error("servers of an earlier version use the database: stop them, so that it can be brought to this version")]
+    OthersOfBefore,
     /// Rows are to be moved into it, but it has some.
     #[error("the database is not empty: give a new one")]
     NotEmpty,
@@ -137,6 +148,12 @@ pub enum DatabaseError {
         /// Which one.
         id: String,
     },
+    /// Another process has answered a request with the key while this one was worked on: nothing was stored.
+    #[error("a request with the idempotency key {key:?} was answered meanwhile")]
+    DoneMeanwhile {
+        /// The key.
+        key: String,
+    },
     /// The key was used before, with another body.
     #[error("the idempotency key {key:?} was used before with another body")]
     KeyReused {
@@ -153,7 +170,7 @@ impl DatabaseError {
 
     /// Whether its server can't be reached, or may not be used at the moment.
     pub fn is_unreachable(&self) -> bool {
-        matches!(self, DatabaseError::Unreachable(_) | DatabaseError::Taken)
+        matches!(self, DatabaseError::Unreachable(_) | DatabaseError::Taken | DatabaseError::SeatTaken)
     }
 
     /// Whether what was to be written may be there all the same: files that belong to it must stay then.

@@ -136,6 +136,12 @@ impl Storage {
         Ok(self.database.forget_loose(&due).await?)
     }
 
+    /// Removes copies that this process has of files that are deleted: another one may have done that.
+    pub async fn forget_copies(&self) -> Result<(), StorageError> {
+        let (known, _) = self.database.known_files().await?;
+        self.blocking(move |objects: &dyn ObjectStore| objects.keep_copies_of(&known)).await
+    }
+
     /// Moves files to the trash; answers with where they are now.
     pub async fn set_aside(&self, files: Vec<StoredFile>) -> Result<String, StorageError> {
         self.blocking(move |objects: &dyn ObjectStore| objects.set_aside(&files)).await

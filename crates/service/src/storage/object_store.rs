@@ -15,7 +15,9 @@ use async_trait::async_trait;
 use tokio::io::{AsyncRead, AsyncSeek};
 
 use super::SegmentStore;
-use visage_domain::{AssetRecord, FileId, ModelId, ScanRecord, ScanSetId, StandardId, StoredFile, UploadId};
+use visage_domain::{
+    AssetRecord, FileId, KnownFiles, ModelId, ScanRecord, ScanSetId, StandardId, StoredFile, UploadId,
+};
 
 /// How long what was set aside is kept.
 pub const TRASH_DAYS: u32 = 30;
@@ -171,6 +173,11 @@ pub trait ObjectStore: SegmentStore + Debug + Send + Sync + 'static {
 
     /// Bytes that may still be kept; `None` where nobody says. Blocks.
     fn free_bytes(&self) -> Option<u64>;
+
+    /// Removes copies at hand of files that no row knows: another process may have deleted them. Blocks.
+    fn keep_copies_of(&self, _known: &KnownFiles) -> Result<(), ObjectError> {
+        Ok(())
+    }
 
     /// Deletes for good what was set aside more than [`TRASH_DAYS`] days ago; answers with the number of batches.
     /// Blocks.

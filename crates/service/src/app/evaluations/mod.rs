@@ -126,7 +126,7 @@ pub enum EvaluationError {
 
 /// Evaluates the gallery as it is at this moment; may take minutes, and others can use it meanwhile.
 pub async fn run(context: &ServiceContext, question: Question) -> Result<Evaluation, EvaluationError> {
-    context.database.settled().await;
+    context.settled().await?;
     let judged = match by_name(&question.standard) {
         Some(_) => None,
         None => Some(stored_scores(context, &question.standard).await?),

@@ -30,6 +30,7 @@ pub(super) struct Loading {
 impl Loading {
     /// Maps the files that count. What is lost of them is unfiled from then on, and files that don't count are removed.
     pub async fn mapped(storage: &Storage, files: Arc<SegmentFiles>) -> Result<Loading, DatabaseError> {
+        storage.database.keep_index().await?;
         let records = storage.database.segments().await?;
         let mut loading = Loading::new(files.clone());
         let (mapped, lost) = off_thread(move || {

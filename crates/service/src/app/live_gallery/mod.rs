@@ -8,15 +8,17 @@
 //! nobody waits for anybody but changes for each other.
 
 pub mod files;
+mod following;
 mod loading;
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 
 use crate::machine::workers;
+use crate::storage::DatabaseError;
 use crate::storage::inventory::Storage;
-use crate::storage::{Database, DatabaseError};
 use files::{FilingError, SegmentFiles};
+pub use following::Following;
 use loading::{Loading, not_stored, told};
 use visage_domain::asset::Origin;
 use visage_domain::{ModelFacets, ModelId, SegmentId};
@@ -65,6 +67,8 @@ struct Shared {
     files: RwLock<Option<Arc<SegmentFiles>>>,
     /// Held by whoever loads, all of it or what is lost.
     loading: tokio::sync::Mutex<()>,
+    /// Up to which version of the database it holds all; held by whoever follows.
+    followed: Arc<tokio::sync::Mutex<u64>>,
     /// Rings when what was lost could not be made anew.
     lost: tokio::sync::Notify,
 }
@@ -88,6 +92,7 @@ impl Default for LiveGallery {
                 is_to_forget: AtomicBool::new(false),
                 files: RwLock::default(),
                 loading: tokio::sync::Mutex::default(),
+                followed: Arc::default(),
                 lost: tokio::sync::Notify::new(),
             }),
         }
@@ -110,6 +115,7 @@ impl LiveGallery {
         }
         let files = Arc::new(SegmentFiles::of(storage));
         *self.shared.files.write().unwrap_or_else(PoisonError::into_inner) = Some(files.clone());
+        self.follow_from_here(storage.database.as_ref()).await?;
         let loading = Loading::mapped(storage, files).await?;
         self.finish(storage, loading).await
     }
@@ -224,28 +230,7 @@ impl LiveGallery {
         self.change(Change::Put(Box::new(IndexedModel::new(id.number(), signature))));
     }
 
-    /// Adds a model that was just stored, unless it has been deleted since.
-    pub async fn publish(
-        &self,
-        database: &dyn Database,
-        id: ModelId,
-        signature: Signature,
-    ) -> Result<(), DatabaseError> {
-        let Some(model) = database.matched_models(&[id]).await?.pop() else { return Ok(()) };
-        let facets = facets_of(&model.facets);
-        self.write_catalogue().insert(id.number(), facets.clone());
-        let revision = revision(&signature.to_bytes());
-        let entry = IndexedModel::new(id.number(), signature).described_by(facets, revision);
-        self.change(Change::Put(Box::new(entry)));
-        // a deletion between the reading and the insertions above has found nothing to remove
-        if let Err(DatabaseError::NotFound { .. }) = database.model(id).await {
-            self.remove(id);
-        }
-        Ok(())
-    }
-
-    /// Forgets a model.
-    pub fn remove(&self, id: ModelId) {
+    fn remove(&self, id: ModelId) {
         self.write_catalogue().remove(id.number());
         self.change(Change::Remove(id));
     }

@@ -22,6 +22,7 @@ impl Place {
     async fn new() -> Place {
         let database = SqlitePlace::new().await;
         let storage = Storage { database: database.open(SeatId::new()).await, objects: MemoryPlace::new().open() };
+        storage.database.keep_index().await.expect("a node");
         Place { storage, database }
     }
 

@@ -84,6 +84,7 @@ macro_rules! database_conformance {
             segments {
                 a_model_is_unfiled_until_a_file_tells_its_very_signature,
                 what_was_in_lost_files_is_unfiled,
+                each_node_has_an_index_of_its_own,
             }
             files {
                 everything_stored_is_known,

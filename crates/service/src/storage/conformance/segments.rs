@@ -30,6 +30,7 @@ async fn unfiled(db: &dyn Database) -> Vec<(ModelId, bool)> {
 pub async fn a_model_is_unfiled_until_a_file_tells_its_very_signature(place: &impl DatabasePlace) {
     let db = place.open(SeatId::new()).await;
     let db = db.as_ref();
+    db.keep_index().await.expect("a node");
     let models = [b"a", b"b", b"c"].map(|content| model(content));
     db.create_models(&models).await.expect("stored");
     drop(db.create_model(&NewModel::example(None), None).await.expect("one without a signature"));
@@ -63,6 +64,7 @@ pub async fn a_model_is_unfiled_until_a_file_tells_its_very_signature(place: &im
 pub async fn what_was_in_lost_files_is_unfiled(place: &impl DatabasePlace) {
     let db = place.open(SeatId::new()).await;
     let db = db.as_ref();
+    db.keep_index().await.expect("a node");
     let models: Vec<NewModel> = (0..9000u32).map(|number| model(&number.to_le_bytes())).collect();
     db.create_models(&models).await.expect("stored");
     let new = [record(8000), record(1000)];
@@ -75,4 +77,29 @@ pub async fn what_was_in_lost_files_is_unfiled(place: &impl DatabasePlace) {
     let all = db.unfiled_after(None, 10_000).await.expect("read");
     assert!(all.iter().map(|model| model.id).eq(models[..8000].iter().map(|model| model.id)));
     assert_eq!(db.segments().await.expect("read"), [new[1]]);
+}
+
+pub async fn each_node_has_an_index_of_its_own(place: &impl DatabasePlace) {
+    let (first, second) = (place.open(SeatId::new()).await, place.open(SeatId::new()).await);
+    first.keep_index().await.expect("a node");
+    let models = [b"a", b"b"].map(|content| model(content));
+    let ids = models.each_ref().map(|model| model.id);
+    first.create_models(&models).await.expect("stored");
+    first.swap_segments(&[record(1)], &[]).await.expect("swapped");
+    first.file_models(&[(ids[0], checksum(b"a"))]).await.expect("filed");
+
+    second.keep_index().await.expect("another node");
+    assert!(second.segments().await.expect("read").is_empty());
+    assert_eq!(unfiled(second.as_ref()).await, [(ids[0], true), (ids[1], true)], "no file of its tells anything");
+    let of_second = record(2);
+    second.swap_segments(&[of_second], &[]).await.expect("swapped");
+    second.file_models(&[(ids[0], checksum(b"a")), (ids[1], checksum(b"b"))]).await.expect("filed");
+    second.keep_index().await.expect("it is known");
+    assert!(unfiled(second.as_ref()).await.is_empty());
+    assert_eq!(unfiled(first.as_ref()).await, [(ids[1], true)]);
+
+    drop(first.delete_model(ids[0]).await.expect("deleted"));
+    assert_eq!(unfiled(second.as_ref()).await, [(ids[0], false)], "either learns of what the other does");
+    first.lose_segments(&[of_second.id], &[]).await.expect("it is not its own");
+    assert_eq!(second.segments().await.expect("read"), [of_second]);
 }

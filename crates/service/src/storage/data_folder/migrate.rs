@@ -11,7 +11,7 @@ use crate::config::DatabaseUrl;
 pub async fn migrate(folder: &Path, to: &DatabaseUrl) -> Result<Vec<(&'static str, u64)>, OpenError> {
     use super::{DataFolder, Places};
     use crate::storage::database::Upkeep;
-    use crate::storage::postgres::PostgresDatabase;
+    use crate::storage::postgres::{Claim, PostgresDatabase};
     use crate::storage::sqlite::SqliteDatabase;
     use crate::storage::{NoReserve, local_files};
     use std::sync::Arc;
@@ -24,7 +24,8 @@ pub async fn migrate(folder: &Path, to: &DatabaseUrl) -> Result<Vec<(&'static st
     let (data, files) = DataFolder::open_here(folder, Duration::ZERO, Places::default()).await?;
     data.storage.database.close().await;
     let from = SqliteDatabase::open_with(&files.database(), Arc::new(NoReserve)).await?;
-    let target = PostgresDatabase::open_alone(to, Arc::new(NoReserve), Duration::ZERO).await?;
+    let claim = Claim { seat: data.id.into(), is_shared: false };
+    let target = PostgresDatabase::open_for(to, claim, Arc::new(NoReserve), Duration::ZERO).await?;
     let moved = target.move_in(&from).await;
     from.close().await;
     target.close().await;

@@ -61,36 +61,41 @@ mod with {
     use crate::storage::NoReserve;
     use crate::storage::database::Upkeep;
     use crate::storage::local_files::LocalFiles;
-    use crate::storage::postgres::PostgresDatabase;
+    use crate::storage::postgres::{Claim, PostgresDatabase};
     use visage_domain::FolderId;
 
     /// Takes the database into use for a folder. A new folder begins with a new database, unless its files are elsewhere
-    /// (`may_be_new`): then all that is in it can be made anew.
+    /// (`files_are_shared`): then all that is in it can be made anew, and others may use the database, too.
     pub(in super::super) async fn open(
         files: &Arc<LocalFiles>,
         folder: &Path,
         url: &DatabaseUrl,
         patience: Duration,
-        may_be_new: bool,
+        files_are_shared: bool,
     ) -> Result<(Arc<dyn Database>, FolderId), OpenError> {
-        let database = PostgresDatabase::open_alone(url, files.reserve(), patience).await?;
-        let (of_files, of_database) = (files.folder_id()?, database.folder_id().await?);
+        let node = Arc::clone(files);
+        let seat = tokio::task::spawn_blocking(move || node.seat()).await??;
+        let claim = Claim { seat, is_shared: files_are_shared };
+        let database = PostgresDatabase::open_for(url, claim, files.reserve(), patience).await?;
+        let (of_files, mut of_database) = (files.folder_id()?, database.folder_id().await?);
+        let is_new = of_database.is_none();
+        if is_new {
+            database.put_folder_id(of_files.unwrap_or_default()).await?;
+            // another server may have begun at the same moment: whoever was first counts
+            of_database = database.folder_id().await?;
+        }
         let id = match (of_files, of_database) {
             (Some(ours), Some(found)) if ours == found => ours,
-            (None, Some(found)) if may_be_new => found,
-            (_, Some(database)) => {
+            (None, Some(found)) if is_new || files_are_shared => found,
+            (_, found) => {
                 let (folder, place) = (folder.display().to_string(), url.to_string());
+                let database = found.unwrap_or_default();
                 return Err(OpenError::OtherDatabase { folder, place, database });
-            }
-            (ours, None) => {
-                let id = ours.unwrap_or_default();
-                database.put_folder_id(id).await?;
-                id
             }
         };
         let (files, place) = (Arc::clone(files), url.to_string());
         tokio::task::spawn_blocking(move || files.put_database_server(&place)).await??;
-        Ok((Arc::new(database.on_seat(id.into())), id))
+        Ok((Arc::new(database), id))
     }
 
     /// Opens it while a server may be using it.

@@ -14,14 +14,11 @@ pub trait Upkeep {
     /// The id of the folder of files that it goes with; `None` for one from before folders had ids, or a new one.
     async fn folder_id(&self) -> Result<Option<FolderId>, DatabaseError>;
 
-    /// Says which folder it goes with; only once.
+    /// Says which folder it goes with; the first word counts.
     async fn put_folder_id(&self, id: FolderId) -> Result<(), DatabaseError>;
 
-    /// Waits until the index in memory holds everything that was committed before: call it before a query.
+    /// Waits until the index in memory holds everything that this process has committed before.
     async fn settled(&self);
-
-    /// Waits until something may have been committed whose writer was not told: then the index in memory has to be loaded anew.
-    async fn doubted(&self);
 
     /// Whether it answers.
     async fn ping(&self) -> Result<(), DatabaseError>;

@@ -150,6 +150,11 @@ impl FolderLock {
     }
 }
 
+/// Whether a folder was taken into use before.
+pub(in crate::storage) fn is_in_use(root: &Path) -> bool {
+    root.join(MARKER).exists()
+}
+
 fn folder_id(root: &Path) -> Result<Option<FolderId>, FolderError> {
     match fs::read_to_string(root.join(MARKER)) {
         Ok(text) => match FolderId::parse(text.trim()) {
@@ -188,7 +193,7 @@ fn refuse_foreign(root: &Path) -> Result<(), FolderError> {
     for entry in entries {
         let name = entry.map_err(doing("reading the data folder"))?.file_name();
         let name = name.to_string_lossy().into_owned();
-        let is_ours = [LOCK, DATABASE, "lost+found", "reserve"].contains(&name.as_str())
+        let is_ours = [LOCK, DATABASE, server::NODE, "lost+found", "reserve"].contains(&name.as_str())
             || listing::FOLDERS.contains(&name.as_str()) && listing::is_empty(&root.join(&name));
         if !is_ours {
             return Err(FolderError::Foreign { folder, found: name });

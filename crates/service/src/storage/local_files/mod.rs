@@ -10,6 +10,7 @@
 //! DATA/scan-sets/{set}/{file}      scans, under ids of ours
 //! DATA/models/{model}/{asset}      files of models, under names of ours
 //! DATA/standards/{standard}/{asset} files that standards were made of
+//! DATA/visage.node                 which node of that server's the folder is
 //! DATA/visage.database             on which server the database is if not here
 //! DATA/visage.objects              where scans, models and standards are if not here
 //! DATA/cache/...                   those of them that were used last
@@ -54,6 +55,7 @@ use visage_domain::{FileId, ScanSetId};
 pub(in crate::storage) use elsewhere::elsewhere;
 #[cfg(feature = "s3")]
 pub(in crate::storage) use elsewhere::{create_private_file, create_private_folder};
+pub(in crate::storage) use folder::is_in_use;
 pub use folder::{FolderError, FolderLock};
 pub use reserve::DiskReserve;
 pub(in crate::storage) use server::database_server;

@@ -11,7 +11,7 @@ use crate::storage::database::Upkeep;
 use crate::storage::sqlite::SqliteDatabase;
 
 /// All tables, those first that others refer to. Triggers of `signature` write into `unfiled`, which therefore comes after it.
-pub(super) const TABLES: [&str; 31] = [
+pub(super) const TABLES: [&str; 32] = [
     "folder",
     "scan_set",
     "scan",
@@ -32,6 +32,7 @@ pub(super) const TABLES: [&str; 31] = [
     "made_by",
     "webhook",
     "delivery",
+    "node",
     "segment",
     "unfiled",
     "bin",

@@ -28,10 +28,6 @@ impl Upkeep for PostgresDatabase {
         self.changes.settled().await;
     }
 
-    async fn doubted(&self) {
-        self.doubts.notified().await;
-    }
-
     async fn ping(&self) -> Result<(), DatabaseError> {
         sqlx::query("SELECT 1").execute(&self.readers).await?;
         Ok(())
@@ -78,8 +74,9 @@ impl Upkeep for PostgresDatabase {
     async fn close(&self) {
         self.readers.close().await;
         self.writer.close().await;
-        if let Some(alone) = &self.alone {
-            alone.end();
+        self.waiting.close().await;
+        if let Some(held) = &self.held {
+            held.end();
         }
     }
 }

@@ -11,12 +11,10 @@
 //! row, too.
 
 use std::ops::{Deref, DerefMut};
-use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 use sqlx::postgres::{PgConnection, Postgres};
 use sqlx::{AssertSqlSafe, Transaction};
-use tokio::sync::Notify;
 
 use super::PostgresDatabase;
 use crate::storage::{DatabaseError, Unseen};
@@ -30,7 +28,6 @@ const NOW: &str = "CAST(extract(epoch FROM clock_timestamp()) * 1000 AS BIGINT)"
 pub(super) struct Writing {
     transaction: Transaction<'static, Postgres>,
     now_ms: i64,
-    doubts: Arc<Notify>,
 }
 
 impl Writing {
@@ -41,11 +38,7 @@ impl Writing {
 
     /// Makes it durable.
     pub(super) async fn commit(self) -> Result<(), DatabaseError> {
-        let committed = self.transaction.commit().await.map_err(DatabaseError::from);
-        if committed.as_ref().is_err_and(DatabaseError::leaves_in_doubt) {
-            self.doubts.notify_one();
-        }
-        committed
+        Ok(self.transaction.commit().await?)
     }
 
     /// The same for what the index in memory has to follow: queries wait until the answer is dropped.
@@ -91,7 +84,7 @@ impl PostgresDatabase {
         self.check_ours()?;
         let mut transaction = self.writer.begin().await?;
         let now_ms = sqlx::query_scalar(AssertSqlSafe(first)).fetch_one(&mut *transaction).await?;
-        Ok(Writing { transaction, now_ms, doubts: Arc::clone(&self.doubts) })
+        Ok(Writing { transaction, now_ms })
     }
 
     /// A server that has lost the lock of its database may not write: another one may have begun.

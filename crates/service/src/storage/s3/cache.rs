@@ -112,6 +112,14 @@ impl Cache {
         there.iter().try_for_each(|place| self.drop_file(&mut held, place))
     }
 
+    /// Removes files, by the places they have. Blocks.
+    pub(super) fn retain(&self, is_needed: impl Fn(&str) -> bool) -> io::Result<()> {
+        let mut held = self.lock();
+        let is_needed = |place: &Path| place.to_str().is_some_and(&is_needed);
+        let there: Vec<PathBuf> = held.entries.keys().filter(|place| !is_needed(place)).cloned().collect();
+        there.iter().try_for_each(|place| self.drop_file(&mut held, place))
+    }
+
     fn make_room(&self, held: &mut Held) -> io::Result<()> {
         while held.bytes > self.most_bytes {
             let Some(oldest) = held.by_use.values().next().cloned() else { break };
@@ -247,5 +255,8 @@ mod tests {
         place.cache.forget("models/a").expect("no trouble");
         assert_eq!(place.held("models/a/mesh"), None);
         assert_eq!((place.held("models/ab/mesh").is_some(), place.cache.bytes()), (true, 4));
+        place.take("models/b/cloud", "bbbb");
+        place.cache.retain(|place| place.starts_with("models/b/")).expect("removed");
+        assert_eq!((place.held("models/b/cloud").is_some(), place.cache.bytes()), (true, 4));
     }
 }

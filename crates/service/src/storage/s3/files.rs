@@ -9,7 +9,9 @@ use super::{BucketFiles, Wanted};
 use crate::storage::{
     AssetReader, ObjectError, ObjectStore, PieceWriter, StagedFile, StagedModel, StagedWriter, TRASH_DAYS,
 };
-use visage_domain::{AssetRecord, FileId, ModelId, ScanRecord, ScanSetId, StandardId, StoredFile, UploadId};
+use visage_domain::{
+    AssetRecord, FileId, KnownFiles, ModelId, ScanRecord, ScanSetId, StandardId, StoredFile, UploadId,
+};
 
 const LISTING: &str = "listing what the object store holds";
 const TRASH: &str = "trash";
@@ -45,6 +47,18 @@ fn of_standard(standard: StandardId, asset: &AssetRecord) -> Wanted {
 fn scan_named(name: &str) -> Option<StoredFile> {
     let (set, scan) = name.split_once('/')?;
     Some(StoredFile::Scan(ScanSetId::parse(set)?, FileId::parse(scan)?))
+}
+
+/// What a place in the bucket belongs to.
+fn of_place(place: &str) -> Option<StoredFile> {
+    let (folder, name) = place.split_once('/')?;
+    let first = name.split('/').next().unwrap_or_default();
+    match folder {
+        "scan-sets" => scan_named(name),
+        "models" => ModelId::parse(first).map(StoredFile::Model),
+        "standards" => StandardId::parse(first).map(StoredFile::Standard),
+        _ => None,
+    }
 }
 
 fn missing(doing: &'static str) -> ObjectError {
@@ -217,6 +231,11 @@ impl ObjectStore for BucketFiles {
 
     fn sweep_staging(&self) -> Result<usize, ObjectError> {
         self.0.local.sweep_staging()
+    }
+
+    fn keep_copies_of(&self, known: &KnownFiles) -> Result<(), ObjectError> {
+        let kept = self.0.cache.retain(|place| of_place(place).is_some_and(|file| known.knows(file)));
+        kept.map_err(|source| ObjectError::Io { doing: "removing copies of what was deleted", source })
     }
 
     fn free_bytes(&self) -> Option<u64> {

@@ -12,7 +12,10 @@ impl Store {
 
     pub(in super::super) async fn store_folder_id(&self, id: FolderId) -> Result<(), DatabaseError> {
         let mut tx = self.begin_any().await?;
-        sqlx::query("INSERT INTO folder (only_row, id) VALUES (1, $1)").bind(id.to_string()).execute(&mut *tx).await?;
+        sqlx::query("INSERT INTO folder (only_row, id) VALUES (1, $1) ON CONFLICT DO NOTHING")
+            .bind(id.to_string())
+            .execute(&mut *tx)
+            .await?;
         tx.commit().await
     }
 }

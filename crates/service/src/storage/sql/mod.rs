@@ -26,7 +26,7 @@ pub(super) mod recycle_bin;
 mod replays;
 mod rows;
 mod scan_sets;
-mod segments;
+pub(super) mod segments;
 pub(super) mod signatures;
 mod standards;
 mod uploads;
@@ -49,12 +49,12 @@ pub(super) fn damaged(what: &'static str, reason: impl ToString) -> DatabaseErro
 }
 
 /// SQL counts in i64; nothing stored here comes near its end.
-fn to_i64(count: u64) -> i64 {
+pub(super) fn to_i64(count: u64) -> i64 {
     i64::try_from(count).unwrap_or(i64::MAX)
 }
 
 /// A stored count.
-fn to_u64(count: i64) -> u64 {
+pub(super) fn to_u64(count: i64) -> u64 {
     u64::try_from(count).unwrap_or(0)
 }
 

@@ -56,9 +56,9 @@ impl Replays for Store {
 
 /// Keeps an answer; part of the transaction that creates the resource.
 pub(super) async fn insert(db: &mut Writing, replay: &Replay) -> Result<(), DatabaseError> {
-    sqlx::query(
+    let kept = sqlx::query(
         "INSERT INTO replay (route, key, body_hash, status, location, body, resource_id, created_at)
-         VALUES ($1, $2, $3, $4, $5, $6, $7, $8)",
+         VALUES ($1, $2, $3, $4, $5, $6, $7, $8) ON CONFLICT DO NOTHING",
     )
     .bind(replay.key.route)
     .bind(&replay.key.key)
@@ -70,6 +70,10 @@ pub(super) async fn insert(db: &mut Writing, replay: &Replay) -> Result<(), Data
     .bind(db.now_ms())
     .execute(&mut **db)
     .await?;
+    // the same request has come to another process, which was first
+    if kept.rows_affected() == 0 {
+        return Err(DatabaseError::DoneMeanwhile { key: replay.key.key.clone() });
+    }
     Ok(())
 }
 

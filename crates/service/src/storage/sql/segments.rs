@@ -1,6 +1,10 @@
 //! Which files of the index count, and the models that they don't tell. Triggers of `signature` make models unfiled.
 
+use std::collections::HashSet;
+use std::time::Duration;
+
 use async_trait::async_trait;
+use sqlx::AssertSqlSafe;
 
 use super::rows::row;
 use super::signatures::checked;
@@ -10,6 +14,10 @@ use crate::storage::database::Segments;
 use visage_domain::asset::Origin;
 use visage_domain::{ModelFacets, ModelId, SegmentId, SegmentRecord, Unfiled};
 
+/// A node that was not seen for so long has its index made anew if it comes back.
+const GONE: Duration = Duration::from_secs(7 * 24 * 3600);
+/// How old a note that a node was seen may be.
+const SEEN: Duration = Duration::from_secs(24 * 3600);
 /// Models in one statement.
 const AT_ONCE: usize = 4096;
 
@@ -23,7 +31,7 @@ row! {
 }
 
 row! {
-    struct Row {
+    pub(in super::super) struct Row {
         id: String,
         label: Option<String>,
         unit: Option<String>,
@@ -34,7 +42,7 @@ row! {
 }
 
 impl Row {
-    fn unfiled(self) -> Result<Unfiled, DatabaseError> {
+    pub(in super::super) fn unfiled(self) -> Result<Unfiled, DatabaseError> {
         let id = stored_id!(ModelId, &self.id)?;
         let (Some(content), Some(unit)) = (self.content, self.unit) else { return Ok(Unfiled { id, signature: None }) };
         let unit = unit.parse().map_err(|reason: String| damaged("a unit", reason))?;
@@ -51,10 +59,44 @@ fn json<T: serde::Serialize>(list: impl Iterator<Item = T>) -> Result<String, Da
 
 #[async_trait]
 impl Segments for Store {
-    async fn segments(&self) -> Result<Vec<SegmentRecord>, DatabaseError> {
-        let rows: Vec<Segment> = sqlx::query_as("SELECT id, models, bytes, checksum FROM segment ORDER BY id")
-            .fetch_all(&self.readers)
+    async fn keep_index(&self) -> Result<(), DatabaseError> {
+        let seat = self.owner.seat.to_string();
+        let seen: Option<i64> = sqlx::query_scalar("SELECT seen_at FROM node WHERE id = $1")
+            .bind(&seat)
+            .fetch_optional(&self.readers)
             .await?;
+        let before = |now_ms: i64, age: Duration| now_ms.saturating_sub(to_i64(age.as_secs()).saturating_mul(1000));
+        // nothing is written that need not be: a disk may be full
+        if seen.is_some_and(|seen| seen >= before(jiff::Timestamp::now().as_millisecond(), SEEN)) {
+            return Ok(());
+        }
+        let mut tx = self.begin_any().await?;
+        let known = sqlx::query("UPDATE node SET seen_at = $1 WHERE id = $2").bind(tx.now_ms()).bind(&seat);
+        if known.execute(&mut *tx).await?.rows_affected() == 0 {
+            sqlx::query("INSERT INTO node (id, seen_at) VALUES ($1, $2)")
+                .bind(&seat)
+                .bind(tx.now_ms())
+                .execute(&mut *tx)
+                .await?;
+            sqlx::query("INSERT INTO unfiled (node_id, model_id) SELECT $1, model_id FROM signature")
+                .bind(&seat)
+                .execute(&mut *tx)
+                .await?;
+        }
+        let oldest = before(tx.now_ms(), GONE);
+        let gone = sqlx::query("DELETE FROM node WHERE seen_at < $1").bind(oldest).execute(&mut *tx).await?;
+        if gone.rows_affected() > 0 {
+            tracing::info!(nodes = gone.rows_affected(), "forgot nodes that were not seen for a week");
+        }
+        tx.commit().await
+    }
+
+    async fn segments(&self) -> Result<Vec<SegmentRecord>, DatabaseError> {
+        let rows: Vec<Segment> =
+            sqlx::query_as("SELECT id, models, bytes, checksum FROM segment WHERE node_id = $1 ORDER BY id")
+                .bind(self.owner.seat.to_string())
+                .fetch_all(&self.readers)
+                .await?;
         let record = |row: Segment| {
             Ok(SegmentRecord {
                 id: stored_id!(SegmentId, &row.id)?,
@@ -71,10 +113,11 @@ impl Segments for Store {
             "SELECT unfiled.model_id AS id, label, unit, job_id IS NULL AS uploaded, content, checksum FROM unfiled
              LEFT JOIN model ON model.id = unfiled.model_id
              LEFT JOIN signature ON signature.model_id = unfiled.model_id
-             WHERE unfiled.model_id > $1 ORDER BY unfiled.model_id LIMIT $2",
+             WHERE unfiled.node_id = $3 AND unfiled.model_id > $1 ORDER BY unfiled.model_id LIMIT $2",
         )
         .bind(after.map_or(String::new(), |id| id.to_string()))
         .bind(to_i64(limit as u64))
+        .bind(self.owner.seat.to_string())
         .fetch_all(&self.readers)
         .await?;
         rows.into_iter().map(Row::unfiled).collect()
@@ -83,16 +126,18 @@ impl Segments for Store {
     async fn swap_segments(&self, new: &[SegmentRecord], old: &[SegmentId]) -> Result<(), DatabaseError> {
         let mut tx = self.begin_any().await?;
         for segment in new {
-            sqlx::query("INSERT INTO segment (id, models, bytes, checksum) VALUES ($1, $2, $3, $4)")
+            sqlx::query("INSERT INTO segment (id, models, bytes, checksum, node_id) VALUES ($1, $2, $3, $4, $5)")
                 .bind(segment.id.to_string())
                 .bind(to_i64(segment.models))
                 .bind(to_i64(segment.bytes))
                 .bind(i64::from(segment.checksum))
+                .bind(self.owner.seat.to_string())
                 .execute(&mut *tx)
                 .await?;
         }
-        sqlx::query("DELETE FROM segment WHERE id IN (SELECT value FROM json_each($1))")
+        sqlx::query("DELETE FROM segment WHERE node_id = $2 AND id IN (SELECT value FROM json_each($1))")
             .bind(json(old.iter().map(SegmentId::to_string))?)
+            .bind(self.owner.seat.to_string())
             .execute(&mut *tx)
             .await?;
         tx.commit().await
@@ -100,17 +145,25 @@ impl Segments for Store {
 
     async fn file_models(&self, models: &[(ModelId, u128)]) -> Result<(), DatabaseError> {
         for chunk in models.chunks(AT_ONCE) {
-            let known = json(chunk.iter().map(|(id, checksum)| format!("{id}{checksum:032x}")))?;
             let mut tx = self.begin_any().await?;
-            sqlx::query(
-                "DELETE FROM unfiled WHERE model_id IN (
-                     SELECT signature.model_id FROM json_each($1) AS known
-                     JOIN signature ON signature.model_id = substr(known.value, 1, 36)
-                     WHERE substr(signature.checksum, 1, 32) = substr(known.value, 37))",
+            // in two steps, of which each has a plan that can't go wrong however little is known of the tables
+            let stored: Vec<(String, Option<String>)> = sqlx::query_as(
+                "SELECT model_id, substr(checksum, 1, 32) FROM signature WHERE model_id IN (SELECT value FROM json_each($1))",
             )
-            .bind(known)
-            .execute(&mut *tx)
+            .bind(json(chunk.iter().map(|(id, _)| id.to_string()))?)
+            .fetch_all(&mut *tx)
             .await?;
+            let known: HashSet<(String, String)> =
+                chunk.iter().map(|(id, checksum)| (id.to_string(), format!("{checksum:032x}"))).collect();
+            let filed = stored.into_iter().filter_map(|(id, checksum)| {
+                let row = (id, checksum?);
+                known.contains(&row).then_some(row.0)
+            });
+            sqlx::query("DELETE FROM unfiled WHERE node_id = $2 AND model_id IN (SELECT value FROM json_each($1))")
+                .bind(json(filed)?)
+                .bind(self.owner.seat.to_string())
+                .execute(&mut *tx)
+                .await?;
             tx.commit().await?;
         }
         Ok(())
@@ -120,10 +173,11 @@ impl Segments for Store {
         for chunk in models.chunks(AT_ONCE) {
             let mut tx = self.begin_any().await?;
             sqlx::query(
-                "DELETE FROM unfiled WHERE model_id IN (SELECT value FROM json_each($1))
+                "DELETE FROM unfiled WHERE node_id = $2 AND model_id IN (SELECT value FROM json_each($1))
                  AND NOT EXISTS (SELECT 1 FROM signature WHERE signature.model_id = unfiled.model_id)",
             )
             .bind(json(chunk.iter().map(ModelId::to_string))?)
+            .bind(self.owner.seat.to_string())
             .execute(&mut *tx)
             .await?;
             tx.commit().await?;
@@ -138,13 +192,15 @@ impl Segments for Store {
         let signed: Vec<ModelId> = signed.iter().map(|id| stored_id!(ModelId, id)).collect::<Result<_, _>>()?;
         let missing: Vec<ModelId> = signed.into_iter().filter(|id| told.binary_search(id).is_err()).collect();
         for chunk in missing.chunks(AT_ONCE) {
-            sqlx::query("INSERT INTO unfiled SELECT value FROM json_each($1) WHERE TRUE ON CONFLICT DO NOTHING")
+            sqlx::query("INSERT INTO unfiled (node_id, model_id) SELECT $2, value FROM json_each($1) WHERE TRUE ON CONFLICT DO NOTHING")
                 .bind(json(chunk.iter().map(ModelId::to_string))?)
+                .bind(self.owner.seat.to_string())
                 .execute(&mut *tx)
                 .await?;
         }
-        sqlx::query("DELETE FROM segment WHERE id IN (SELECT value FROM json_each($1))")
+        sqlx::query("DELETE FROM segment WHERE node_id = $2 AND id IN (SELECT value FROM json_each($1))")
             .bind(json(lost.iter().map(SegmentId::to_string))?)
+            .bind(self.owner.seat.to_string())
             .execute(&mut *tx)
             .await?;
         tx.commit().await
@@ -153,9 +209,12 @@ impl Segments for Store {
 
 /// A copy goes without the files of the index.
 impl Store {
-    /// Makes all models unfiled, and no file count.
+    /// Makes no file count, of no node: whoever uses the copy next has everything unfiled.
     pub async fn forget_all_segments(&self) -> Result<(), DatabaseError> {
-        let lost: Vec<SegmentId> = self.segments().await?.into_iter().map(|segment| segment.id).collect();
-        self.lose_segments(&lost, &[]).await
+        let mut tx = self.begin_any().await?;
+        for table in ["segment", "unfiled", "node"] {
+            sqlx::query(AssertSqlSafe(format!("DELETE FROM {table}"))).execute(&mut *tx).await?;
+        }
+        tx.commit().await
     }
 }

@@ -4,7 +4,7 @@ use sqlx::migrate::Migrator;
 
 use crate::storage::migrations::files;
 
-const FILES: [(&str, &str); 16] = files!["../../../migrations/";
+const FILES: [(&str, &str); 17] = files!["../../../migrations/";
     "0001_first",
     "0002_base_model",
     "0003_standards",
@@ -21,6 +21,7 @@ const FILES: [(&str, &str); 16] = files!["../../../migrations/";
     "0014_uploads",
     "0015_segments",
     "0016_bin",
+    "0017_nodes",
 ];
 
 /// All of them.

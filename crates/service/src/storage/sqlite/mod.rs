@@ -14,6 +14,7 @@ mod dialect;
 #[cfg(test)]
 mod history_tests;
 mod migrations;
+mod others;
 #[path = "../sql/mod.rs"]
 #[allow(clippy::duplicate_mod, reason = "one text for each database, see there")]
 mod sql;

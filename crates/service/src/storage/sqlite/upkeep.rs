@@ -28,11 +28,6 @@ impl Upkeep for SqliteDatabase {
         self.changes.settled().await;
     }
 
-    /// A commit into a file tells.
-    async fn doubted(&self) {
-        std::future::pending().await
-    }
-
     async fn ping(&self) -> Result<(), DatabaseError> {
         sqlx::query("SELECT 1").execute(&self.readers).await?;
         Ok(())

@@ -1,0 +1,103 @@
+//! What a server does: one that is alone does all, of several each may have its part.
+
+use std::fmt;
+use std::str::FromStr;
+
+/// A part of what there is to do.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Role {
+    /// Answers requests.
+    Api,
+    /// Runs jobs.
+    Worker,
+}
+
+impl Role {
+    /// All of them.
+    pub const ALL: [Role; 2] = [Role::Api, Role::Worker];
+
+    /// Its name, as an argument.
+    pub fn name(self) -> &'static str {
+        match self {
+            Role::Api => "api",
+            Role::Worker => "worker",
+        }
+    }
+}
+
+impl fmt::Display for Role {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// There is no such role.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("there is no role {0:?}: there are api and worker")]
+pub struct NoRole(String);
+
+impl FromStr for Role {
+    type Err = NoRole;
+
+    fn from_str(text: &str) -> Result<Self, NoRole> {
+        Role::ALL.into_iter().find(|role| role.name() == text).ok_or_else(|| NoRole(text.to_owned()))
+    }
+}
+
+/// The roles of a server: at least one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Roles {
+    /// Whether it answers requests; else it tells how it is, and nothing else.
+    pub api: bool,
+    /// Whether it runs jobs.
+    pub worker: bool,
+}
+
+impl Default for Roles {
+    fn default() -> Self {
+        Roles { api: true, worker: true }
+    }
+}
+
+impl Roles {
+    /// These; all if there are none.
+    pub fn of(roles: &[Role]) -> Roles {
+        match roles {
+            [] => Roles::default(),
+            roles => Roles { api: roles.contains(&Role::Api), worker: roles.contains(&Role::Worker) },
+        }
+    }
+
+    /// Which they are.
+    pub fn list(self) -> impl Iterator<Item = Role> {
+        let has = move |role: &Role| match role {
+            Role::Api => self.api,
+            Role::Worker => self.worker,
+        };
+        Role::ALL.into_iter().filter(has)
+    }
+
+    /// Whether nothing is left to others.
+    pub fn are_all(self) -> bool {
+        self == Roles::default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn roles_are_known_by_their_names_and_others_are_refused_with_what_there_is() {
+        for role in Role::ALL {
+            assert_eq!(role.to_string().parse(), Ok(role));
+            assert_eq!(Roles::of(&[role]).list().collect::<Vec<_>>(), [role]);
+        }
+        let refused = "searcher".parse::<Role>().expect_err("unknown").to_string();
+        assert!(
+            refused.contains("searcher") && Role::ALL.iter().all(|role| refused.contains(role.name())),
+            "{refused}"
+        );
+        assert!(Roles::of(&[]).are_all() && !Roles::of(&[Role::Api]).are_all());
+    }
+}
