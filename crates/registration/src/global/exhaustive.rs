@@ -1,7 +1,5 @@
 //! What is done where the quick way leaves views open, or a component that contradicts itself: more proposals for each pair.
 
-use std::collections::BTreeSet;
-
 use rayon::prelude::*;
 
 use super::agglomerative::{Agglomeration, measure};
@@ -108,32 +106,47 @@ pub fn search_exhaustively(
 fn without_contradicted(coarse_set: &CoarseSet, hypotheses: &[PairHypothesis], component: &Component) -> Component {
     let mut place = vec![None; coarse_set.coarse_views.len()];
     component.views.iter().enumerate().for_each(|(k, view)| place[*view] = Some(k));
-    let contradicted: Vec<[Option<usize>; 2]> = hypotheses
+    let contradicting: Vec<(&PairHypothesis, usize, usize)> = hypotheses
         .par_iter()
         .filter_map(|hypothesis| Some((hypothesis, place[hypothesis.i]?, place[hypothesis.j]?)))
         .filter(|(hypothesis, k, l)| {
             contradicts(coarse_set, hypothesis, &component.local_poses[*k].inv_mul(&component.local_poses[*l]))
         })
-        .map(|(hypothesis, k, l)| {
-            // what a frame does not show can't speak against a hypothesis: its pair alone says too little
-            if !(coarse_set.coarse_views[hypothesis.i].depth_image.is_cropped()
-                && coarse_set.coarse_views[hypothesis.j].depth_image.is_cropped())
-            {
-                return [Some(k), Some(l)];
-            }
-            let pose_l = component.local_poses[k] * hypothesis.i_from_j;
-            let pose_k = component.local_poses[l] * hypothesis.i_from_j.inverse();
-            [(k, pose_k), (l, pose_l)]
-                .map(|(place, pose)| is_as_well_at(coarse_set, component, place, &pose).then_some(place))
-        })
         .collect();
-    let contradicted: BTreeSet<usize> = contradicted.into_iter().flatten().flatten().collect();
-    if contradicted.len() as f64 > TUNING.contradicted * component.views.len() as f64 {
+    let is_cropped = |view: usize| coarse_set.coarse_views[view].depth_image.is_cropped();
+    let mut contradicted = vec![false; component.views.len()];
+    let mut elsewhere: Vec<Vec<Motion>> = vec![Vec::new(); component.views.len()];
+    for (hypothesis, k, l) in contradicting {
+        // what a frame does not show can't speak against a hypothesis: its pair alone says too little
+        if is_cropped(hypothesis.i) && is_cropped(hypothesis.j) {
+            elsewhere[l].push(component.local_poses[k] * hypothesis.i_from_j);
+            elsewhere[k].push(component.local_poses[l] * hypothesis.i_from_j.inverse());
+        } else {
+            (contradicted[k], contradicted[l]) = (true, true);
+        }
+    }
+    let most = TUNING.contradicted * component.views.len() as f64;
+    let is_too_many = |contradicted: &[bool]| contradicted.iter().filter(|is| **is).count() as f64 > most;
+    let asked: Vec<usize> =
+        (0..component.views.len()).filter(|k| !contradicted[*k] && !elsewhere[*k].is_empty()).collect();
+    // to ask all others of a place is dear: it ends as soon as these are too many
+    for some in asked.chunks(AT_ONCE) {
+        if is_too_many(&contradicted) {
+            break;
+        }
+        let fit_elsewhere: Vec<bool> =
+            some.par_iter().map(|k| is_as_well_elsewhere(coarse_set, component, *k, &elsewhere[*k])).collect();
+        some.iter().zip(fit_elsewhere).for_each(|(k, is)| contradicted[*k] = is);
+    }
+    if is_too_many(&contradicted) {
         return component.among(&[]);
     }
-    let clear: Vec<usize> = (0..component.views.len()).filter(|k| !contradicted.contains(k)).collect();
+    let clear: Vec<usize> = (0..component.views.len()).filter(|k| !contradicted[*k]).collect();
     component.among(&clear)
 }
+
+/// Views that are asked at once, whatever the number of threads.
+const AT_ONCE: usize = 8;
 
 /// Whether a strong hypothesis says something else than the motion by which a component lays its pair, and more clearly.
 fn contradicts(coarse_set: &CoarseSet, hypothesis: &PairHypothesis, implied: &Motion) -> bool {
@@ -149,8 +162,8 @@ fn contradicts(coarse_set: &CoarseSet, hypothesis: &PairHypothesis, implied: &Mo
             .is_none_or(|own| score > coarse_set.score(&own))
 }
 
-/// Whether as much speaks for another pose of a component's view as for its own, by all others of the component.
-fn is_as_well_at(coarse_set: &CoarseSet, component: &Component, place: usize, pose: &Motion) -> bool {
+/// Whether as much speaks for one of some other poses of a component's view as for its own, by all others of the component.
+fn is_as_well_elsewhere(coarse_set: &CoarseSet, component: &Component, place: usize, poses: &[Motion]) -> bool {
     let coarse_view = |k: usize| &coarse_set.coarse_views[component.views[k]];
     let balance = |pose: &Motion| -> f64 {
         let others = (0..component.views.len()).filter(|other| *other != place);
@@ -163,7 +176,8 @@ fn is_as_well_at(coarse_set: &CoarseSet, component: &Component, place: usize, po
         })
         .sum()
     };
-    balance(pose) > TUNING.rival * balance(&component.local_poses[place])
+    let own = balance(&component.local_poses[place]);
+    poses.iter().any(|pose| balance(pose) > TUNING.rival * own)
 }
 
 /// Whether the pairs of a component agree, and no scanner looked through what another saw.

@@ -63,18 +63,34 @@ fn one_sided(from: &CoarseView, to: &CoarseView, edge: f64) -> Vec<Match> {
 
 /// The nearest description, and its squared distance in that of the next best elsewhere.
 fn best_of(distances2: &[f32], to: &CoarseView, elsewhere2: f32) -> Option<(usize, f32)> {
-    let (best, nearest) = least(distances2.iter().copied().enumerate())?;
+    let nearest = least(distances2);
+    let best = distances2.iter().position(|d| *d == nearest)?;
     let place = to.position(to.inner[best] as usize);
-    let others = distances2.iter().copied().enumerate().filter(|(l, d)| {
-        // few are so near that their places have to be looked at
-        *d < TUNING.clear * nearest && (to.position(to.inner[*l] as usize) - place).norm_squared() > elsewhere2
-    });
-    let second = least(others).map_or(TUNING.clear * nearest, |(_, d)| d);
+    let is_elsewhere = |surfel: u32| (to.position(surfel as usize) - place).norm_squared() > elsewhere2;
+    // few are so near that their places have to be looked at
+    let mut second = TUNING.clear * nearest;
+    for (some, surfels) in distances2.chunks(LANES).zip(to.inner.chunks(LANES)) {
+        if least(some) < second {
+            for (distance2, surfel) in some.iter().zip(surfels) {
+                if *distance2 < second && is_elsewhere(*surfel) {
+                    second = *distance2;
+                }
+            }
+        }
+    }
     Some((best, nearest / second.max(f32::MIN_POSITIVE)))
 }
 
-fn least(values: impl Iterator<Item = (usize, f32)>) -> Option<(usize, f32)> {
-    values.min_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)))
+/// Values compared at once.
+const LANES: usize = 16;
+
+fn least(values: &[f32]) -> f32 {
+    let mut least = [f32::INFINITY; LANES];
+    let (chunks, rest) = values.as_chunks::<LANES>();
+    for chunk in chunks {
+        least.iter_mut().zip(chunk).for_each(|(least, value)| *least = if *value < *least { *value } else { *least });
+    }
+    rest.iter().chain(&least).copied().fold(f32::INFINITY, f32::min)
 }
 
 #[cfg(test)]
