@@ -66,8 +66,8 @@ pub fn agglomerate(
     let mut waiting: Vec<&PairHypothesis> = hypotheses.iter().filter(|hypothesis| hypothesis.is_promising()).collect();
     waiting.sort_by(|a, b| coarse_set.score(b).total_cmp(&coarse_set.score(a)).then((a.i, a.j).cmp(&(b.i, b.j))));
     let mut ambiguous = vec![false; coarse_views.len()];
-    // a hypothesis that was refused is tried again when one of its components has grown
-    let mut refused_at = vec![(0, 0); waiting.len()];
+    // a hypothesis that was refused is tried again when its components have grown by views that lie near each other
+    let mut refused_at = vec![usize::MAX; waiting.len()];
     let mut joined = true;
     while joined {
         joined = false;
@@ -75,11 +75,14 @@ pub fn agglomerate(
             progress.check()?;
             let (a, b) = (home[hypothesis.i], home[hypothesis.j]);
             let (Some(left), Some(right)) = (&components[a], &components[b]) else { continue };
-            let sizes = (left.views.len(), right.views.len());
-            if a == b || *refused_at == sizes {
+            if a == b {
                 continue;
             }
-            *refused_at = sizes;
+            let near = count_near(coarse_views, left, right, hypothesis);
+            if *refused_at == near {
+                continue;
+            }
+            *refused_at = near;
             match try_join(coarse_set, left, right, hypothesis, &waiting) {
                 Attempt::Joined(union) => {
                     union.views.iter().for_each(|view| (home[*view], ambiguous[*view]) = (a, false));
@@ -145,6 +148,20 @@ fn try_join(
     union.hypotheses.extend(measured.into_iter().filter(PairHypothesis::is_promising));
     union.average(coarse_views, edge);
     Attempt::Joined(union)
+}
+
+/// How many pairs of a left and a right view lie near each other as a hypothesis has it.
+fn count_near(coarse_views: &[CoarseView], left: &Component, right: &Component, hypothesis: &PairHypothesis) -> usize {
+    let Some(motion) = implied(left, right, hypothesis) else { return 0 };
+    let of_right: Vec<(f64, Motion)> =
+        right.views.iter().zip(&right.local_poses).map(|(j, pose)| (coarse_views[*j].radius, motion * pose)).collect();
+    let near = |(i, pose_i): (&usize, &Motion)| {
+        let is_near = |(radius, pose_j): &&(f64, Motion)| {
+            (pose_j.translation.vector - pose_i.translation.vector).norm() <= coarse_views[*i].radius + radius
+        };
+        of_right.iter().filter(is_near).count()
+    };
+    left.views.iter().zip(&left.local_poses).map(near).sum()
 }
 
 /// How well the strongest pairs of a join touch at full resolution.
@@ -276,5 +293,16 @@ mod tests {
         let back = implied(&right, &left, &hypothesis).expect("it is between them");
         assert!((there * back).translation.vector.norm() < 1e-9);
         assert_eq!(implied(&left, &Component::of(5), &hypothesis), None);
+    }
+
+    #[test]
+    fn views_that_lie_far_from_the_others_are_no_reason_to_try_again() {
+        let fixture = Fixture::from_around(&[0.0, 40.0, 80.0, 120.0]);
+        let near = |left: &Component| count_near(&fixture.coarse_views, left, &Component::of(1), &fixture.right(0, 1));
+        let alone = Component::of(0);
+        let with = |motion: Motion| alone.united(&Component::of(2), &motion);
+        assert_eq!(near(&alone), 1);
+        assert_eq!(near(&with(fixture.i_from_j(0, 2))), 2);
+        assert_eq!(near(&with(Motion::translation(0.0, 900.0, 0.0))), 1);
     }
 }

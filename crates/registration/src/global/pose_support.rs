@@ -176,9 +176,13 @@ fn rival(
     let balance = |place: &Motion| -> f64 {
         let say = |other: &usize| {
             let motion = local_poses[*other].inv_mul(place);
-            verify(coarse_views[*other], coarse_views[view], &motion, edge, TUNING.rival_samples).both().balance()
+            let reach = coarse_views[*other].radius + coarse_views[view].radius;
+            let is_near = motion.translation.vector.norm() <= reach;
+            is_near.then(|| {
+                verify(coarse_views[*other], coarse_views[view], &motion, edge, TUNING.rival_samples).both().balance()
+            })
         };
-        others.iter().map(say).sum()
+        others.iter().filter_map(say).sum()
     };
     let own = balance(&places[0]);
     let best = places[1..].iter().map(balance).fold(0.0, f64::max);
