@@ -11,6 +11,7 @@ use super::consensus::alike;
 use super::pair_hypothesis::PairHypothesis;
 use super::placement::PlacedComponent;
 use super::slippage::{Slippage, WeakestMotion, can_slip};
+use super::surfel_icp::align_onto;
 use super::verification::verify;
 use super::{Search, onto};
 use crate::global::coarse_set::resolution;
@@ -26,8 +27,12 @@ visage_geometry::tuning! {
         /// A place is told if so much speaks for it, in what speaks for the best: what counts as a rival when components are grown is
         /// 0.8, less what noise and holes make of it.
         least_score: f64 = 0.7,
-        /// Places with less than this share are not refined on the surface.
+        /// Places with less than this share are not refined on surfels,
         least_raw: f64 = 0.4,
+        /// and with less than this not on the surface.
+        least_drawn: f64 = 0.6,
+        /// Placed views on which a place is refined, at most: those that most agree with it.
+        grounds: usize = 6,
         /// So many surfels have to speak for the best place.
         least: f64 = 12.0,
         /// Places that are tried, at most.
@@ -220,8 +225,15 @@ impl<'a> Ground<'a> {
         let mut found: Vec<(f64, Motion)> = Vec::new();
         let raw = self.proposed();
         let best = raw.iter().map(|(balance, _)| *balance).fold(0.0, f64::max);
-        for (_, world) in raw.iter().filter(|(balance, _)| *balance >= TUNING.least_raw * best).take(TUNING.tried) {
-            self.try_place(world, &mut found);
+        let near = raw.iter().filter(|(balance, _)| *balance >= TUNING.least_raw * best).take(TUNING.tried);
+        let mut drawn: Vec<(f64, Motion)> =
+            near.map(|(balance, world)| self.drawn(world).unwrap_or((*balance, *world))).collect();
+        drawn.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let best = drawn.first().map_or(0.0, |(balance, _)| *balance);
+        for (_, world) in drawn.iter().take_while(|(balance, _)| *balance >= TUNING.least_drawn * best) {
+            if !found.iter().any(|(_, other)| self.is_same(other, world)) {
+                self.try_place(world, &mut found);
+            }
         }
         self.try_products(&mut found);
         let best = found.first().map(|(balance, _)| *balance).filter(|best| *best >= TUNING.least)?;
@@ -258,11 +270,32 @@ impl<'a> Ground<'a> {
         rated
     }
 
+    /// A world of a single view drawn onto the surfels of the placed ones, and how much speaks for it; `None` if it then lies
+    /// elsewhere. Most places are found out by surfels alone, at a tenth of what the surface costs.
+    fn drawn(&self, world: &Motion) -> Option<(f64, Motion)> {
+        let [(view, pose)] = self.members[..] else { return None };
+        let placed: Vec<(&CoarseView, Motion)> =
+            self.placed.iter().map(|(view, pose)| (self.coarse_view(*view), *pose)).collect();
+        let drawn = align_onto(&placed, self.coarse_view(view), &(world * pose), self.edge()) * pose.inverse();
+        self.is_same(&drawn, world).then(|| (self.balance(&drawn), drawn))
+    }
+
+    /// The placed views that most agree with a world of the piece.
+    fn grounds(&self, world: &Motion) -> Vec<(usize, Motion)> {
+        let mut agree = vec![0.0; self.views.len()];
+        self.measured(world).for_each(|hypothesis| agree[hypothesis.i] += hypothesis.evidence.both().agree);
+        let mut grounds: Vec<(usize, Motion)> =
+            self.placed.iter().filter(|(view, _)| agree[*view] > 0.0).copied().collect();
+        grounds.sort_by(|a, b| agree[b.0].total_cmp(&agree[a.0]).then(a.0.cmp(&b.0)));
+        grounds.truncate(TUNING.grounds);
+        grounds
+    }
+
     /// Draws a place onto the surface and keeps it if it is a new one; the best stay first.
     fn try_place(&self, world: &Motion, found: &mut Vec<(f64, Motion)>) -> bool {
         let spacing = common_spacing(self.views);
         let spacing = resolution(spacing, self.search.noise, self.edge());
-        let refined = onto::settled(self.views, &self.placed, &self.members, world, spacing);
+        let refined = onto::settled(self.views, &self.grounds(world), &self.members, world, spacing);
         let world = if self.is_same(&refined, world) { refined } else { *world };
         if found.iter().any(|(_, other)| self.is_same(other, &world)) {
             return false;

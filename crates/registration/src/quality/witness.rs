@@ -10,8 +10,8 @@ use visage_geometry::Vector3;
 /// What is known of one view's final pose beside how it stands among the others. The default says nothing.
 #[derive(Debug, Clone, Copy, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Witness {
-    /// Root mean square displacement of its surface by one standard deviation of its pose, in the size of the set; `None` for
-    /// the view that keeps its pose, and where it is not known.
+    /// Root mean square displacement of its surface by one standard deviation of its pose, in the size of the set; for the view
+    /// that keeps its pose the median of the others', which are relative to it; `None` where it is not known.
     pub displacement: Option<f64>,
     /// Whether it has surface where another scanner looked through.
     pub is_looked_through: bool,
@@ -37,14 +37,24 @@ impl Known<'_> {
     /// The witness of each view.
     pub fn witnesses(&self, views: &[View], result: &Outcome) -> Vec<Witness> {
         let size = size(views, result);
+        let known: Vec<Option<f64>> =
+            self.covariances.iter().map(|pose| pose.as_ref().map(|pose| pose.displacement() / size)).collect();
+        // the first view is as loose against the others as they are against it
+        let first = (0..views.len()).find(|view| result.placed[*view]).filter(|view| known[*view].is_none());
+        let typical = median(known.iter().flatten().copied().collect());
         let witness = |view: usize| Witness {
-            displacement: self.covariances[view].as_ref().map(|pose| pose.displacement() / size),
+            displacement: known[view].or(typical.filter(|_| first == Some(view))),
             is_looked_through: self.intrusions.iter().any(|found| found.view == view && found.counts()),
             colours: self.colours[view],
             stands_still: self.stands_still,
         };
         (0..views.len()).map(witness).collect()
     }
+}
+
+fn median(mut values: Vec<f64>) -> Option<f64> {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied()
 }
 
 /// The diagonal of an evenly filled box whose points are spread as those of the placed views: a length.
@@ -79,5 +89,34 @@ mod tests {
         for motion in [Motion::identity(), Motion::new(Vector3::new(90.0, 0.0, 7.0), Vector3::new(1.0, 0.4, 0.2))] {
             assert!((box_of(&motion) / diagonal - 1.0).abs() < 0.01, "{}", box_of(&motion));
         }
+    }
+
+    #[test]
+    fn the_view_that_keeps_its_pose_is_known_as_well_as_the_others_against_it() {
+        let places = (0..64).map(|k| Point3::new(f64::from(k % 8), f64::from(k / 8), f64::from(k * k % 5)));
+        let view = View::new(&Cloud::from_points(places.collect())).expect("a sheet can be used");
+        let known = |variance: f64| PoseCovariance {
+            center: Point3::origin(),
+            covariance: nalgebra::Matrix6::identity() * variance,
+            systematic: nalgebra::Matrix6::zeros(),
+            evidence: [(1.0, nalgebra::Vector6::zeros()); 6],
+            step: nalgebra::Vector6::zeros(),
+            extent: nalgebra::Matrix6::identity(),
+            clusters: 20,
+        };
+        let views = vec![view; 4];
+        let covariances = [None, Some(known(1e-4)), Some(known(4e-4)), Some(known(9e-4))];
+        let mut result = Outcome::alone(4);
+        result.placed = vec![true; 4];
+        let displacements = |covariances: &[Option<PoseCovariance>], result: &Outcome| -> Vec<Option<f64>> {
+            let known = Known { covariances, intrusions: &[], colours: &[None; 4], stands_still: false };
+            known.witnesses(&views, result).into_iter().map(|witness| witness.displacement).collect()
+        };
+        let found = displacements(&covariances, &result);
+        assert!(found[0].is_some() && found[0] == found[2], "{found:?}");
+        let unknown = [None, None, Some(known(1e-4)), None];
+        let found = displacements(&unknown, &result);
+        assert!(found[0] == found[2] && found[1].is_none() && found[3].is_none(), "{found:?}");
+        assert_eq!(displacements(&[const { None }; 4], &result), [None; 4]);
     }
 }
