@@ -1,19 +1,10 @@
 //! A surface as oriented samples of equal area, with its exact moments: what no change of its mesh alters.
 
 use nalgebra::Matrix3;
-use rayon::prelude::*;
 
+use super::cloud_surface::CloudSurface;
 use crate::saliency::orientation::OrientedCloud;
 use visage_geometry::{Bounds, Mesh, Point3, Vector3};
-
-visage_geometry::tuning! {
-    const TUNING: Tuning {
-        /// So often normals are averaged over neighbours, and points moved to where these are along them: noise looks like shape.
-        smoothings: usize = 2,
-        /// A point of a cloud stands for no more than so many times the median point's area: one in the air has no neighbours.
-        most_area: f64 = 4.0,
-    }
-}
 
 /// A flat piece of a surface.
 struct Piece {
@@ -63,21 +54,14 @@ impl AreaSamples {
     pub fn of_cloud(cloud: &OrientedCloud, count: usize) -> Option<AreaSamples> {
         let bounds = Bounds::of(&cloud.points)?;
         let (middle, unit) = (bounds.center(), bounds.diagonal());
-        // the disc that holds a point's neighbours is there for them all
-        let share = |k: usize| std::f64::consts::PI / cloud.proximity.of(k).count().max(1) as f64;
-        let area = |k: usize| share(k) * (cloud.proximity.farthest(k) / unit).powi(2);
-        let mut areas: Vec<f64> = (0..cloud.points.len()).map(area).collect();
-        let half = areas.len() / 2;
-        let median = *areas.clone().select_nth_unstable_by(half, f64::total_cmp).1;
-        areas.iter_mut().for_each(|area| *area = area.min(TUNING.most_area * median));
+        let CloudSurface { points, normals, areas } = CloudSurface::of(cloud);
         let piece = |((point, normal), area): ((&Point3, &Vector3), &f64)| {
-            let edge = area.sqrt();
+            let edge = area.sqrt() / unit;
             let across = normal.cross(&Vector3::ith(normal.iamin(), 1.0)).try_normalize(f64::MIN_POSITIVE)?;
             let sides = [across * edge, normal.cross(&across) * edge];
             let corner = (point - middle) / unit - 0.5 * (sides[0] + sides[1]);
             (edge > 0.0).then_some(Piece { corner, sides, normal: *normal, area: edge * edge, is_half: false })
         };
-        let (points, normals) = smoothed(cloud);
         let pieces = points.iter().zip(&normals).zip(&areas).filter_map(piece);
         Some(sampled(&pieces.collect::<Vec<_>>(), count)?.enlarged(middle, unit))
     }
@@ -96,27 +80,6 @@ impl AreaSamples {
         let moments = [moment(&points), moment(&normals)];
         scaled(points, normals, moments, mean)
     }
-}
-
-/// The points and normals of a cloud with less noise, of either side.
-fn smoothed(cloud: &OrientedCloud) -> (Vec<Point3>, Vec<Vector3>) {
-    let (mut points, mut normals) = (cloud.points.clone(), cloud.normals.clone());
-    for _ in 0..TUNING.smoothings {
-        let next = |index: usize| {
-            let (mut facing, mut offset, mut count) = (Matrix3::zeros(), Vector3::zeros(), 0.0);
-            for other in cloud.proximity.of(index) {
-                facing += normals[other] * normals[other].transpose();
-                offset += points[other] - points[index];
-                count += 1.0;
-            }
-            let eigen = facing.symmetric_eigen();
-            let normal = eigen.eigenvectors.column(eigen.eigenvalues.imax()).into_owned();
-            let along = offset.dot(&normal) / f64::max(count, 1.0);
-            (points[index] + normal * along, normal)
-        };
-        (points, normals) = (0..points.len()).into_par_iter().map(next).unzip();
-    }
-    (points, normals)
 }
 
 /// Samples spread evenly over the pieces in their order, at places that fill each.

@@ -6,12 +6,13 @@
 //! surfaces the frames in which they are more alike count. Beside them [`pairs`] tell what no frame can spoil.
 //!
 //! Everything goes by area, so that vertices don't matter, and by normals without sides, since half of all files get them wrong.
-//! - `area_samples`: the surface in samples of equal area; `maps`, `spectrum`: its images, and what is kept of them
+//! - `area_samples`: the surface in samples of equal area (of a cloud: `cloud_surface`); `maps`, `spectrum`: its images, and what is kept of them
 //! - `pairs`: how its samples lie to each other
 //! - `views`: what single scans of it would see
 //! - [`sampled_shape`]: its samples in the frame of its file, and the frames that it is described in
 
 mod area_samples;
+mod cloud_surface;
 mod maps;
 mod pairs;
 pub mod sampled_shape;

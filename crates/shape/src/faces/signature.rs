@@ -98,7 +98,7 @@ const MOST_ENTRIES: usize = 4096;
 
 impl Signature {
     /// The version of the operator that makes signatures; stored beside each.
-    pub const VERSION: u32 = 11;
+    pub const VERSION: u32 = 12;
 
     /// The signature of a model of this size with these regions and facial triangles, all in the file's frame.
     pub fn new(size: &Size, regions: &[Region], detection: &Detection) -> Signature {
