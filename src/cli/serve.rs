@@ -116,7 +116,7 @@ pub struct ServeArgs {
     /// repeated
     #[arg(long = "webhook-network", env = "VISAGE_WEBHOOK_NETWORK", value_name = "NETWORK", value_delimiter = ',')]
     webhook_networks: Vec<Network>,
-    /// Where scans may be fetched from: an address, and all that is below it, such as https://data.example/scans/; can be repeated
+    /// Where scans may be fetched from: an address, and all that is below it, such as `https://data.example/scans/`; can be repeated
     /// [default: nowhere]
     #[arg(long = "fetch-from", env = "VISAGE_FETCH_FROM", value_name = "URL", value_delimiter = ',')]
     fetch_from: Vec<FetchSource>,
