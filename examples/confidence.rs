@@ -49,8 +49,8 @@ impl Row {
         let cells: Vec<&str> = line.split('\t').collect();
         let (kind, right, features) = match *cells.first()? {
             "view" => {
-                let sensor = SensorKind::ALL.into_iter().find(|kind| kind.name() == cells[1])?;
-                let scene = SceneKind::ALL.into_iter().find(|kind| kind.name() == cells[2])?;
+                let sensor: SensorKind = cells[1].parse().ok()?;
+                let scene: SceneKind = cells[2].parse().ok()?;
                 let kind = match scene {
                     SceneKind::Turntable => Kind::Turntable,
                     _ if sensor.is_for_fitting() && scene.is_for_fitting() => Kind::Fitted,

@@ -72,7 +72,7 @@ fn main() -> anyhow::Result<()> {
 
 /// Every sensor with every scene.
 fn all() -> impl Iterator<Item = (SensorKind, SceneKind)> {
-    SensorKind::ALL.into_iter().flat_map(|sensor| SceneKind::ALL.into_iter().map(move |scene| (sensor, scene)))
+    SensorKind::ALL.iter().flat_map(|sensor| SceneKind::ALL.iter().map(move |scene| (*sensor, *scene)))
 }
 
 /// The columns of the rows.
@@ -285,8 +285,8 @@ fn summary(text: &str) {
     table("sensor", &|row| Some(row[1].into()));
     table("scene", &|row| Some(row[2].into()));
     let fitted = |row: &[&str]| {
-        let sensor = SensorKind::ALL.iter().any(|kind| kind.name() == row[1] && kind.is_for_fitting());
-        sensor && SceneKind::ALL.iter().any(|kind| kind.name() == row[2] && kind.is_for_fitting())
+        let sensor = row[1].parse().is_ok_and(SensorKind::is_for_fitting);
+        sensor && row[2].parse().is_ok_and(SceneKind::is_for_fitting)
     };
     table("kinds", &|row| Some(if fitted(row) { "for fitting" } else { "sensor or scene kept aside" }.into()));
     table("all", &|_| Some("sum".into()));

@@ -191,8 +191,8 @@ pub fn run(args: RegisterArgs) -> anyhow::Result<()> {
 }
 
 /// What `--unit-of` says.
-fn unit_of(text: &str) -> Result<(String, Unit), String> {
-    let (scan, unit) = text.rsplit_once('=').ok_or("give the name of a scan, =, and its unit: scan_00.ply=m")?;
+fn unit_of(text: &str) -> anyhow::Result<(String, Unit)> {
+    let (scan, unit) = text.rsplit_once('=').context("give the name of a scan, =, and its unit: scan_00.ply=m")?;
     Ok((scan.to_owned(), unit.parse()?))
 }
 

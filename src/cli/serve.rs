@@ -61,7 +61,7 @@ pub struct ServeArgs {
     objects: ObjectsArgs,
     /// What this server does: api answers requests, worker runs jobs. Of several servers on one database and one bucket each may have its
     /// part; a worker alone serves its health and figures only
-    #[arg(long, env = "VISAGE_ROLES", value_name = "ROLE", value_delimiter = ',', default_values_t = Role::ALL)]
+    #[arg(long, env = "VISAGE_ROLES", value_name = "ROLE", value_delimiter = ',', default_values_t = Role::ALL.iter().copied())]
     roles: Vec<Role>,
     /// The most worker threads one job may use [default: all of the machine]
     #[arg(long, env = "VISAGE_THREADS", value_parser = at_least_one)]

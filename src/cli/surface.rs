@@ -27,7 +27,7 @@ pub struct SurfaceArgs {
     out: PathBuf,
     /// Which holes are closed: small ones are hardly wider than what the points resolve, all make it watertight
     #[arg(long, default_value = Fill::ALL[0].name(),
-          value_parser = PossibleValuesParser::new(Fill::ALL.map(Fill::name)).map(fill_of))]
+          value_parser = PossibleValuesParser::new(Fill::ALL.iter().map(|fill| fill.name())).try_map(|name| name.parse::<Fill>()))]
     fill: Fill,
     /// The most triangles: the mesh is made coarser where that shows least
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(4..))]
@@ -48,10 +48,6 @@ pub struct SurfaceArgs {
     /// Say what was done as JSON on standard output
     #[arg(long)]
     json: bool,
-}
-
-fn fill_of(name: String) -> Fill {
-    Fill::ALL.into_iter().find(|fill| fill.name() == name).unwrap_or_default()
 }
 
 /// A length above zero.

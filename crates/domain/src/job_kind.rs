@@ -1,8 +1,25 @@
 //! What a job is for.
 
+use visage_geometry::names::UnknownName;
+
 /// What a job is for.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize, utoipa::ToSchema)]
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    Default,
+    PartialEq,
+    Eq,
+    Hash,
+    serde::Serialize,
+    serde::Deserialize,
+    utoipa::ToSchema,
+    strum::VariantArray,
+    strum::IntoStaticStr,
+    strum::EnumString,
+)]
 #[serde(rename_all = "snake_case")]
+#[strum(serialize_all = "snake_case", parse_err_ty = UnknownName, parse_err_fn = no_kind)]
 pub enum JobKind {
     /// Makes a model of a scan set.
     #[default]
@@ -17,21 +34,10 @@ pub enum JobKind {
 impl JobKind {
     /// The name used in tables and in the API.
     pub fn name(self) -> &'static str {
-        match self {
-            JobKind::Register => "register",
-            JobKind::Surface => "surface",
-            JobKind::Evaluate => "evaluate",
-        }
+        self.into()
     }
 }
 
-impl std::str::FromStr for JobKind {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, Self::Err> {
-        [JobKind::Register, JobKind::Surface, JobKind::Evaluate]
-            .into_iter()
-            .find(|kind| kind.name() == text)
-            .ok_or_else(|| format!("{text:?} is no kind of a job"))
-    }
+fn no_kind(text: &str) -> UnknownName {
+    UnknownName::of::<JobKind>("kind of job", text)
 }

@@ -1,8 +1,24 @@
 //! Where a job stands.
 
+use visage_geometry::names::UnknownName;
+
 /// Where a job stands.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize, utoipa::ToSchema)]
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    Hash,
+    serde::Serialize,
+    serde::Deserialize,
+    utoipa::ToSchema,
+    strum::VariantArray,
+    strum::IntoStaticStr,
+    strum::EnumString,
+)]
 #[serde(rename_all = "snake_case")]
+#[strum(serialize_all = "snake_case", parse_err_ty = UnknownName, parse_err_fn = no_status)]
 pub enum JobStatus {
     /// Waits for a worker.
     Queued,
@@ -17,18 +33,9 @@ pub enum JobStatus {
 }
 
 impl JobStatus {
-    const ALL: [JobStatus; 5] =
-        [JobStatus::Queued, JobStatus::Running, JobStatus::Succeeded, JobStatus::Failed, JobStatus::Canceled];
-
     /// The name used in tables, in the API and in logs.
     pub fn name(self) -> &'static str {
-        match self {
-            JobStatus::Queued => "queued",
-            JobStatus::Running => "running",
-            JobStatus::Succeeded => "succeeded",
-            JobStatus::Failed => "failed",
-            JobStatus::Canceled => "canceled",
-        }
+        self.into()
     }
 
     /// Whether nothing more will happen by itself.
@@ -37,13 +44,6 @@ impl JobStatus {
     }
 }
 
-impl std::str::FromStr for JobStatus {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, Self::Err> {
-        JobStatus::ALL
-            .into_iter()
-            .find(|status| status.name() == text)
-            .ok_or_else(|| format!("{text:?} is no status of a job"))
-    }
+fn no_status(text: &str) -> UnknownName {
+    UnknownName::of::<JobStatus>("status of a job", text)
 }

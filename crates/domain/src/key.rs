@@ -1,17 +1,30 @@
 //! Keys: who may ask the service, and for what.
 
-use std::fmt;
-use std::str::FromStr;
-
 use jiff::Timestamp;
+use visage_geometry::names::UnknownName;
 
 use super::{KeyId, SessionId};
 
 /// What a key allows. Each scope includes those before it.
 #[derive(
-    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize, utoipa::ToSchema,
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    PartialOrd,
+    Ord,
+    Hash,
+    serde::Serialize,
+    serde::Deserialize,
+    utoipa::ToSchema,
+    strum::VariantArray,
+    strum::IntoStaticStr,
+    strum::EnumString,
+    strum::Display,
 )]
 #[serde(rename_all = "lowercase")]
+#[strum(serialize_all = "lowercase", parse_err_ty = UnknownName, parse_err_fn = no_scope)]
 pub enum Scope {
     /// Figures about the service, and nothing of what it keeps.
     Metrics,
@@ -25,37 +38,16 @@ pub enum Scope {
 
 impl Scope {
     /// All of them, least first.
-    pub const ALL: [Scope; 4] = [Scope::Metrics, Scope::Read, Scope::Write, Scope::Admin];
+    pub const ALL: &[Scope] = <Scope as strum::VariantArray>::VARIANTS;
 
     /// As it is written.
     pub fn name(self) -> &'static str {
-        match self {
-            Scope::Metrics => "metrics",
-            Scope::Read => "read",
-            Scope::Write => "write",
-            Scope::Admin => "admin",
-        }
+        self.into()
     }
 }
 
-impl fmt::Display for Scope {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
-}
-
-/// A text that names no scope.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{0:?} is no scope: write metrics, read, write or admin")]
-pub struct NoScope(String);
-
-impl FromStr for Scope {
-    type Err = NoScope;
-
-    fn from_str(text: &str) -> Result<Self, NoScope> {
-        let named = Scope::ALL.into_iter().find(|scope| scope.name() == text);
-        named.ok_or_else(|| NoScope(text.chars().take(40).collect()))
-    }
+fn no_scope(text: &str) -> UnknownName {
+    UnknownName::of::<Scope>("scope", text)
 }
 
 /// BLAKE3 of the secret part of a key or session: what is stored in its place. The secret is 256 random bits, so
@@ -119,7 +111,7 @@ mod tests {
     #[test]
     fn scopes_include_those_before_them_and_are_read_as_they_are_written() {
         assert!(Scope::ALL.is_sorted());
-        for scope in Scope::ALL {
+        for &scope in Scope::ALL {
             assert_eq!(scope.name().parse(), Ok(scope));
         }
         assert!("root".parse::<Scope>().is_err_and(|error| error.to_string().contains("admin")));

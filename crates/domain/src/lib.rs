@@ -49,7 +49,7 @@ pub use import::ImportedModel;
 pub use job::{CancelAnswer, JobBase, JobError, JobFilter, JobRecord, NewJob, NewSurfaceJob};
 pub use job_kind::JobKind;
 pub use job_status::JobStatus;
-pub use key::{KeyRecord, NewKey, NewSession, NoScope, Scope, SecretHash};
+pub use key::{KeyRecord, NewKey, NewSession, Scope, SecretHash};
 pub use model::{AssetRecord, MatchedModel, ModelFacets, ModelFilter, ModelRecord, NewModel};
 pub use owner::{Owner, WorkerId};
 pub use page::{Page, PageRequest};

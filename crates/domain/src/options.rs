@@ -221,19 +221,19 @@ const LONGEST: f64 = 1e6;
 const METHODS: Kind = Kind::Choice {
     name: "MethodName",
     about: "A registration method.",
-    words: || Method::ALL.map(Method::name).to_vec(),
+    words: || Method::ALL.iter().map(|choice| choice.name()).collect(),
 };
 
 const SCALES: Kind = Kind::Choice {
     name: "ScaleName",
     about: "Whether scans get scale factors.",
-    words: || Scale::ALL.map(Scale::name).to_vec(),
+    words: || Scale::ALL.iter().map(|choice| choice.name()).collect(),
 };
 
 const FILLS: Kind = Kind::Choice {
     name: "FillName",
     about: "What becomes of the holes of a mesh.",
-    words: || Fill::ALL.map(Fill::name).to_vec(),
+    words: || Fill::ALL.iter().map(|choice| choice.name()).collect(),
 };
 
 options! {
@@ -270,8 +270,20 @@ options! {
 }
 
 /// Whether scans are scaled.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    Default,
+    PartialEq,
+    Eq,
+    serde::Serialize,
+    serde::Deserialize,
+    strum::VariantArray,
+    strum::IntoStaticStr,
+)]
 #[serde(rename_all = "snake_case")]
+#[strum(serialize_all = "snake_case")]
 pub enum Scale {
     /// All scans are in one unit.
     #[default]
@@ -282,14 +294,11 @@ pub enum Scale {
 
 impl Scale {
     /// Every choice, the default first.
-    pub const ALL: [Scale; 2] = [Scale::None, Scale::PerView];
+    pub const ALL: &[Scale] = <Scale as strum::VariantArray>::VARIANTS;
 
     /// The name used in options and messages.
     pub fn name(self) -> &'static str {
-        match self {
-            Scale::None => "none",
-            Scale::PerView => "per_view",
-        }
+        self.into()
     }
 }
 

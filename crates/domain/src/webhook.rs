@@ -1,65 +1,66 @@
 //! Webhooks: addresses that get messages, the kinds of events, and whether each message was delivered.
 
 use jiff::Timestamp;
+use visage_geometry::names::UnknownName;
 
 use super::{DeliveryId, JobId, JobKind, JobStatus, KeyId, ModelId, WebhookId};
 
 /// A kind of event.
 #[derive(
-    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize, utoipa::ToSchema,
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    PartialOrd,
+    Ord,
+    serde::Serialize,
+    serde::Deserialize,
+    utoipa::ToSchema,
+    strum::VariantArray,
+    strum::IntoStaticStr,
+    strum::EnumString,
 )]
+#[strum(parse_err_ty = UnknownName, parse_err_fn = no_event)]
 pub enum EventKind {
     /// A job has ended well.
     #[serde(rename = "job.succeeded")]
+    #[strum(serialize = "job.succeeded")]
     JobSucceeded,
     /// A job has ended with an error.
     #[serde(rename = "job.failed")]
+    #[strum(serialize = "job.failed")]
     JobFailed,
     /// A job was stopped on request.
     #[serde(rename = "job.canceled")]
+    #[strum(serialize = "job.canceled")]
     JobCanceled,
     /// A model is in the gallery: uploaded, or made by a job.
     #[serde(rename = "model.added")]
+    #[strum(serialize = "model.added")]
     ModelAdded,
     /// A model is not in the gallery any more.
     #[serde(rename = "model.deleted")]
+    #[strum(serialize = "model.deleted")]
     ModelDeleted,
     /// Somebody tries whether a webhook works.
     #[serde(rename = "webhook.ping")]
+    #[strum(serialize = "webhook.ping")]
     Ping,
 }
 
 impl EventKind {
     /// All of them.
-    pub const ALL: [EventKind; 6] = [
-        EventKind::JobSucceeded,
-        EventKind::JobFailed,
-        EventKind::JobCanceled,
-        EventKind::ModelAdded,
-        EventKind::ModelDeleted,
-        EventKind::Ping,
-    ];
+    pub const ALL: &[EventKind] = <EventKind as strum::VariantArray>::VARIANTS;
 
     /// As it is written in bodies, tables and the API.
     pub fn name(self) -> &'static str {
-        match self {
-            EventKind::JobSucceeded => "job.succeeded",
-            EventKind::JobFailed => "job.failed",
-            EventKind::JobCanceled => "job.canceled",
-            EventKind::ModelAdded => "model.added",
-            EventKind::ModelDeleted => "model.deleted",
-            EventKind::Ping => "webhook.ping",
-        }
+        self.into()
     }
 }
 
-impl std::str::FromStr for EventKind {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, Self::Err> {
-        let named = EventKind::ALL.into_iter().find(|kind| kind.name() == text);
-        named.ok_or_else(|| format!("{text:?} is no kind of event"))
-    }
+fn no_event(text: &str) -> UnknownName {
+    UnknownName::of::<EventKind>("kind of event", text)
 }
 
 /// Something that has happened.
@@ -184,8 +185,22 @@ pub struct WebhookRecord {
 }
 
 /// Where a message stands.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize, utoipa::ToSchema)]
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    Hash,
+    serde::Serialize,
+    serde::Deserialize,
+    utoipa::ToSchema,
+    strum::VariantArray,
+    strum::IntoStaticStr,
+    strum::EnumString,
+)]
 #[serde(rename_all = "snake_case")]
+#[strum(serialize_all = "snake_case", parse_err_ty = UnknownName, parse_err_fn = no_delivery_status)]
 pub enum DeliveryStatus {
     /// It waits to be sent, or to be sent again.
     Pending,
@@ -196,25 +211,14 @@ pub enum DeliveryStatus {
 }
 
 impl DeliveryStatus {
-    const ALL: [DeliveryStatus; 3] = [DeliveryStatus::Pending, DeliveryStatus::Delivered, DeliveryStatus::Dead];
-
     /// As it is written in tables and the API.
     pub fn name(self) -> &'static str {
-        match self {
-            DeliveryStatus::Pending => "pending",
-            DeliveryStatus::Delivered => "delivered",
-            DeliveryStatus::Dead => "dead",
-        }
+        self.into()
     }
 }
 
-impl std::str::FromStr for DeliveryStatus {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, Self::Err> {
-        let named = DeliveryStatus::ALL.into_iter().find(|status| status.name() == text);
-        named.ok_or_else(|| format!("{text:?} is no status of a delivery: write pending, delivered or dead"))
-    }
+fn no_delivery_status(text: &str) -> UnknownName {
+    UnknownName::of::<DeliveryStatus>("status of a delivery", text)
 }
 
 /// A message to a webhook, and what came of it.
@@ -273,12 +277,15 @@ mod tests {
     #[test]
     fn kinds_are_read_as_they_are_written_in_tables_and_in_json() {
         let schema = serde_json::to_value(<EventKind as utoipa::PartialSchema>::schema()).expect("plain data");
-        assert_eq!(schema["enum"], serde_json::json!(EventKind::ALL.map(EventKind::name)));
-        for kind in EventKind::ALL {
+        assert_eq!(
+            schema["enum"],
+            serde_json::json!(EventKind::ALL.iter().map(|kind| kind.name()).collect::<Vec<_>>())
+        );
+        for &kind in EventKind::ALL {
             assert_eq!(kind.name().parse(), Ok(kind));
             assert_eq!(serde_json::to_string(&kind).expect("plain data"), format!("{:?}", kind.name()));
         }
-        for status in DeliveryStatus::ALL {
+        for &status in <DeliveryStatus as strum::VariantArray>::VARIANTS {
             assert_eq!(status.name().parse(), Ok(status));
         }
     }

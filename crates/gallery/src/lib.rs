@@ -140,7 +140,7 @@ fn standard_json(standard: &FaceStandard) -> serde_json::Value {
         "shape": standard.annotated_shape().coordinates(),
         "score_threshold": judgement::MATCH_SCORE,
         "thres_ft_mm": judgement::THRES_FT_MM,
-        "methods": MatchMethod::ALL.map(MatchMethod::name),
+        "methods": MatchMethod::ALL.iter().map(|method| method.name()).collect::<Vec<_>>(),
     })
 }
 

@@ -19,12 +19,14 @@
 //! - [`normals`], [`thinning`], [`organised`], [`own_frame`], [`viewpoint`], [`coincidence`]: what points alone tell
 //! - [`cleaning`]: what of a surface is support or far off
 //! - [`union_find`], [`progress`]: which things hang together; what algorithms know of jobs
+//! - [`names`]: things that are chosen by name
 //! - [`mod@tuning`]: the constants of a stage
 
 pub mod cleaning;
 pub mod cloud;
 pub mod coincidence;
 pub mod mesh;
+pub mod names;
 pub mod neighbours;
 pub mod normals;
 pub mod organised;

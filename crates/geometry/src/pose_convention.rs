@@ -3,7 +3,8 @@
 use super::{Motion, Vector3};
 
 /// How a pose that stands in a file is to be read.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, strum::IntoStaticStr)]
+#[strum(serialize_all = "snake_case")]
 pub enum PoseConvention {
     /// It maps the scan into the world: what poses mean here.
     ScanToWorld,
@@ -11,6 +12,7 @@ pub enum PoseConvention {
     WorldToScan,
     /// It maps a camera that looks along -z with y up (OpenGL) into the world, but the scan has x right, y down and z
     /// forward (OpenCV), as depth images have it.
+    #[strum(serialize = "opengl_camera")]
     OpenGlCamera,
 }
 
@@ -26,11 +28,7 @@ impl PoseConvention {
 
     /// The name used in reports.
     pub fn name(self) -> &'static str {
-        match self {
-            PoseConvention::ScanToWorld => "scan_to_world",
-            PoseConvention::WorldToScan => "world_to_scan",
-            PoseConvention::OpenGlCamera => "opengl_camera",
-        }
+        self.into()
     }
 
     /// In words, for messages: "the poses are read as ...".

@@ -6,8 +6,22 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// A step of a job, in the order in which a job passes through them.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize)]
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    PartialOrd,
+    Ord,
+    Hash,
+    serde::Serialize,
+    serde::Deserialize,
+    strum::VariantArray,
+    strum::IntoStaticStr,
+)]
 #[serde(rename_all = "snake_case")]
+#[strum(serialize_all = "snake_case")]
 pub enum Stage {
     /// Reading the scans and checking them.
     Loading,
@@ -29,29 +43,11 @@ pub enum Stage {
 
 impl Stage {
     /// Every stage, in order.
-    pub const ALL: [Stage; 8] = [
-        Stage::Loading,
-        Stage::Preparing,
-        Stage::Registering,
-        Stage::Judging,
-        Stage::Merging,
-        Stage::Surfacing,
-        Stage::Describing,
-        Stage::Storing,
-    ];
+    pub const ALL: &[Stage] = <Stage as strum::VariantArray>::VARIANTS;
 
     /// The name used in the API, in logs and in reports.
     pub fn name(self) -> &'static str {
-        match self {
-            Stage::Loading => "loading",
-            Stage::Preparing => "preparing",
-            Stage::Registering => "registering",
-            Stage::Judging => "judging",
-            Stage::Merging => "merging",
-            Stage::Surfacing => "surfacing",
-            Stage::Describing => "describing",
-            Stage::Storing => "storing",
-        }
+        self.into()
     }
 
     /// The share of a whole job (0 to 1) that is done when this stage begins. A rough split by cost:

@@ -1,5 +1,6 @@
 //! What one file describes: points on a surface, perhaps with triangles and what the scanner knew.
 
+use super::names::UnknownName;
 use super::{Cloud, Mesh, Motion, Point3};
 
 /// A scan or a model as it came from a file, in the file's frame and unit.
@@ -74,8 +75,21 @@ impl Surface {
 }
 
 /// The unit of a file's coordinates.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    Default,
+    PartialEq,
+    Eq,
+    serde::Serialize,
+    serde::Deserialize,
+    strum::VariantArray,
+    strum::IntoStaticStr,
+    strum::EnumString,
+)]
 #[serde(rename_all = "snake_case")]
+#[strum(serialize_all = "lowercase", parse_err_ty = UnknownName, parse_err_fn = no_unit)]
 pub enum Unit {
     /// Millimetres.
     Mm,
@@ -106,25 +120,12 @@ impl Unit {
     /// The name used in options, reports and messages.
     #[inline]
     pub fn name(self) -> &'static str {
-        match self {
-            Unit::Mm => "mm",
-            Unit::Cm => "cm",
-            Unit::M => "m",
-            Unit::In => "in",
-            Unit::Unknown => "unknown",
-        }
+        self.into()
     }
 }
 
-impl std::str::FromStr for Unit {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, Self::Err> {
-        [Unit::Mm, Unit::Cm, Unit::M, Unit::In, Unit::Unknown]
-            .into_iter()
-            .find(|unit| unit.name() == text)
-            .ok_or_else(|| format!("{text:?} is no unit that is known here; use mm, cm, m, in or unknown"))
-    }
+fn no_unit(text: &str) -> UnknownName {
+    UnknownName::of::<Unit>("unit", text)
 }
 
 #[cfg(test)]

@@ -2,6 +2,7 @@
 
 use super::problem::{Code, Problem};
 use visage_formats::Format;
+use visage_geometry::names::UnknownName;
 
 /// The longest file name, in bytes: what file systems allow.
 const LONGEST_FILE_NAME: usize = 255;
@@ -99,8 +100,9 @@ pub fn words(field: &str, value: &str) -> Result<Vec<String>, Problem> {
 
 /// A unit of length.
 pub fn unit(value: &str) -> Result<visage_geometry::Unit, Problem> {
-    value.parse().map_err(|reason: String| {
-        Problem::new(Code::InvalidField, format!("unit: {reason}"), "send mm, cm, m, in or unknown, or leave it out")
+    value.parse().map_err(|error: UnknownName| {
+        let hint = format!("send {}, or leave it out", error.names());
+        Problem::new(Code::InvalidField, format!("unit: {error}"), hint)
     })
 }
 

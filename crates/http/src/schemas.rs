@@ -59,7 +59,7 @@ schemas! {
     /// Width x height in pixels, each from 16 to 4096.
     PictureSize = text().pattern(Some(format!("^{SIDE}x{SIDE}$"))).examples(["800x600"]);
     /// From which side a model is seen.
-    PictureSide = text().enum_values(Some(Side::ALL.map(Side::name)));
+    PictureSide = text().enum_values(Some(Side::ALL.iter().map(|side| side.name())));
     /// An axis, and where on it.
     PicturePlane = text().pattern(Some(r"^[xyz](:-?[0-9]{1,9}(\.[0-9]{1,9})?)?$")).examples(["z:12.5"]);
     /// x, y and z.

@@ -1,13 +1,23 @@
 //! From which side things are seen, and where that puts them on the picture.
 
-use std::fmt;
-use std::str::FromStr;
-
 use crate::size::Size;
+use visage_geometry::names::UnknownName;
 use visage_geometry::{Point3, Vector3};
 
 /// From where a model is seen. Its axes: x to the right, y up, z to who looks at its front.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    Default,
+    PartialEq,
+    Eq,
+    strum::VariantArray,
+    strum::IntoStaticStr,
+    strum::EnumString,
+    strum::Display,
+)]
+#[strum(serialize_all = "lowercase", parse_err_ty = UnknownName, parse_err_fn = no_side)]
 pub enum Side {
     /// From before it, a little from the left and from above, in perspective.
     #[default]
@@ -28,20 +38,11 @@ pub enum Side {
 
 impl Side {
     /// All of them.
-    pub const ALL: [Side; 7] =
-        [Side::Default, Side::Front, Side::Back, Side::Left, Side::Right, Side::Top, Side::Bottom];
+    pub const ALL: &[Side] = <Side as strum::VariantArray>::VARIANTS;
 
     /// As it is named in the API.
     pub fn name(self) -> &'static str {
-        match self {
-            Side::Default => "default",
-            Side::Front => "front",
-            Side::Back => "back",
-            Side::Left => "left",
-            Side::Right => "right",
-            Side::Top => "top",
-            Side::Bottom => "bottom",
-        }
+        self.into()
     }
 
     /// To who looks, and what is up there.
@@ -59,19 +60,8 @@ impl Side {
     }
 }
 
-impl fmt::Display for Side {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
-}
-
-impl FromStr for Side {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Side, String> {
-        let names = || Side::ALL.map(Side::name).join(", ");
-        Side::ALL.into_iter().find(|side| side.name() == text).ok_or_else(|| format!("give one of {}", names()))
-    }
+fn no_side(text: &str) -> UnknownName {
+    UnknownName::of::<Side>("side", text)
 }
 
 /// Half the field of view in perspective, as a tangent: 15 degrees flatten no face and still show depth.
@@ -331,7 +321,7 @@ mod tests {
     #[test]
     fn everything_is_on_the_picture_and_it_is_filled() {
         let size = Size::clamped(400, 300);
-        for side in Side::ALL {
+        for &side in Side::ALL {
             for perspective in [false, true] {
                 let camera = Camera::fit(&cube(), Axes::of_side(side), size, perspective);
                 let places: Vec<Placed> = cube().iter().map(|point| camera.place(point)).collect();
@@ -357,7 +347,7 @@ mod tests {
         assert!(place(Side::Right, Point3::new(0.0, 0.0, 2.0)).at[0] < 50.0);
         assert!(place(Side::Top, Point3::new(0.0, 0.0, 2.0)).at[1] > 50.0);
         assert_eq!("left".parse(), Ok(Side::Left));
-        assert!("sideways".parse::<Side>().is_err_and(|error| error.contains("default, front")));
+        assert!("sideways".parse::<Side>().is_err_and(|error| error.names().contains("default, front")));
     }
 
     #[test]
@@ -386,7 +376,7 @@ mod tests {
         let long = vec![Point3::new(0.0, 0.0, -1e6), Point3::new(1e-3, 1e-3, 1e6), Point3::origin()];
         let endless = vec![Point3::new(f64::NEG_INFINITY, 0.0, 0.0), Point3::new(f64::INFINITY, f64::NAN, 3.0)];
         for points in [long, endless] {
-            for side in Side::ALL {
+            for &side in Side::ALL {
                 let camera = Camera::fit(&points, Axes::of_side(side), Size::clamped(64, 48), true);
                 assert!(
                     points.iter().all(|point| camera.place(point).nearness > 0.0 || !point.x.is_finite()),

@@ -6,11 +6,26 @@ use crate::outcome::{MethodOptions, Outcome};
 use crate::pairwise::{self, Pairwise};
 use crate::view::View;
 use visage_geometry::Motion;
+use visage_geometry::names::UnknownName;
 use visage_geometry::progress::{Canceled, Progress};
 
 /// How a scan set is registered.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    Default,
+    PartialEq,
+    Eq,
+    serde::Serialize,
+    serde::Deserialize,
+    strum::VariantArray,
+    strum::IntoStaticStr,
+    strum::EnumString,
+    strum::Display,
+)]
 #[serde(rename_all = "kebab-case")]
+#[strum(serialize_all = "kebab-case", parse_err_ty = UnknownName, parse_err_fn = no_method)]
 pub enum Method {
     /// All poses refined together on all correspondences, coarse to fine: no averaging error is left.
     #[default]
@@ -29,19 +44,11 @@ pub enum Method {
 
 impl Method {
     /// Every method, the default first.
-    pub const ALL: [Method; 6] =
-        [Method::Joint, Method::MaAticp, Method::MaIcp, Method::LrsL1alm, Method::Tricp, Method::Icp];
+    pub const ALL: &[Method] = <Method as strum::VariantArray>::VARIANTS;
 
     /// The name used in options, reports and messages.
     pub fn name(self) -> &'static str {
-        match self {
-            Method::Joint => "joint",
-            Method::MaAticp => "ma-aticp",
-            Method::MaIcp => "ma-icp",
-            Method::LrsL1alm => "lrs-l1alm",
-            Method::Tricp => "tricp",
-            Method::Icp => "icp",
-        }
+        self.into()
     }
 
     /// The number of scans it takes, if it does not take any number.
@@ -95,20 +102,6 @@ pub enum Levels {
     Pairwise([Pairwise; 1]),
 }
 
-impl std::fmt::Display for Method {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(self.name())
-    }
-}
-
-impl std::str::FromStr for Method {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, Self::Err> {
-        let names = Method::ALL.map(Method::name);
-        Method::ALL
-            .into_iter()
-            .find(|method| method.name() == text)
-            .ok_or_else(|| format!("{text:?} is no method; use one of: {}", names.join(", ")))
-    }
+fn no_method(text: &str) -> UnknownName {
+    UnknownName::of::<Method>("method", text)
 }

@@ -1,8 +1,6 @@
 //! The kinds of pictures of a model.
 
-use std::fmt;
-use std::str::FromStr;
-
+use visage_geometry::names::UnknownName;
 use visage_picture::size::Size;
 
 /// A file of a model that a picture may be made of.
@@ -23,20 +21,19 @@ macro_rules! kinds {
         $kind:ident = $name:literal, of: [$($source:ident),*], plot: $plot:literal, size: $width:literal x $height:literal;
     )*) => {
         /// What is shown of a model.
-        #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, strum::VariantArray, strum::IntoStaticStr, strum::EnumString, strum::Display)]
+        #[strum(parse_err_ty = UnknownName, parse_err_fn = no_kind)]
         pub enum Kind {
-            $($(#[doc = $doc])* $kind,)*
+            $($(#[doc = $doc])* #[strum(serialize = $name)] $kind,)*
         }
 
         impl Kind {
             /// All of them.
-            pub const ALL: &'static [Kind] = &[$(Kind::$kind),*];
+            pub const ALL: &[Kind] = <Kind as strum::VariantArray>::VARIANTS;
 
             /// As it is named in the API.
             pub fn name(self) -> &'static str {
-                match self {
-                    $(Kind::$kind => $name,)*
-                }
+                self.into()
             }
 
             /// What it shows, a sentence.
@@ -99,19 +96,8 @@ kinds! {
     Convergence = "convergence", of: [], plot: true, size: 900 x 600;
 }
 
-impl fmt::Display for Kind {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
-}
-
-impl FromStr for Kind {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Kind, String> {
-        let names = || Kind::ALL.iter().map(|kind| kind.name()).collect::<Vec<_>>().join(", ");
-        Kind::ALL.iter().copied().find(|kind| kind.name() == text).ok_or_else(|| format!("give one of {}", names()))
-    }
+fn no_kind(text: &str) -> UnknownName {
+    UnknownName::of::<Kind>("kind of picture", text)
 }
 
 #[cfg(test)]
@@ -125,6 +111,6 @@ mod tests {
             assert!(kind.about().ends_with('.') && !kind.about().contains("  "), "{}", kind.about());
             assert_eq!(kind.sources().is_empty(), kind.is_plot(), "{kind}");
         }
-        assert!("portrait".parse::<Kind>().is_err_and(|error| error.contains("thumbnail, shaded")));
+        assert!("portrait".parse::<Kind>().is_err_and(|error| error.names().contains("thumbnail, shaded")));
     }
 }

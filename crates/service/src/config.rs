@@ -24,7 +24,7 @@ pub use self::fetch_source::{FetchSource, NoFetchSource};
 pub use self::host_name::{Host, HostName, NoHostName};
 pub use self::network::{Network, NoNetwork, is_public};
 pub use self::origin::{NoOrigin, Origin};
-pub use self::roles::{NoRole, Role, Roles};
+pub use self::roles::{Role, Roles};
 
 /// Everything a server needs to know before it starts.
 #[derive(Debug, Clone)]

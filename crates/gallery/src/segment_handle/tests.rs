@@ -41,7 +41,7 @@ pub(super) fn answers(gallery: &Gallery) -> String {
             answers.push(gallery.by_likeness(&probe, likeness, None, &TopK::best(30)));
         }
     }
-    for method in MatchMethod::ALL {
+    for &method in MatchMethod::ALL {
         answers.push(gallery.by_standard("face", method, &TopK::best(500)).expect("built in"));
     }
     let corners = [[0.0, 0.0, 0.0], [40.0, 3.0, 0.0], [17.0, 30.0, 5.0]].map(Point3::from);

@@ -12,6 +12,7 @@ use axum::extract::State;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use bytes::Bytes;
+use visage_geometry::names::UnknownName;
 
 use self::wishes::{PictureQuery, PlotQuery, ScanPictureQuery, size_of, wish_of};
 use super::conditions::{ConditionHeaders, Conditions, ETag};
@@ -192,9 +193,13 @@ pub async fn get_of_scan(
 }
 
 fn kind_of(text: &str) -> Result<Kind, Problem> {
-    text.parse().map_err(|hint: String| {
+    text.parse().map_err(|error: UnknownName| {
         let named: String = text.chars().take(64).collect();
-        Problem::new(Code::NotFound, format!("there is no picture {named:?} of models"), hint)
+        Problem::new(
+            Code::NotFound,
+            format!("there is no picture {named:?} of models"),
+            format!("use {}", error.names()),
+        )
     })
 }
 

@@ -1,6 +1,7 @@
 //! What may be wished of a picture.
 
 use serde::Deserialize;
+use visage_geometry::names::UnknownName;
 
 use crate::problem::{Code, Problem};
 use crate::schemas::{PicturePlane, PictureSide, PictureSize};
@@ -71,7 +72,7 @@ pub fn size_of(text: Option<&str>, usual: Size) -> Result<Size, Problem> {
 }
 
 fn side_of(text: Option<&str>) -> Result<Side, Problem> {
-    text.map_or(Ok(Side::Default), |text| text.parse().map_err(|hint: String| refused("view", &hint)))
+    text.map_or(Ok(Side::Default), |text| text.parse().map_err(|hint: UnknownName| refused("view", &hint)))
 }
 
 fn refused(field: &str, hint: &impl std::fmt::Display) -> Problem {

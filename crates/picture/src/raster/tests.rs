@@ -37,7 +37,7 @@ fn brightness(image: &Image, x: i64, y: i64) -> u32 {
 #[test]
 fn a_ball_is_round_and_lit_from_the_upper_left() {
     let mesh = ball(48);
-    for side in Side::ALL {
+    for &side in Side::ALL {
         let rendered = drawn(&scene(&mesh, None, Paint::Material), side, "200x200");
         let expected = std::f64::consts::PI / 4.0 * 0.88f64.powi(2);
         assert!((rendered.covered() - expected).abs() < 0.02, "{side}: {}", rendered.covered());

@@ -16,8 +16,11 @@ pub mod witness;
 pub use self::evidence::{Evidence, Finding, Surfaces, judge};
 
 /// How a registration ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize, strum::IntoStaticStr,
+)]
 #[serde(rename_all = "snake_case")]
+#[strum(serialize_all = "snake_case")]
 pub enum Quality {
     /// Nothing speaks against it.
     Good,
@@ -30,11 +33,7 @@ pub enum Quality {
 impl Quality {
     /// As reports name it.
     pub fn name(self) -> &'static str {
-        match self {
-            Quality::Good => "good",
-            Quality::Doubtful => "doubtful",
-            Quality::Failed => "failed",
-        }
+        self.into()
     }
 }
 

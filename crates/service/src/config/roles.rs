@@ -1,10 +1,12 @@
 //! What a server does: one that is alone does all, of several each may have its part.
 
-use std::fmt;
-use std::str::FromStr;
+use visage_geometry::names::UnknownName;
 
 /// A part of what there is to do.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, strum::VariantArray, strum::IntoStaticStr, strum::EnumString, strum::Display,
+)]
+#[strum(serialize_all = "lowercase", parse_err_ty = UnknownName, parse_err_fn = no_role)]
 pub enum Role {
     /// Answers requests.
     Api,
@@ -14,34 +16,16 @@ pub enum Role {
 
 impl Role {
     /// All of them.
-    pub const ALL: [Role; 2] = [Role::Api, Role::Worker];
+    pub const ALL: &[Role] = <Role as strum::VariantArray>::VARIANTS;
 
     /// Its name, as an argument.
     pub fn name(self) -> &'static str {
-        match self {
-            Role::Api => "api",
-            Role::Worker => "worker",
-        }
+        self.into()
     }
 }
 
-impl fmt::Display for Role {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
-}
-
-/// There is no such role.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("there is no role {0:?}: there are api and worker")]
-pub struct NoRole(String);
-
-impl FromStr for Role {
-    type Err = NoRole;
-
-    fn from_str(text: &str) -> Result<Self, NoRole> {
-        Role::ALL.into_iter().find(|role| role.name() == text).ok_or_else(|| NoRole(text.to_owned()))
-    }
+fn no_role(text: &str) -> UnknownName {
+    UnknownName::of::<Role>("role", text)
 }
 
 /// The roles of a server: at least one.
@@ -74,7 +58,7 @@ impl Roles {
             Role::Api => self.api,
             Role::Worker => self.worker,
         };
-        Role::ALL.into_iter().filter(has)
+        Role::ALL.iter().copied().filter(has)
     }
 
     /// Whether nothing is left to others.
@@ -89,7 +73,7 @@ mod tests {
 
     #[test]
     fn roles_are_known_by_their_names_and_others_are_refused_with_what_there_is() {
-        for role in Role::ALL {
+        for &role in Role::ALL {
             assert_eq!(role.to_string().parse(), Ok(role));
             assert_eq!(Roles::of(&[role]).list().collect::<Vec<_>>(), [role]);
         }

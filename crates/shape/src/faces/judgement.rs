@@ -9,29 +9,38 @@ use super::triangle_candidates::Cost;
 use visage_geometry::{Point3, Vector3};
 
 /// How a model is judged against a standard.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    Default,
+    PartialEq,
+    Eq,
+    serde::Serialize,
+    serde::Deserialize,
+    strum::VariantArray,
+    strum::IntoStaticStr,
+)]
 #[serde(rename_all = "snake_case")]
+#[strum(serialize_all = "snake_case")]
 pub enum MatchMethod {
-    /// Triangles of salient regions with roles, chirality and normals.
-    Descriptors,
-    /// The same, then the standard's surface fitted there: the residual decides.
+    /// Triangles of salient regions with roles, chirality and normals, then the standard's surface fitted there: the residual
+    /// decides.
     #[default]
     Verified,
+    /// The triangles alone.
+    Descriptors,
     /// The paper's triangle alone: kept for its Table 3, finds faces on anything.
     Literal,
 }
 
 impl MatchMethod {
     /// Every method, the default first.
-    pub const ALL: [MatchMethod; 3] = [MatchMethod::Verified, MatchMethod::Descriptors, MatchMethod::Literal];
+    pub const ALL: &[MatchMethod] = <MatchMethod as strum::VariantArray>::VARIANTS;
 
     /// The name used in queries and answers.
     pub fn name(self) -> &'static str {
-        match self {
-            MatchMethod::Descriptors => "descriptors",
-            MatchMethod::Verified => "verified",
-            MatchMethod::Literal => "literal",
-        }
+        self.into()
     }
 }
 

@@ -7,33 +7,47 @@ use super::field::REACH;
 use super::rims::close_short;
 use super::samples::Samples;
 use visage_geometry::UnionFind;
+use visage_geometry::names::UnknownName;
 use visage_geometry::neighbours::IndexedPoints;
 
 /// What becomes of surface that nobody saw.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    Default,
+    PartialEq,
+    Eq,
+    serde::Serialize,
+    serde::Deserialize,
+    strum::VariantArray,
+    strum::IntoStaticStr,
+    strum::EnumString,
+)]
 #[serde(rename_all = "snake_case")]
+#[strum(serialize_all = "snake_case", parse_err_ty = UnknownName, parse_err_fn = no_fill)]
 pub enum Fill {
-    /// It is left out.
-    None,
     /// Holes are closed that are hardly wider than what the scans resolve.
     #[default]
     Small,
+    /// It is left out.
+    None,
     /// All holes are closed: the surface is that of a solid.
     All,
 }
 
 impl Fill {
     /// Every choice, the default first.
-    pub const ALL: [Fill; 3] = [Fill::Small, Fill::None, Fill::All];
+    pub const ALL: &[Fill] = <Fill as strum::VariantArray>::VARIANTS;
 
     /// The name used in options and messages.
     pub fn name(self) -> &'static str {
-        match self {
-            Fill::None => "none",
-            Fill::Small => "small",
-            Fill::All => "all",
-        }
+        self.into()
     }
+}
+
+fn no_fill(text: &str) -> UnknownName {
+    UnknownName::of::<Fill>("kind of filling", text)
 }
 
 /// A vertex was seen if the points around weigh this much: one of them at its place, or several farther off. In the

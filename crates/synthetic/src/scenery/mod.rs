@@ -16,7 +16,10 @@ pub use building::{Building, Stop};
 pub use person::body;
 
 /// What is scanned.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, strum::VariantArray, strum::IntoStaticStr, strum::EnumString,
+)]
+#[strum(serialize_all = "snake_case")]
 pub enum SceneKind {
     /// A thing of the catalogue of shapes that has no symmetry.
     Object,
@@ -38,29 +41,11 @@ pub enum SceneKind {
 
 impl SceneKind {
     /// Every kind.
-    pub const ALL: [SceneKind; 8] = [
-        SceneKind::Object,
-        SceneKind::Sculpture,
-        SceneKind::Room,
-        SceneKind::Street,
-        SceneKind::Body,
-        SceneKind::Table,
-        SceneKind::Turntable,
-        SceneKind::Terrain,
-    ];
+    pub const ALL: &[SceneKind] = <SceneKind as strum::VariantArray>::VARIANTS;
 
     /// The name in rows and tables.
     pub fn name(self) -> &'static str {
-        match self {
-            SceneKind::Object => "object",
-            SceneKind::Sculpture => "sculpture",
-            SceneKind::Room => "room",
-            SceneKind::Street => "street",
-            SceneKind::Body => "body",
-            SceneKind::Table => "table",
-            SceneKind::Turntable => "turntable",
-            SceneKind::Terrain => "terrain",
-        }
+        self.into()
     }
 
     /// Whether confidence may be fitted on it; the other half is kept for showing how well that went.
@@ -207,7 +192,7 @@ mod tests {
 
     #[test]
     fn every_scene_differs_by_seed_and_stands_on_the_ground() {
-        for kind in SceneKind::ALL {
+        for &kind in SceneKind::ALL {
             let scene = Scenery::of(kind, 3);
             let bounds = scene.mesh.bounds().expect("it has vertices");
             assert!((500..150_000).contains(&scene.mesh.faces.len()), "{kind:?}: {} faces", scene.mesh.faces.len());

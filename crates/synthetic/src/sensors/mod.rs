@@ -31,7 +31,10 @@ use super::scenery::Layout;
 use lens::Projection;
 
 /// What scans.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, strum::VariantArray, strum::IntoStaticStr, strum::EnumString,
+)]
+#[strum(serialize_all = "snake_case")]
 pub enum SensorKind {
     /// Triangulation by a laser line.
     Laser,
@@ -49,25 +52,11 @@ pub enum SensorKind {
 
 impl SensorKind {
     /// Every kind.
-    pub const ALL: [SensorKind; 6] = [
-        SensorKind::Laser,
-        SensorKind::DepthCamera,
-        SensorKind::Phone,
-        SensorKind::Vehicle,
-        SensorKind::Panorama,
-        SensorKind::Carried,
-    ];
+    pub const ALL: &[SensorKind] = <SensorKind as strum::VariantArray>::VARIANTS;
 
     /// The name in rows and tables.
     pub fn name(self) -> &'static str {
-        match self {
-            SensorKind::Laser => "laser",
-            SensorKind::DepthCamera => "depth_camera",
-            SensorKind::Phone => "phone",
-            SensorKind::Vehicle => "vehicle",
-            SensorKind::Panorama => "panorama",
-            SensorKind::Carried => "carried",
-        }
+        self.into()
     }
 
     /// Whether confidence may be fitted on it; the other half is kept for showing how well that went.

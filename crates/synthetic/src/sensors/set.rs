@@ -251,7 +251,7 @@ mod tests {
 
     #[test]
     fn true_poses_bring_the_points_of_every_sensor_onto_the_scene() {
-        for kind in SensorKind::ALL {
+        for &kind in SensorKind::ALL {
             for place in [SceneKind::Body, SceneKind::Terrain] {
                 let studio = Studio::new(kind, place, 5);
                 let set = studio.session().run();
@@ -319,7 +319,7 @@ mod tests {
     #[test]
     fn the_same_seed_gives_the_same_bits_and_neighbours_overlap() {
         let (mut sum, mut count) = (0.0, 0.0);
-        for kind in SensorKind::ALL {
+        for &kind in SensorKind::ALL {
             for place in [SceneKind::Table, SceneKind::Street] {
                 let set = sensor_set(kind, place, 7);
                 let again = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");

@@ -12,6 +12,7 @@ use visage_domain::{
 };
 use visage_formats::Format;
 use visage_geometry::Unit;
+use visage_geometry::names::UnknownName;
 use visage_shape::faces::Signature;
 
 /// The most files of a model: there are seven kinds of results.
@@ -79,7 +80,7 @@ fn checked_job(
     wrong: &dyn Fn(String) -> ImportError,
 ) -> Result<JobRecord, ImportError> {
     let id = JobId::parse(&job.id).ok_or_else(|| wrong("the id of its job is none".into()))?;
-    let kind: JobKind = job.kind.parse().map_err(wrong)?;
+    let kind: JobKind = job.kind.parse().map_err(|error: UnknownName| wrong(error.to_string()))?;
     let base = job.base_model_id.as_deref().map(ModelId::parse);
     let base = base.map(|id| id.ok_or_else(|| wrong("the id of its base is none".into()))).transpose()?;
     let fits = match kind {
@@ -136,7 +137,7 @@ pub(super) fn checked_standard(
 }
 
 fn unit(text: &str, wrong: &dyn Fn(String) -> ImportError) -> Result<Unit, ImportError> {
-    text.parse().map_err(wrong)
+    text.parse().map_err(|error: UnknownName| wrong(error.to_string()))
 }
 
 fn time(text: Option<&str>, wrong: &dyn Fn(String) -> ImportError) -> Result<Option<jiff::Timestamp>, ImportError> {

@@ -3,7 +3,7 @@
 use super::rows::row;
 use super::{
     Connection, Store, damaged, locked, models, outbox, recycle_bin, replays, scan_sets, sql_limit, stored_id,
-    timestamp, to_u32, to_u64,
+    stored_name, timestamp, to_u32, to_u64,
 };
 use crate::storage::database::Jobs;
 use crate::storage::{DatabaseError, Deleted, Purged};
@@ -41,7 +41,7 @@ impl JobRow {
     pub(super) fn record(self) -> Result<JobRecord, DatabaseError> {
         Ok(JobRecord {
             id: stored_id!(JobId, &self.id)?,
-            kind: self.kind.parse().map_err(|reason: String| damaged("a kind", reason))?,
+            kind: stored_name("a kind", &self.kind)?,
             scan_set_id: self.scan_set_id.map(|text| stored_id!(ScanSetId, &text)).transpose()?,
             label: self.label,
             options: serde_json::from_str(&self.options).map_err(|error| damaged("options", error))?,
@@ -53,7 +53,7 @@ impl JobRow {
                 Some(text) => serde_json::from_str(text).map_err(|error| damaged("hints", error))?,
                 None => Hints::default(),
             },
-            status: self.status.parse().map_err(|reason: String| damaged("a status", reason))?,
+            status: stored_name("a status", &self.status)?,
             stage: self.stage,
             progress: self.progress,
             stage_seconds: serde_json::from_str(&self.stage_seconds).map_err(|error| damaged("seconds", error))?,
@@ -265,7 +265,7 @@ async fn status_of(db: &mut Connection, id: JobId) -> Result<JobStatus, Database
         .bind(id.to_string())
         .fetch_optional(db)
         .await?;
-    status.ok_or_else(|| not_found(id))?.parse().map_err(|reason: String| damaged("a status", reason))
+    stored_name("a status", &status.ok_or_else(|| not_found(id))?)
 }
 
 /// The job is there, and will not change any more unless it is tried again.

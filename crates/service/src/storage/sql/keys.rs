@@ -3,11 +3,11 @@
 use jiff::Timestamp;
 
 use super::rows::row;
-use super::{Store, damaged, sql_limit, stored_id, timestamp, to_i64};
+use super::{Store, damaged, sql_limit, stored_id, stored_name, timestamp, to_i64};
 use crate::storage::DatabaseError;
 use crate::storage::database::Keys;
 use async_trait::async_trait;
-use visage_domain::{KeyId, KeyRecord, NewKey, NewSession, NoScope, Page, PageRequest, SecretHash, SessionId};
+use visage_domain::{KeyId, KeyRecord, NewKey, NewSession, Page, PageRequest, SecretHash, SessionId};
 
 row! {
     struct KeyRow {
@@ -25,7 +25,7 @@ impl KeyRow {
         let key = KeyRecord {
             id: stored_id!(KeyId, &self.id)?,
             name: self.name,
-            scope: self.scope.parse().map_err(|error: NoScope| damaged("a scope", error))?,
+            scope: stored_name("a scope", &self.scope)?,
             expires_at: self.expires_at.map(timestamp).transpose()?,
             revoked_at: self.revoked_at.map(timestamp).transpose()?,
         };

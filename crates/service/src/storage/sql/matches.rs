@@ -2,7 +2,7 @@
 
 use super::rows::row;
 use super::signatures::checked;
-use super::{Store, damaged, has_words, stored_id, words};
+use super::{Store, damaged, has_words, stored_id, stored_name, words};
 use crate::storage::DatabaseError;
 use crate::storage::database::Matches;
 use async_trait::async_trait;
@@ -24,7 +24,7 @@ row! {
 
 impl Row {
     fn model(self) -> Result<MatchedModel, DatabaseError> {
-        let unit: Unit = self.unit.parse().map_err(|reason: String| damaged("a unit", reason))?;
+        let unit: Unit = stored_name("a unit", &self.unit)?;
         let origin = if self.uploaded { Origin::Uploaded } else { Origin::Registered };
         let id = stored_id!(ModelId, &self.id)?;
         let signature = match self.content.map(|content| checked(content, self.checksum.as_deref())) {

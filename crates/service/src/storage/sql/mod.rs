@@ -32,6 +32,8 @@ mod standards;
 mod uploads;
 mod webhooks;
 
+use std::str::FromStr;
+
 use super::dialect::{
     COLUMNS, Connection, DATABASE_BYTES, DatabaseRow, Pool, Store, Writing, has_words, locked, skip_locked, words,
 };
@@ -46,6 +48,11 @@ fn timestamp(ms: i64) -> Result<jiff::Timestamp, DatabaseError> {
 /// Turns what the standard library or serde says of a stored value into our error.
 pub(super) fn damaged(what: &'static str, reason: impl ToString) -> DatabaseError {
     DatabaseError::Damaged { what, reason: reason.to_string() }
+}
+
+/// What is stored by its name.
+fn stored_name<T: FromStr<Err: ToString>>(what: &'static str, name: &str) -> Result<T, DatabaseError> {
+    name.parse().map_err(|error: T::Err| damaged(what, error))
 }
 
 /// SQL counts in i64; nothing stored here comes near its end.

@@ -3,7 +3,7 @@
 use super::rows::row;
 use super::{
     Connection, Store, Writing, damaged, evaluations, files, has_words, outbox, replays, signatures, sql_limit,
-    stored_id, to_i64, to_u64, words,
+    stored_id, stored_name, to_i64, to_u64, words,
 };
 use crate::storage::database::Models;
 use crate::storage::{DatabaseError, Deleted, Purged, Unseen};
@@ -36,7 +36,7 @@ impl ModelRow {
             scan_set_id: self.scan_set_id.map(|text| stored_id!(ScanSetId, &text)).transpose()?,
             name: self.name,
             label: self.label,
-            unit: self.unit.parse().map_err(|reason: String| damaged("a unit", reason))?,
+            unit: stored_name("a unit", &self.unit)?,
             points: to_u64(self.points),
             quality: self.quality,
             reading: self.reading,

@@ -1,6 +1,6 @@
 //! What webhooks are to be told is written in the transaction of what has happened: neither is there without the other.
 
-use super::{Writing, damaged, stored_id, timestamp, to_i64};
+use super::{Writing, damaged, stored_id, stored_name, timestamp, to_i64};
 use crate::storage::DatabaseError;
 use visage_domain::{DeliveryId, Event, JobStatus, SeatId};
 
@@ -32,7 +32,7 @@ pub(super) async fn tell_ends(
     status: JobStatus,
 ) -> Result<(), DatabaseError> {
     for (id, kind) in jobs {
-        let kind = kind.parse().map_err(|reason: String| damaged("a kind of job", reason))?;
+        let kind = stored_name("a kind of job", kind)?;
         tell(db, &Event::JobEnded { id: stored_id!(JobId, id)?, kind, status, model: None }).await?;
     }
     Ok(())

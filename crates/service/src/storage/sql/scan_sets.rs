@@ -2,8 +2,8 @@
 
 use super::rows::row;
 use super::{
-    Connection, Pool, Store, damaged, files, models, recycle_bin, replays, sql_limit, stored_id, timestamp, to_i64,
-    to_u64,
+    Connection, Pool, Store, damaged, files, models, recycle_bin, replays, sql_limit, stored_id, stored_name,
+    timestamp, to_i64, to_u64,
 };
 use crate::storage::database::ScanSets;
 use crate::storage::{DatabaseError, Deleted, Purged};
@@ -54,7 +54,7 @@ impl SetRow {
         Ok(ScanSetRecord {
             id: stored_id!(ScanSetId, &self.id)?,
             name: self.name,
-            unit: self.unit.parse().map_err(|reason: String| damaged("a unit", reason))?,
+            unit: stored_name("a unit", &self.unit)?,
             scans,
             poses: self.poses_name.zip(self.poses).map(|(name, content)| PoseFile { name, content }),
             passed_over: match self.passed_over {

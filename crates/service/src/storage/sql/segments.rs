@@ -8,7 +8,7 @@ use sqlx::AssertSqlSafe;
 
 use super::rows::row;
 use super::signatures::checked;
-use super::{Store, damaged, stored_id, to_i64, to_u64};
+use super::{Store, damaged, stored_id, stored_name, to_i64, to_u64};
 use crate::storage::DatabaseError;
 use crate::storage::database::Segments;
 use visage_domain::asset::Origin;
@@ -45,7 +45,7 @@ impl Row {
     pub(in super::super) fn unfiled(self) -> Result<Unfiled, DatabaseError> {
         let id = stored_id!(ModelId, &self.id)?;
         let (Some(content), Some(unit)) = (self.content, self.unit) else { return Ok(Unfiled { id, signature: None }) };
-        let unit = unit.parse().map_err(|reason: String| damaged("a unit", reason))?;
+        let unit = stored_name("a unit", &unit)?;
         let origin = if self.uploaded { Origin::Uploaded } else { Origin::Registered };
         let facets = ModelFacets { label: self.label, unit, origin };
         Ok(Unfiled { id, signature: Some((checked(content, self.checksum.as_deref()), facets)) })

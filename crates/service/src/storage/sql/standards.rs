@@ -1,7 +1,7 @@
 //! Standards made by users: the classes, and the examples marked for them.
 
 use super::rows::row;
-use super::{Connection, Store, damaged, evaluations, files, replays, stored_id, to_i64, to_u64};
+use super::{Connection, Store, damaged, evaluations, files, replays, stored_id, stored_name, to_i64, to_u64};
 use crate::storage::DatabaseError;
 use crate::storage::database::{Standards, Upkeep};
 use async_trait::async_trait;
@@ -27,7 +27,7 @@ impl StandardRow {
             id: stored_id!(StandardId, &self.id)?,
             name: self.name,
             asset: AssetRecord { name: self.asset, bytes: to_u64(self.bytes), checksum: self.checksum },
-            unit: self.unit.parse().map_err(|reason: String| damaged("a unit", reason))?,
+            unit: stored_name("a unit", &self.unit)?,
             annotation: serde_json::from_str(&self.annotation).map_err(|error| damaged("an annotation", error))?,
             definition: serde_json::from_str(&self.class).map_err(|error| damaged("a standard", error))?,
         })

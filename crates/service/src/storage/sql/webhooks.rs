@@ -5,7 +5,7 @@ use std::time::Duration;
 use jiff::Timestamp;
 
 use super::rows::row;
-use super::{Connection, Store, damaged, outbox, sql_limit, stored_id, timestamp, to_i64, to_u32, to_u64};
+use super::{Connection, Store, damaged, outbox, sql_limit, stored_id, stored_name, timestamp, to_i64, to_u32, to_u64};
 use crate::storage::DatabaseError;
 use crate::storage::database::Webhooks;
 use async_trait::async_trait;
@@ -64,8 +64,8 @@ impl DeliveryRow {
     fn record(self) -> Result<DeliveryRecord, DatabaseError> {
         Ok(DeliveryRecord {
             id: stored_id!(DeliveryId, &self.id)?,
-            event: self.event.parse().map_err(|reason: String| damaged("an event", reason))?,
-            status: self.status.parse().map_err(|reason: String| damaged("a status", reason))?,
+            event: stored_name("an event", &self.event)?,
+            status: stored_name("a status", &self.status)?,
             attempts: to_u32(self.attempts),
             at: timestamp(self.at)?,
             answer: self.answer.map(u16::try_from).transpose().map_err(|error| damaged("an answer", error))?,
