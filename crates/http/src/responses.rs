@@ -37,7 +37,8 @@ problem_responses! {
     Stalled = "408", "The body came too slowly or not to its end (`upload_stalled`).";
     /// 409
     Conflict = "409", "An unfinished job, its status or a request in progress forbids it (`in_use`, `wrong_status`, \
-                       `request_in_progress`, `scan_changed`), or two models are not in one unit (`other_unit`).";
+                       `request_in_progress`, `scan_changed`), two models are not in one unit (`other_unit`), or this server leaves the \
+                       index to others (`index_elsewhere`).";
     /// 409
     OriginDeleted = "409", "What it was made of is in the recycle bin itself (`origin_deleted`).";
     /// 409
@@ -61,8 +62,9 @@ problem_responses! {
     /// 502
     NotFetched = "502", "The file could not be fetched from where it is said to be (`fetch_failed`).";
     /// 503
-    NotReady = "503", "The server is starting or stopping (`not_ready`, `shutting_down`), or can't reach what keeps files \
-                      or records (`storage_unreachable`); see `Retry-After`.";
+    NotReady = "503", "The server is starting or stopping (`not_ready`, `shutting_down`), can't reach what keeps files \
+                      or records (`storage_unreachable`), or nobody can search a part of the gallery (`not_searched`); see \
+                      `Retry-After`.";
     /// Any other error.
     Other = "default", "Any other error.";
 }

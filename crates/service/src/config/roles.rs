@@ -10,17 +10,20 @@ pub enum Role {
     Api,
     /// Runs jobs.
     Worker,
+    /// Searches the gallery: for itself if it answers requests, and for others that leave that.
+    Search,
 }
 
 impl Role {
     /// All of them.
-    pub const ALL: [Role; 2] = [Role::Api, Role::Worker];
+    pub const ALL: [Role; 3] = [Role::Api, Role::Worker, Role::Search];
 
     /// Its name, as an argument.
     pub fn name(self) -> &'static str {
         match self {
             Role::Api => "api",
             Role::Worker => "worker",
+            Role::Search => "search",
         }
     }
 }
@@ -33,7 +36,7 @@ impl fmt::Display for Role {
 
 /// There is no such role.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("there is no role {0:?}: there are api and worker")]
+#[error("there is no role {0:?}: there are api, worker and search")]
 pub struct NoRole(String);
 
 impl FromStr for Role {
@@ -51,11 +54,13 @@ pub struct Roles {
     pub api: bool,
     /// Whether it runs jobs.
     pub worker: bool,
+    /// Whether it has the index: all of it if it answers requests, else a part.
+    pub search: bool,
 }
 
 impl Default for Roles {
     fn default() -> Self {
-        Roles { api: true, worker: true }
+        Roles { api: true, worker: true, search: true }
     }
 }
 
@@ -64,7 +69,10 @@ impl Roles {
     pub fn of(roles: &[Role]) -> Roles {
         match roles {
             [] => Roles::default(),
-            roles => Roles { api: roles.contains(&Role::Api), worker: roles.contains(&Role::Worker) },
+            roles => {
+                let has = |role| roles.contains(&role);
+                Roles { api: has(Role::Api), worker: has(Role::Worker), search: has(Role::Search) }
+            }
         }
     }
 
@@ -73,6 +81,7 @@ impl Roles {
         let has = move |role: &Role| match role {
             Role::Api => self.api,
             Role::Worker => self.worker,
+            Role::Search => self.search,
         };
         Role::ALL.into_iter().filter(has)
     }
