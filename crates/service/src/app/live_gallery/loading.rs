@@ -8,7 +8,7 @@ use super::{facets_of, off_thread};
 use crate::storage::inventory::Storage;
 use crate::storage::{Database, DatabaseError, ObjectStore};
 use std::sync::Arc;
-use visage_domain::{ModelFacets, ModelId, Parts, SegmentId, StoredContent, Unfiled};
+use visage_domain::{ModelFacets, ModelId, Parts, SegmentId, StoredContent, Unfiled, part_of_number};
 use visage_gallery::gallery::FULL_SEGMENT;
 use visage_gallery::{Catalogue, Gallery, IndexedModel};
 use visage_shape::faces::Signature;
@@ -64,7 +64,21 @@ impl Loading {
         loading.lose(storage.database.as_ref(), &lost.into_iter().map(|(id, _)| id).collect::<Vec<_>>()).await?;
         let objects = Arc::clone(&storage.objects);
         off_thread(move || remove_others(objects.as_ref(), &used)).await?;
+        if parts != Parts::ALL {
+            loading.look_through();
+        }
         Ok(loading)
+    }
+
+    /// Finds out which parts files tell of, and takes out models that several of them tell: such a model is unfiled, so it is made anew when its part
+    /// is made whole, but segments may be merged before, and one that becomes of two may not have a model twice.
+    fn look_through(&mut self) {
+        let mut told: Vec<u128> = self.gallery.segments().flat_map(|segment| segment.ids().to_vec()).collect();
+        self.present = told.iter().map(|id| part_of_number(*id)).collect();
+        told.par_sort_unstable();
+        for double in told.windows(2).filter(|ids| ids[0] == ids[1]) {
+            while self.gallery.remove(double[0]) {}
+        }
     }
 
     /// Goes on from a gallery that has lost files.

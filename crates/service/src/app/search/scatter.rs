@@ -34,7 +34,7 @@ pub async fn ask(context: &ServiceContext, question: &Question) -> Result<Gather
     let Some(secret) = context.node_secret().await? else { return Ok(nothing()) };
     let mut round = Round { left: Parts::ALL, refused: BTreeMap::new() };
     let (mut rankings, mut searched) = (Vec::new(), 0);
-    loop {
+    while !round.left.is_empty() {
         // those who have come, or have got parts, since the last look are asked, too
         let servers = context.database.searchers(SILENT).await?;
         let plan = round.plan(&servers);

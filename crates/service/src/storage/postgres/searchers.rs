@@ -15,7 +15,7 @@ impl Searchers for PostgresDatabase {
     async fn tell_searcher(&self, address: &str, parts: &Parts) -> Result<(), DatabaseError> {
         let mut tx = self.begin_rows().await?;
         sqlx::query(
-            "INSERT INTO searcher (node_id, address, parts, seen_at) VALUES ($1, $2, $3, $4)
+            "INSERT INTO gallery_searcher (node_id, address, parts, seen_at) VALUES ($1, $2, $3, $4)
              ON CONFLICT (node_id) DO UPDATE SET address = excluded.address, parts = excluded.parts, seen_at = excluded.seen_at",
         )
         .bind(self.owner.seat.to_string())
@@ -32,7 +32,7 @@ impl Searchers for PostgresDatabase {
         let rows: Vec<(String, String, String, i64)> = sqlx::query_as(
             "SELECT node_id, address, parts, silent FROM
                  (SELECT node_id, address, parts,
-                         CAST(extract(epoch FROM clock_timestamp()) * 1000 AS BIGINT) - seen_at AS silent FROM searcher) AS told
+                         CAST(extract(epoch FROM clock_timestamp()) * 1000 AS BIGINT) - seen_at AS silent FROM gallery_searcher) AS told
              WHERE silent <= $1 ORDER BY node_id",
         )
         .bind(within)
@@ -49,7 +49,7 @@ impl Searchers for PostgresDatabase {
 
     async fn node_secret(&self) -> Result<Option<NodeSecret>, DatabaseError> {
         let secret: Option<String> =
-            sqlx::query_scalar("SELECT secret FROM node_secret").fetch_optional(&self.readers).await?;
+            sqlx::query_scalar("SELECT secret FROM gallery_secret").fetch_optional(&self.readers).await?;
         Ok(secret.map(NodeSecret))
     }
 }
