@@ -37,8 +37,7 @@ problem_responses! {
     Stalled = "408", "The body came too slowly or not to its end (`upload_stalled`).";
     /// 409
     Conflict = "409", "An unfinished job, its status or a request in progress forbids it (`in_use`, `wrong_status`, \
-                       `request_in_progress`, `scan_changed`), two models are not in one unit (`other_unit`), or this server leaves the \
-                       index to others (`index_elsewhere`).";
+                       `request_in_progress`, `scan_changed`), or two models are not in one unit (`other_unit`).";
     /// 409
     OriginDeleted = "409", "What it was made of is in the recycle bin itself (`origin_deleted`).";
     /// 409
