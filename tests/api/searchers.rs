@@ -231,7 +231,10 @@ async fn nobody_but_servers_of_the_database_is_answered_and_nonsense_ends_nothin
         let refused = expect_json(refused, StatusCode::UNAUTHORIZED).await;
         assert!(!refused.to_string().contains(&secret), "{refused}");
     }
-    assert_eq!(send(&api, Some(&secret), sound.clone()).await.expect("an answer").status(), StatusCode::NOT_FOUND);
+    // a server that does not search has no such place, and takes the secret for a key that it does not know
+    assert_eq!(send(&api, None, sound.clone()).await.expect("an answer").status(), StatusCode::NOT_FOUND);
+    let refused = send(&api, Some(&secret), sound.clone()).await.expect("an answer");
+    assert_eq!(refused.status(), StatusCode::UNAUTHORIZED);
     for (body, status) in [
         (Vec::new(), StatusCode::BAD_REQUEST),
         (b"\xff\xfe".to_vec(), StatusCode::BAD_REQUEST),
