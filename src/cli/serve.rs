@@ -11,8 +11,8 @@ use clap::Args;
 use super::database::DatabaseArgs;
 use super::objects::ObjectsArgs;
 use crate::config::{
-    BasePath, EdgeLimits, FetchSource, HostName, Limits, Network, Origin, Quotas, Retention, Role, Roles, ServerConfig,
-    TlsPem, WebhookSettings, available_threads,
+    Address, BasePath, EdgeLimits, FetchSource, HostName, Limits, Network, Origin, Quotas, Retention, Role, Roles,
+    ServerConfig, TlsPem, WebhookSettings, available_threads,
 };
 use crate::http::Server;
 use crate::telemetry::{self, LogFormat};
@@ -59,10 +59,13 @@ pub struct ServeArgs {
     database: DatabaseArgs,
     #[command(flatten)]
     objects: ObjectsArgs,
-    /// What this server does: api answers requests, worker runs jobs. Of several servers on one database and one bucket each may have its
-    /// part; a worker alone serves its health and figures only
+    /// What this server does: api answers requests, worker runs jobs, search has the index: all of it beside api, else a part of it, which
+    /// servers with api alone ask. Of several servers on one database and one bucket each may have its part
     #[arg(long, env = "VISAGE_ROLES", value_name = "ROLE", value_delimiter = ',', default_values_t = Role::ALL.iter().copied())]
     roles: Vec<Role>,
+    /// Where other servers on the same database reach this one, such as `http://10.0.0.5:8080`, if it searches for them [default: --addr]
+    #[arg(long, env = "VISAGE_NODE_ADDRESS", value_name = "URL")]
+    node_address: Option<Address>,
     /// The most worker threads one job may use [default: all of the machine]
     #[arg(long, env = "VISAGE_THREADS", value_parser = at_least_one)]
     threads: Option<usize>,
@@ -180,6 +183,7 @@ impl ServeArgs {
                 ..Limits::default()
             },
             roles: Roles::of(&self.roles),
+            node_address: self.node_address.clone(),
             hosts: self.hosts.clone(),
             base_path: self.base_path.clone(),
             trusted_proxies: self.trusted_proxies.clone(),

@@ -38,6 +38,8 @@ mod queries;
 mod recovery;
 mod renditions;
 mod scan_sets;
+#[cfg(all(feature = "postgres", feature = "s3"))]
+mod searchers;
 mod slow;
 mod standards;
 mod storage;

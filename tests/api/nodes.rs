@@ -13,15 +13,18 @@ use crate::binary::{Process, client, finished, results, start_job};
 use crate::common::database::made_for;
 use crate::common::{expect_json, files, text};
 
+/// Any free port of this machine's own.
+const FREE: &str = "127.0.0.1:0";
+
 /// A database and a part of the bucket that nobody else uses.
-struct Place {
+pub struct Place {
     folder: tempfile::TempDir,
     database: DatabaseUrl,
     objects: String,
 }
 
 impl Place {
-    fn new() -> Place {
+    pub fn new() -> Place {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let (database, objects) = (made_for(folder.path()), format!("s3://visage/nodes/{}", FileId::new()));
         Place { folder, database, objects }
@@ -40,16 +43,29 @@ impl Place {
         Process::start_with(&self.folder.path().join(name), &arguments, Stdio::null())
     }
 
-    async fn ready(&self, name: &str, more: &[&str]) -> Process {
+    pub async fn ready(&self, name: &str, more: &[&str]) -> Process {
         let process = self.start(name, more);
         until_ready(&process).await;
         process
     }
 
+    /// Where a node of this name has its data.
+    pub fn folder(&self, name: &str) -> std::path::PathBuf {
+        self.folder.path().join(name)
+    }
+
+    pub fn objects(&self) -> &str {
+        &self.objects
+    }
+
+    pub fn database(&self) -> &DatabaseUrl {
+        &self.database
+    }
+
     /// A start that is refused.
-    fn refused(&self, folder: &Path, arguments: &[&str]) -> String {
+    pub fn refused(&self, folder: &Path, arguments: &[&str], addr: &str) -> String {
         let Output { status, stderr, .. } = Command::new(env!("CARGO_BIN_EXE_visage"))
-            .args(["serve", "--addr", "127.0.0.1:0", "--database", self.database.secret(), "--data"])
+            .args(["serve", "--addr", addr, "--open", "--database", self.database.secret(), "--data"])
             .arg(folder)
             .args(arguments)
             .output()
@@ -59,7 +75,7 @@ impl Place {
     }
 }
 
-fn endpoint() -> String {
+pub fn endpoint() -> String {
     std::env::var("VISAGE_S3").expect("VISAGE_S3 is the address of an S3 server with a bucket visage")
 }
 
@@ -70,18 +86,18 @@ async fn until_ready(process: &Process) {
     }
 }
 
-async fn get(process: &Process, path: &str) -> Response {
+pub async fn get(process: &Process, path: &str) -> Response {
     client().get(format!("{}{path}", process.url)).send().await.expect("an answer")
 }
 
-async fn upload(process: &Process, phase: f64) -> String {
+pub async fn upload(process: &Process, phase: f64) -> String {
     let mesh = Part::bytes(files::bumpy_sphere(phase)).file_name("ball.obj");
     let form = Form::new().part("model", mesh).text("unit", "mm");
     let sent = client().post(format!("{}/v1/models", process.url)).multipart(form).send().await.expect("an answer");
     text(&expect_json(sent, StatusCode::CREATED).await, "/id")
 }
 
-async fn delete(process: &Process, model: &str) {
+pub async fn delete(process: &Process, model: &str) {
     let sent = client().delete(format!("{}/v1/models/{model}", process.url)).send().await.expect("an answer");
     assert_eq!(sent.status(), StatusCode::NO_CONTENT);
 }
@@ -143,7 +159,8 @@ async fn a_job_is_run_by_another_node_and_once_more_when_that_is_killed_with_the
     drop(undisturbed);
 
     let place = Place::new();
-    let (a, c) = (place.ready("a", &["--roles", "api"]).await, place.ready("c", &["--roles", "api"]).await);
+    let (a, c) =
+        (place.ready("a", &["--roles", "api,search"]).await, place.ready("c", &["--roles", "api,search"]).await);
     let worker = place.ready("worker", &["--roles", "worker"]).await;
     let uploaded = upload(&a, 0.3).await;
     let job = start_job(&a).await;
@@ -200,7 +217,7 @@ async fn what_does_not_go_together_is_refused() {
     let place = Place::new();
     let a = place.ready("a", &[]).await;
     let new = place.folder.path().join("new");
-    let refused = place.refused(&new, &[]);
+    let refused = place.refused(&new, &[], FREE);
     assert!(refused.contains("in use by another visage server") && refused.contains("--objects"), "{refused}");
 
     // as a machine that was cloned
@@ -210,7 +227,7 @@ async fn what_does_not_go_together_is_refused() {
         std::fs::copy(of_a.join(name), clone.join(name)).expect("copied");
     }
     let endpoint = endpoint();
-    let refused = place.refused(&clone, &["--objects", &place.objects, "--objects-endpoint", &endpoint]);
+    let refused = place.refused(&clone, &["--objects", &place.objects, "--objects-endpoint", &endpoint], FREE);
     assert!(refused.contains("a copy of this data folder"), "{refused}");
 
     // what is done beside servers is done
@@ -220,7 +237,7 @@ async fn what_does_not_go_together_is_refused() {
         .output()
         .expect("it runs");
     assert!(key.status.success(), "{}", String::from_utf8_lossy(&key.stderr));
-    let refused = place.refused(&new, &["--roles", "api,searcher"]);
+    let refused = place.refused(&new, &["--roles", "api,searcher"], FREE);
     assert!(refused.contains("searcher") && refused.contains("api") && refused.contains("worker"), "{refused}");
     let alone = Command::new(env!("CARGO_BIN_EXE_visage"))
         .args(["serve", "--addr", "127.0.0.1:0", "--roles", "api", "--data"])

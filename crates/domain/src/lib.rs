@@ -5,7 +5,8 @@
 //! - `ids`: what everything is called by; `owner`: who holds leases and files in the making
 //! - `scan_set`, `job`, `model`, `signature`, `standard`, `evaluation`, `replay`: records, as they are stored and given back
 //! - `job_kind`, `job_status`, `queue`: what jobs are for, where they stand, and how workers take and end them
-//! - `segment`: files of the index, and what they don't tell
+//! - `segment`: files of the index, and what they don't tell; `parts`: into which the gallery is divided among servers, and who has which;
+//!   `searcher`: servers that search some of them
 //! - `import`: models that come from another data folder
 //! - `key`, `audit`: who may ask, and for what; who did what; `webhook`: addresses that get messages, and of which events
 //! - `upload`: files that come piece by piece; `recycle_bin`: what was deleted and can still be put back
@@ -27,10 +28,12 @@ mod model;
 pub mod options;
 mod owner;
 mod page;
+mod parts;
 mod queue;
 mod recycle_bin;
 mod replay;
 mod scan_set;
+mod searcher;
 mod segment;
 mod signature;
 mod standard;
@@ -53,10 +56,12 @@ pub use key::{KeyRecord, NewKey, NewSession, Scope, SecretHash};
 pub use model::{AssetRecord, MatchedModel, ModelFacets, ModelFilter, ModelRecord, NewModel};
 pub use owner::{Owner, WorkerId};
 pub use page::{Page, PageRequest};
+pub use parts::{COPIES, NoParts, PARTS, Part, Parts, part_of, part_of_number, placed, placed_on, weight};
 pub use queue::{Claimant, Finish, JobClaim, Room};
 pub use recycle_bin::{BinDue, BinRecord, Deletable};
 pub use replay::{Replay, ReplayKey};
 pub use scan_set::{NewScanSet, PassedOver, PoseFile, PutScan, ScanRecord, ScanSetRecord, sort_naturally};
+pub use searcher::{NodeSecret, Searcher};
 pub use segment::{SegmentRecord, Unfiled};
 pub use signature::{StoredContent, StoredSignature};
 pub use standard::{Examples, NewStandard, StandardRecord};

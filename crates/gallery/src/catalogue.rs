@@ -100,6 +100,11 @@ impl Catalogue {
         self.facets.remove(&id);
     }
 
+    /// Forgets the models that `keeps` does not want.
+    pub fn retain(&mut self, keeps: impl Fn(ModelId) -> bool) {
+        self.facets.retain(|id, _| keeps(*id));
+    }
+
     /// What is known of a model.
     pub fn facets(&self, id: ModelId) -> Option<&Facets> {
         self.facets.get(&id)

@@ -71,6 +71,19 @@ impl Gallery {
         was_there
     }
 
+    /// The same without the models that `keeps` does not want; shares the segments. Looks at each model's id.
+    #[must_use]
+    pub fn only(&self, keeps: impl Fn(ModelId) -> bool) -> Gallery {
+        let kept = self.segments.iter().map(|live| live.only(&keeps)).filter(|live| live.models > 0);
+        Gallery { segments: kept.collect() }
+    }
+
+    /// Takes over another gallery, none of whose models is in this one.
+    pub fn absorb(&mut self, other: Gallery) {
+        // not at the end: the last is the one that additions go to
+        self.segments.splice(0..0, other.segments);
+    }
+
     /// The number of models.
     pub fn len(&self) -> usize {
         self.segments.iter().map(|live| live.models).sum()

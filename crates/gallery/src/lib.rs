@@ -13,7 +13,8 @@
 //!   `visage_shape::faces::judgement`), the three kinds of query
 //! - `top_k`, [`catalogue`]: which part of a ranking is asked for; filters by label, time, unit, source
 //! - [`evidence`]: the figures behind a verdict, landmarks, the reason for a no
-//! - `segment`, `live_segment`: some of the models, packed and indexed; [`merge`]: how segments grow; `merged_ranking`: their rankings as one
+//! - `segment`, `live_segment`: some of the models, packed and indexed; [`merge`]: how segments grow; `merged_ranking`: their rankings as one;
+//!   `gathered`: those of galleries that are searched apart
 //! - `indexed_model`: one model made ready; `outline`: its triangles' corners
 //! - [`triangles`]: a model's triangles as points of Kendall's sphere
 //! - [`triangle_index`]: those points of many models in one static tree; `triangle_query`: a bare triangle in every way
@@ -39,6 +40,7 @@ pub mod evidence;
 mod face_order;
 mod facet_rows;
 pub mod gallery;
+mod gathered;
 mod indexed_model;
 mod likeness;
 mod live_segment;
@@ -66,6 +68,7 @@ pub use catalogue::{Catalogue, Facets, Filter, Source};
 pub use columns::{SegmentError, SegmentImage};
 pub use evidence::{Evidence, Reason};
 pub use gallery::Gallery;
+pub use gathered::gathered;
 pub use indexed_model::IndexedModel;
 pub use likeness::SAME_PERSON_MM;
 pub use probe::{Comparison, Likeness, PROBE_MATCH_SCORE, compare, likenesses};

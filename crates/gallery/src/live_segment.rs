@@ -59,6 +59,17 @@ impl LiveSegment {
         true
     }
 
+    /// The same without the models that `keeps` does not want.
+    pub fn only(&self, keeps: &impl Fn(ModelId) -> bool) -> LiveSegment {
+        let mut alive = vec![0; self.alive.len()];
+        let mut models = 0;
+        for place in self.places().filter(|place| keeps(self.segment.ids[*place as usize])) {
+            alive[place as usize / 64] |= 1 << (place % 64);
+            models += 1;
+        }
+        LiveSegment { alive: Arc::new(alive), models, ..self.clone() }
+    }
+
     /// The places whose models are there, ascending.
     pub fn places(&self) -> impl Iterator<Item = u32> + '_ {
         (0..self.segment.ids.len() as u32).filter(|place| self.is_alive(*place))

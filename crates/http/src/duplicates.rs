@@ -145,6 +145,7 @@ impl From<DuplicatesError> for Problem {
     fn from(error: DuplicatesError) -> Self {
         match error {
             DuplicatesError::NotReady(error) => error.into(),
+            DuplicatesError::Elsewhere(error) => error.into(),
             DuplicatesError::Placing(error) => error.into(),
             DuplicatesError::File(error) => error.into(),
             DuplicatesError::Task(error) => Problem::internal(error),

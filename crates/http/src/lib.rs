@@ -76,6 +76,7 @@ mod scan_set_views;
 mod scan_sets;
 mod scans;
 mod schemas;
+mod searching;
 mod server;
 mod session;
 mod standard_views;

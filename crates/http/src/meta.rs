@@ -66,7 +66,10 @@ async fn readyz(State(state): State<AppState>) -> Result<Json<Health>, Problem> 
     }
     state.context.database.ping().await?;
     state.context.database.check_writable().await.map_err(Problem::not_writable)?;
-    if state.context.config.roles.api && !state.context.gallery.is_ready() {
+    let (roles, gallery) = (state.context.config.roles, &state.context.gallery);
+    // a part of the index is there when it has been whole once
+    let has_index = !roles.search || if roles.api { gallery.is_ready() } else { gallery.is_settled() };
+    if !has_index {
         return Err(NotReady.into());
     }
     Ok(Health::of(&state))
@@ -158,7 +161,7 @@ struct Load {
     queued_jobs: u64,
     /// Jobs that run.
     running_jobs: u64,
-    /// Models that queries search; null while the gallery is being loaded.
+    /// Models that queries search; null while the gallery is being loaded, and where others search it.
     searchable_models: Option<usize>,
     /// Models whose signature is of another version and so is not searched, until a job has made it anew.
     stale_signatures: u64,

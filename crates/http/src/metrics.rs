@@ -163,6 +163,8 @@ async fn stored(all: &mut Registry, state: &AppState) -> Result<(), Problem> {
     );
     let searchable = state.context.gallery.ask(visage_gallery::Gallery::len).ok();
     gauge(all, "gallery_ready", "1 once the gallery is loaded", f64::from(u8::from(searchable.is_some())));
+    let parts = state.context.gallery.whole_parts().len();
+    gauge(all, "gallery_parts", "Parts of the gallery, of 256, that this server can search", parts as f64);
     gauge(all, "gallery_models", "Models that queries search", searchable.unwrap_or(0) as f64);
     Ok(())
 }

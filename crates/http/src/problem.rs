@@ -10,7 +10,6 @@ use axum::response::{IntoResponse, Response};
 use visage_domain::options::OptionError;
 use visage_formats::{FormatError, poses, surface_names};
 use visage_pipeline::PipelineError;
-use visage_service::app::live_gallery::NotReady;
 use visage_service::app::models::BaseError;
 use visage_service::jobs::admission::AdmissionError;
 use visage_shape::faces::DescribeError;
@@ -67,6 +66,7 @@ codes! {
     OriginDeleted = "origin_deleted", CONFLICT, "what it was made of is deleted, too";
     BuiltIn = "built_in", CONFLICT, "what is built in can't be changed";
     ScanChanged = "scan_changed", CONFLICT, "a scan is not the one that the model was made of";
+    IndexElsewhere = "index_elsewhere", CONFLICT, "this server leaves the index to others";
     OtherUnit = "other_unit", CONFLICT, "the models are not in one unit";
     WrongStatus = "wrong_status", CONFLICT, "the job's status does not allow this";
     RequestInProgress = "request_in_progress", CONFLICT, "the same request is being worked on";
@@ -118,6 +118,7 @@ codes! {
     DatabaseLocked = "database_locked", SERVICE_UNAVAILABLE, "another program holds the database";
     StorageUnreachable = "storage_unreachable", SERVICE_UNAVAILABLE, "what keeps files or records can't be reached";
     NotReady = "not_ready", SERVICE_UNAVAILABLE, "the server is not ready yet";
+    NotSearched = "not_searched", SERVICE_UNAVAILABLE, "a part of the gallery can't be searched at the moment";
     Overloaded = "overloaded", SERVICE_UNAVAILABLE, "the server has no room for the request at the moment";
     ShuttingDown = "shutting_down", SERVICE_UNAVAILABLE, "the server is shutting down";
     StorageFull = "storage_full", INSUFFICIENT_STORAGE, "the server's disk is full";
@@ -396,12 +397,6 @@ impl From<StandardError> for Problem {
             }
         };
         Problem::new(code, detail, hint)
-    }
-}
-
-impl From<NotReady> for Problem {
-    fn from(error: NotReady) -> Self {
-        Problem::new(Code::NotReady, error.to_string(), "try again in a moment").retry_after(2)
     }
 }
 

@@ -61,8 +61,9 @@ problem_responses! {
     /// 502
     NotFetched = "502", "The file could not be fetched from where it is said to be (`fetch_failed`).";
     /// 503
-    NotReady = "503", "The server is starting or stopping (`not_ready`, `shutting_down`), or can't reach what keeps files \
-                      or records (`storage_unreachable`); see `Retry-After`.";
+    NotReady = "503", "The server is starting or stopping (`not_ready`, `shutting_down`), can't reach what keeps files \
+                      or records (`storage_unreachable`), or nobody can search a part of the gallery (`not_searched`); see \
+                      `Retry-After`.";
     /// Any other error.
     Other = "default", "Any other error.";
 }

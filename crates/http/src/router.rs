@@ -26,7 +26,7 @@ use super::schemas::{
 use super::state::AppState;
 use super::{
     access, access_log, audit, base, bin, body, duplicates, encoding, evaluation, headers, hosts, jobs, keys, meta,
-    metrics, models, page, queries, scan_sets, session, standards, uploads, webhooks,
+    metrics, models, page, queries, scan_sets, searching, session, standards, uploads, webhooks,
 };
 use visage_service::config::{BasePath, Network};
 use visage_service::panics::panic_message;
@@ -140,6 +140,8 @@ pub fn router(state: AppState) -> Result<Router, RouterError> {
             .route("/openapi.json", get(contract_as_json))
             .merge(page::routes());
     }
+    let config = &state.context.config;
+    let searching = (config.roles.search && config.is_shared()).then(|| searching::router(&state));
     let proxies: Arc<[Network]> = state.context.config.trusted_proxies.clone().into();
     let base = state.context.config.base_path.clone();
     let traces = state.context.traces.clone();
@@ -171,8 +173,8 @@ pub fn router(state: AppState) -> Result<Router, RouterError> {
         // how much of a body is read is for each call to say
         .layer(DefaultBodyLimit::disable())
         .layer(from_fn(encoding::unpacked))
-        .layer(admitted)
-        .layer(outside);
+        .layer(admitted);
+    let router = searching.into_iter().fold(router, Router::merge).layer(outside);
     Ok(base::below(base, router))
 }
 

@@ -11,17 +11,18 @@ use tokio_util::sync::CancellationToken;
 
 use super::connections::{self, Connections};
 use super::hosts::Hosts;
-use super::outgoing::HttpCourier;
+use super::outgoing::{HttpCourier, HttpPeers};
 use super::router::{self, RouterError};
 use super::state::AppState;
 use super::tls::{Tls, TlsError};
+use visage_domain::Parts;
 use visage_service::app::context::ServiceContext;
 use visage_service::app::engine::{Engine, PipelineEngine};
-use visage_service::app::live_gallery::LiveGallery;
 use visage_service::app::retention::{self, Dropped};
+use visage_service::app::search::membership;
 use visage_service::app::uploads;
 use visage_service::app::webhooks;
-use visage_service::config::{Role, ServerConfig};
+use visage_service::config::{Address, Role, ServerConfig};
 use visage_service::jobs::runner::Runner;
 use visage_service::storage::Database;
 use visage_service::storage::data_folder::{DataFolder, OpenError, Places};
@@ -68,6 +69,15 @@ pub enum StartError {
          database server and a bucket that all use"
     )]
     Roles,
+    /// Others can't ask this server.
+    #[error(
+        "a server that searches for others has to say where they reach it: {addr} is every address of this machine; start it with \
+         --node-address http://HOST:PORT"
+    )]
+    NodeAddress {
+        /// The address.
+        addr: SocketAddr,
+    },
     /// The certificate or its key can't be used.
     #[error(transparent)]
     Tls(#[from] TlsError),
@@ -104,17 +114,18 @@ impl Server {
         let mut config = config;
         config.edge.connections = connections::most(config.edge.connections);
         let config = Arc::new(config);
-        let is_shared = config.database.is_some() && config.objects.is_some();
-        if !config.roles.are_all() && !is_shared {
+        if !config.roles.are_all() && !config.is_shared() {
             return Err(StartError::Roles);
         }
         let tls = config.tls.as_ref().map(Tls::new).transpose()?;
         let mut context = open(&config, engine).await?;
         context.traces = traces;
+        context.peers = Arc::new(HttpPeers::of_system());
         check_exposure(&config, context.database.as_ref()).await?;
         let listener =
             TcpListener::bind(config.addr).await.map_err(|source| StartError::Listen { addr: config.addr, source })?;
         let addr = listener.local_addr().map_err(|source| StartError::Listen { addr: config.addr, source })?;
+        let reached = if config.is_shared() { node_address(&config, addr)? } else { None };
         let stop = CancellationToken::new();
         let crash = CancellationToken::new();
         let (count, connections) = watch::channel(Connections::default());
@@ -126,7 +137,7 @@ impl Server {
         let runner = Runner::start(&context, &stop, &crash);
         let beside = vec![
             tokio::spawn(news(context.clone(), stop.clone())),
-            tokio::spawn(chores(context.clone(), stop.clone())),
+            tokio::spawn(chores(context.clone(), reached, stop.clone())),
             tokio::spawn(messages(context.clone(), stop.clone())),
         ];
         let roles: Vec<&str> = config.roles.list().map(Role::name).collect();
@@ -162,34 +173,74 @@ async fn open(config: &Arc<ServerConfig>, engine: Arc<dyn Engine>) -> Result<Ser
     Ok(ServiceContext::new(data.storage, engine, config.clone()))
 }
 
-/// Loads the gallery, then keeps it whole and cleans up now and then.
-async fn chores(context: ServiceContext, stop: CancellationToken) {
+/// Where other servers reach this one; `None` if it is not asked by others.
+fn node_address(config: &ServerConfig, addr: SocketAddr) -> Result<Option<Address>, StartError> {
+    let is_told = config.node_address.is_some() || !addr.ip().is_unspecified();
+    match config.roles.search {
+        true if is_told => {
+            let scheme = if config.tls.is_some() { "https" } else { "http" };
+            Ok(config.node_address.clone().or_else(|| format!("{scheme}://{addr}").parse().ok()))
+        }
+        // it has the whole index for itself
+        true if config.roles.api => Ok(None),
+        true => Err(StartError::NodeAddress { addr }),
+        false => Ok(None),
+    }
+}
+
+/// Loads the gallery, or this server's part of it, then keeps it whole and cleans up now and then.
+async fn chores(context: ServiceContext, reached: Option<Address>, stop: CancellationToken) {
     let storage = context.storage();
-    let work = async {
-        if !context.config.roles.api {
-            return upkeep(&context, &storage).await;
+    let roles = context.config.roles;
+    let index = async {
+        if roles.search {
+            load(&context, &storage).await;
         }
-        load(&context.gallery, &storage).await;
-        match context.database.queue_evaluation().await {
-            Ok(Some(job)) => {
-                tracing::info!(job.id = %job, "stored models are to be looked at again");
-                context.monitor.announce_work();
+        if roles.api {
+            queue_evaluation(&context).await;
+        }
+        let keep_whole = async {
+            if roles.search {
+                keep_whole(&context, &storage).await;
             }
-            Ok(None) => {}
-            Err(error) => tracing::warn!("looking for what is out of date: {error}"),
-        }
-        tokio::join!(keep_whole(&context.gallery, &storage), upkeep(&context, &storage));
+        };
+        tokio::join!(keep_whole, upkeep(&context, &storage));
     };
+    let parts = async {
+        let Some(address) = &reached else { return };
+        if roles.api {
+            membership::announce(&context, address).await;
+        } else {
+            tokio::join!(membership::announce(&context, address), membership::hold(&context, address));
+        }
+    };
+    let work = async { tokio::join!(index, parts) };
     tokio::select! {
-        () = work => {}
+        _ = work => {}
         () = stop.cancelled() => {}
+    }
+    if let Some(address) = &reached {
+        membership::leave(&context, address).await;
+    }
+}
+
+async fn queue_evaluation(context: &ServiceContext) {
+    match context.database.queue_evaluation().await {
+        Ok(Some(job)) => {
+            tracing::info!(job.id = %job, "stored models are to be looked at again");
+            context.monitor.announce_work();
+        }
+        Ok(None) => {}
+        Err(error) => tracing::warn!("looking for what is out of date: {error}"),
     }
 }
 
 /// Loads the gallery, however many attempts that takes: until then queries are refused.
-async fn load(gallery: &LiveGallery, storage: &Storage) {
+async fn load(context: &ServiceContext, storage: &Storage) {
+    // of parts that are shared with others those that fall to this server are made whole afterwards
+    let parts = if context.config.roles.api { Parts::ALL } else { Parts::NONE };
     loop {
-        match gallery.load(storage).await {
+        match context.gallery.load_parts(storage, parts).await {
             Ok(models) => return tracing::info!(models, "the gallery is loaded"),
             Err(error) => tracing::error!("the gallery can't be loaded, queries are refused until it is: {error}"),
         }
@@ -199,13 +250,14 @@ async fn load(gallery: &LiveGallery, storage: &Storage) {
 
 /// Files of the index are used from the first moment on: whether they are sound takes reading all of them. What can't be made anew
 /// is loaded again.
-async fn keep_whole(gallery: &LiveGallery, storage: &Storage) {
+async fn keep_whole(context: &ServiceContext, storage: &Storage) {
+    let gallery = &context.gallery;
     loop {
         if let Err(error) = gallery.examine(storage).await {
             tracing::error!("a part of the gallery can't be made anew: {error}");
         }
         gallery.lost().await;
-        load(gallery, storage).await;
+        load(context, storage).await;
     }
 }
 
@@ -251,7 +303,7 @@ async fn upkeep(context: &ServiceContext, storage: &Storage) {
             Err(error) => tracing::warn!("giving up uploads: {error}"),
         }
         tokio::time::sleep(CLEAN_UP).await;
-        if context.config.roles.api
+        if context.config.roles.search
             && let Err(error) = storage.database.keep_index().await
         {
             tracing::warn!("saying that the index is used: {error}");

@@ -47,6 +47,8 @@ pub struct ServerConfig {
     pub limits: Limits,
     /// What it does of all that there is to do.
     pub roles: Roles,
+    /// Where other servers of the same database reach this one, if it searches; where it listens if not given.
+    pub node_address: Option<Address>,
     /// Names by which clients may call the service, besides loopback ones and the address it listens on.
     pub hosts: Vec<HostName>,
     /// The path below which the service is served.
@@ -90,6 +92,7 @@ impl ServerConfig {
             job_memory_bytes: crate::machine::memory_bytes().map(|bytes| bytes / 4 * 3),
             limits: Limits::default(),
             roles: Roles::default(),
+            node_address: None,
             hosts: Vec::new(),
             base_path: BasePath::default(),
             trusted_proxies: Vec::new(),
@@ -109,6 +112,11 @@ impl ServerConfig {
 }
 
 impl ServerConfig {
+    /// Whether several servers may share the work.
+    pub fn is_shared(&self) -> bool {
+        self.database.is_some() && self.objects.is_some()
+    }
+
     /// Whether others than programs of this machine reach the service: by its address, by a name that a proxy answers to, or
     /// by a proxy whatever name it uses.
     pub fn is_exposed(&self) -> bool {

@@ -107,6 +107,7 @@ impl From<EvaluationError> for Problem {
         let detail = error.to_string();
         match error {
             EvaluationError::NotReady(error) => error.into(),
+            EvaluationError::Elsewhere(error) => error.into(),
             EvaluationError::UnknownStandard(name) => unknown_standard(&name),
             EvaluationError::TooManyLabels => {
                 Problem::new(Code::TooManyLabels, detail, "ask for a part of the labels with label_prefix")

@@ -1,16 +1,17 @@
-//! The only HTTP client of the service: it sends messages to webhooks, fetches scans from where the operator allows, and serves
-//! `visage healthcheck`.
+//! The only HTTP client of the service: it sends messages to webhooks, fetches scans from where the operator allows, asks other servers of the
+//! same database, and serves `visage healthcheck`.
 //!
 //! - `dialer`: connections. Names are looked up here, and only addresses that may be asked are connected to, so that a name which
 //!   leads elsewhere a moment later (DNS rebinding) leads nowhere. No proxy of the environment is used
 //! - `courier`: messages to webhooks; of an answer nothing is read but its head
-//! - `download`: files
+//! - `download`: files; `peers`: questions to other servers
 //!
 //! No redirect is followed.
 
 mod courier;
 mod dialer;
 mod download;
+mod peers;
 #[cfg_attr(not(feature = "tls"), path = "no_tls.rs")]
 mod tls;
 
@@ -29,6 +30,7 @@ use visage_service::config::{Address, Host, HostName, WebhookSettings};
 pub use courier::HttpCourier;
 pub use dialer::Dialer;
 pub use download::{Download, download};
+pub use peers::HttpPeers;
 
 /// How long a service is waited for that is asked whether it is well.
 const PATIENCE: Duration = Duration::from_secs(3);

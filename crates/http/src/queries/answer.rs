@@ -6,12 +6,12 @@ use super::super::problem::Problem;
 use super::super::state::{AppState, blocking};
 use super::super::verdicts::{ExplanationView, ReasonView, VerdictView, places};
 use super::placing::{self, PlaceView};
-use super::question::{Asked, ClassVerdict, GalleryQuestion, Verdict, unknown_standard};
+use super::question::{Asked, ClassVerdict, GalleryQuestion, Verdict};
 use super::views::{MatchView, QueryAnswer};
 use visage_domain::MatchedModel;
 use visage_gallery::{Evidence, Match};
 use visage_service::app::placing::{Placed, Shows, surest_first};
-use visage_service::app::queries::{self, Answer, Grounds, Matches, QueryError};
+use visage_service::app::queries::{self, Answer, Grounds, Matches};
 
 /// The answer to what is asked.
 pub async fn answer(state: &AppState, asked: Asked) -> Result<QueryAnswer, Problem> {
@@ -23,7 +23,8 @@ pub async fn answer(state: &AppState, asked: Asked) -> Result<QueryAnswer, Probl
 }
 
 async fn ask_gallery(state: &AppState, mut asked: GalleryQuestion) -> Result<QueryAnswer, Problem> {
-    let Answer { mut matches, searched, pending, next } = queries::ask(&state.context, &asked.question).await?;
+    let answer = queries::ask(&state.context, &asked.question, asked.partial).await?;
+    let Answer { mut matches, searched, pending, is_partial, next } = answer;
     let mut laid = None;
     if let (Some(probe), Matches::Found(found)) = (asked.place.take(), &mut matches) {
         let models = found.iter().map(|(_, model)| model.id).collect();
@@ -53,7 +54,8 @@ async fn ask_gallery(state: &AppState, mut asked: GalleryQuestion) -> Result<Que
                 verdicts.collect()
             }
         };
-        QueryAnswer { matches, searched, pending, placed, next_cursor, verdict: None, explain: None }
+        let partial = is_partial.then_some(true);
+        QueryAnswer { matches, searched, pending, partial, placed, next_cursor, verdict: None, explain: None }
     })
     .await
 }
@@ -84,6 +86,7 @@ fn verdict_alone(verdict: VerdictView, explain: Option<ExplanationView>) -> Quer
         matches: Vec::new(),
         searched: 0,
         pending: 0,
+        partial: None,
         placed: None,
         next_cursor: None,
         verdict: Some(verdict),
@@ -138,16 +141,5 @@ fn judged_view(verdict: VerdictView, model: MatchedModel) -> MatchView {
         explain: None,
         place: None,
         href: model_views::address(model.id),
-    }
-}
-
-impl From<QueryError> for Problem {
-    fn from(error: QueryError) -> Self {
-        match error {
-            QueryError::NotReady(error) => error.into(),
-            QueryError::UnknownStandard(name) => unknown_standard(&name),
-            QueryError::Database(error) => error.into(),
-            QueryError::Task(error) => Problem::internal(error),
-        }
     }
 }

@@ -37,6 +37,7 @@ pub const RULES: FormRules = FormRules {
         "filter",
         "explain",
         "place",
+        "partial",
     ],
 };
 
@@ -56,6 +57,8 @@ pub struct GalleryQuestion {
     pub question: Question,
     /// Whether to tell each step's figure.
     pub explain: bool,
+    /// Whether an answer from a part of the gallery will do.
+    pub partial: bool,
     /// The probe that is to be laid onto the first matches, if that is asked for.
     pub place: Option<Probe>,
     /// What a cursor of this question carries.
@@ -92,7 +95,7 @@ impl GalleryQuestion {
     fn new(about: About, terms: Terms) -> Result<GalleryQuestion, Problem> {
         let fingerprint = fingerprint(&about, &terms);
         let after = terms.cursor.as_deref().map(|text| cursor::read(text, &fingerprint)).transpose()?;
-        let Terms { limit, threshold, only_matches, filter, words, explain, place, .. } = terms;
+        let Terms { limit, threshold, only_matches, filter, words, explain, place, partial, .. } = terms;
         let stored = match &about {
             About::Probe { stored, .. } => *stored,
             _ if place => return Err(place_of_probes()),
@@ -100,7 +103,7 @@ impl GalleryQuestion {
         };
         let place = stored.filter(|_| place).map(Probe::Stored);
         let question = Question { about, limit, threshold, only_matches, filter, words, after };
-        Ok(GalleryQuestion { question, explain, place, fingerprint })
+        Ok(GalleryQuestion { question, explain, partial, place, fingerprint })
     }
 }
 
@@ -129,6 +132,7 @@ pub async fn of_json(state: &AppState, body: QueryBody) -> Result<GalleryQuestio
         filter: body.filter,
         explain: body.explain,
         place: body.place,
+        partial: body.partial,
     };
     let terms = terms.checked()?;
     if standard.is_none() && method.is_some() {

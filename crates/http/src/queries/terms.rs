@@ -115,6 +115,8 @@ pub struct RawTerms {
     pub explain: Option<bool>,
     /// Whether to lay the probe onto the first matches.
     pub place: Option<bool>,
+    /// Whether an answer from a part of the gallery will do.
+    pub partial: Option<bool>,
 }
 
 impl RawTerms {
@@ -128,6 +130,7 @@ impl RawTerms {
             filter: form.text("filter")?.map(|t| parse_json("the part filter", t.as_bytes())).transpose()?,
             explain: form.text("explain")?.map(|text| truth("explain", text)).transpose()?,
             place: form.text("place")?.map(|text| truth("place", text)).transpose()?,
+            partial: form.text("partial")?.map(|text| truth("partial", text)).transpose()?,
         })
     }
 
@@ -153,6 +156,7 @@ impl RawTerms {
             filter: self.filter.map(FilterView::checked).transpose()?.unwrap_or_default(),
             explain: self.explain.unwrap_or(false),
             place: self.place.unwrap_or(false),
+            partial: self.partial.unwrap_or(false),
         })
     }
 }
@@ -176,6 +180,8 @@ pub struct Terms {
     pub explain: bool,
     /// Whether to lay the probe onto the first matches.
     pub place: bool,
+    /// Whether an answer from a part of the gallery will do.
+    pub partial: bool,
 }
 
 /// Forms hold text only, and Python writes `True`.

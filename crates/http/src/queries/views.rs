@@ -158,6 +158,9 @@ pub struct QueryBody {
     /// Tell where the stored model lies on the first five matches of the page (ten with `likeness: view`), how far the surfaces agree, and how sure it
     /// is that both are the same object: some seconds of work.
     pub place: Option<bool>,
+    /// Where several servers search the gallery and some of it can't be searched: answer with what the others find, marked as `partial`, rather
+    /// than with an error.
+    pub partial: Option<bool>,
 }
 
 /// The form by which an uploaded mesh or cloud is asked about. It is not stored.
@@ -201,6 +204,9 @@ pub struct ProbeForm {
     /// both are the same object: some seconds of work.
     #[schema(required = false)]
     place: bool,
+    /// Answer with what is found where some of the gallery can't be searched, marked as `partial`, rather than with an error.
+    #[schema(required = false)]
+    partial: bool,
 }
 
 /// One ranked answer.
@@ -260,6 +266,9 @@ pub struct QueryAnswer {
     /// Models that are not judged against the standard yet: while there are any, the answer is not complete. Always 0 for
     /// the face, probes and triangles.
     pub pending: u64,
+    /// True if a part of the gallery could not be searched and `partial` was asked for: its models are missing.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub partial: Option<bool>,
     /// How many matches of the page the probe was laid onto, if that was asked for: ten of a single scan at most, else five.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub placed: Option<usize>,

@@ -2,16 +2,19 @@
 
 use std::sync::Arc;
 
-use tokio::sync::Semaphore;
+use tokio::sync::{OnceCell, Semaphore};
 
 use super::engine::Engine;
 use super::live_gallery::LiveGallery;
 use super::looks::Looks;
 use super::monitor::JobMonitor;
+use super::search::Elsewhere;
+use super::search::peers::{NoPeers, Peers};
 use crate::config::ServerConfig;
 use crate::storage::inventory::Storage;
 use crate::storage::{Database, DatabaseError, ObjectStore};
 use crate::traces::{NoTraces, Traces};
+use visage_domain::NodeSecret;
 
 /// All that the service works with. Cheap to clone.
 #[derive(Clone)]
@@ -30,6 +33,10 @@ pub struct ServiceContext {
     pub config: Arc<ServerConfig>,
     /// Where spans of requests and jobs go on.
     pub traces: Arc<dyn Traces>,
+    /// Other servers of the same database.
+    pub peers: Arc<dyn Peers>,
+    /// What they show each other, once it was read.
+    pub(super) secret: Arc<OnceCell<Option<NodeSecret>>>,
     /// Looks at jobs that are under way.
     pub(super) looks: Arc<Looks>,
     /// One evaluation of the gallery at a time.
@@ -47,6 +54,8 @@ impl ServiceContext {
             monitor: Arc::default(),
             config,
             traces: Arc::new(NoTraces),
+            peers: Arc::new(NoPeers),
+            secret: Arc::default(),
             looks: Arc::default(),
             evaluating: Arc::new(Semaphore::new(1)),
         }
@@ -56,6 +65,16 @@ impl ServiceContext {
     pub async fn settled(&self) -> Result<(), DatabaseError> {
         self.database.settled().await;
         self.gallery.follow(self.database.as_ref()).await.map(drop)
+    }
+
+    /// What only servers of the same database know; `None` if there can't be others.
+    pub async fn node_secret(&self) -> Result<Option<NodeSecret>, DatabaseError> {
+        self.secret.get_or_try_init(|| self.database.node_secret()).await.cloned()
+    }
+
+    /// Whether the index is here, or will be when it is loaded: all of it, or this server's part.
+    pub fn has_index(&self) -> Result<(), Elsewhere> {
+        if self.config.roles.search { Ok(()) } else { Err(Elsewhere) }
     }
 
     /// The database and the files.

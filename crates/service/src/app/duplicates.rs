@@ -9,6 +9,7 @@ use super::context::ServiceContext;
 use super::live_gallery::NotReady;
 use super::model_file::{ModelFile, ModelFileError};
 use super::placing::{Placed, PlacingError, known_scale, placeable};
+use super::search::Elsewhere;
 use visage_domain::ModelId;
 use visage_gallery::Gallery;
 use visage_geometry::progress::Progress;
@@ -77,6 +78,9 @@ pub enum DuplicatesError {
     /// The index is still being loaded.
     #[error(transparent)]
     NotReady(#[from] NotReady),
+    /// The index is not here.
+    #[error(transparent)]
+    Elsewhere(#[from] Elsewhere),
     /// Surfaces can't be compared.
     #[error(transparent)]
     Placing(#[from] PlacingError),
@@ -90,6 +94,7 @@ pub enum DuplicatesError {
 
 /// Up to `limit` models that repeat an earlier one, from a position on. A page may hold fewer and yet not be the last: its work is bounded.
 pub async fn page(context: &ServiceContext, from: Position, limit: usize) -> Result<Page, DuplicatesError> {
+    context.has_index()?;
     let (mut page, mut at, mut compared) = (Page { duplicates: Vec::new(), searched: 0, next: None }, from, 0);
     while page.duplicates.len() < limit && page.searched < LOOKED_UP {
         let Some((model, earlier)) = candidates(context, at).await? else { return Ok(page) };

@@ -8,7 +8,7 @@
 //! - [`access`]: who asks: keys and sessions
 //! - [`retention`]: what is old is deleted
 //! - [`webhooks`]: who wants to know is told
-//! - [`queries`]: the gallery is asked
+//! - [`queries`]: the gallery is asked; [`search`]: by several servers, each of which has a part of it
 //! - [`placing`]: where a probe lies on what was found; [`deviation`]: how far models of one frame are from each other;
 //!   [`duplicates`]: models that are there twice; [`model_file`]: what is measured on
 //! - [`evaluations`]: how well the gallery's answers agree with its labels
@@ -44,6 +44,7 @@ pub mod recycle_bin;
 pub mod renditions;
 pub mod retention;
 pub mod scan_sets;
+pub mod search;
 pub mod shared_reads;
 pub mod standards;
 pub mod tracker;

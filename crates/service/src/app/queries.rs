@@ -5,9 +5,11 @@ use std::collections::{HashMap, HashSet};
 use super::context::ServiceContext;
 use super::live_gallery::NotReady;
 use super::placing::Shows;
+use super::search::message::Found;
+use super::search::{Elsewhere, scatter};
 use super::standards::{self, Ranking};
 use crate::storage::DatabaseError;
-use visage_domain::{MatchedModel, ModelId, StandardRecord, StoredVerdict};
+use visage_domain::{MatchedModel, ModelId, PARTS, Parts, StandardRecord, StoredVerdict};
 use visage_gallery::{
     Comparison, Evidence, Filter, Gallery, Likeness, Match, PROBE_MATCH_SCORE, Rank, Reason, TopK, compare,
     triangle_match_score,
@@ -84,6 +86,8 @@ pub struct Answer {
     pub searched: usize,
     /// Models that are yet to be judged: the answer is not complete until there are none.
     pub pending: u64,
+    /// Whether a part of the gallery was not searched, which was agreed to.
+    pub is_partial: bool,
     /// The rank of the last match, if there are more.
     pub next: Option<Rank>,
 }
@@ -110,6 +114,15 @@ pub enum QueryError {
     /// The index is still being loaded.
     #[error(transparent)]
     NotReady(#[from] NotReady),
+    /// Nobody who answers has a part of the gallery.
+    #[error("no server that answers has {missing} of the {PARTS} parts of the gallery")]
+    NotSearched {
+        /// How many parts.
+        missing: usize,
+    },
+    /// The index is not here.
+    #[error(transparent)]
+    Elsewhere(#[from] Elsewhere),
     /// There is no standard of this name.
     #[error("there is no standard {0:?}")]
     UnknownStandard(String),
@@ -121,37 +134,58 @@ pub enum QueryError {
     Task(#[from] tokio::task::JoinError),
 }
 
-/// Asks the gallery as it is at this moment.
-pub async fn ask(context: &ServiceContext, question: &Question) -> Result<Answer, QueryError> {
+/// Asks the gallery as it is at this moment. `partial` agrees to an answer from what can be searched, where a part can't.
+pub async fn ask(context: &ServiceContext, question: &Question, partial: bool) -> Result<Answer, QueryError> {
     context.settled().await?;
     match &question.about {
         About::Standard { name } => ask_verdicts(context, question, name).await,
-        _ => ask_gallery(context, question).await,
+        _ => ask_gallery(context, question, partial).await,
     }
 }
 
-async fn ask_gallery(context: &ServiceContext, question: &Question) -> Result<Answer, QueryError> {
+async fn ask_gallery(context: &ServiceContext, question: &Question, partial: bool) -> Result<Answer, QueryError> {
+    let (mut matches, searched, missing) = match context.has_index() {
+        Ok(()) => {
+            let Found { parts, searched, matches } = found_here(context, question, Parts::ALL).await?;
+            (matches, searched, Parts::ALL.without(&parts))
+        }
+        Err(Elsewhere) => {
+            let found = scatter::ask(context, question).await?;
+            (found.matches, found.searched, found.missing)
+        }
+    };
+    if !missing.is_empty() && !partial {
+        return Err(QueryError::NotSearched { missing: missing.len() });
+    }
+    let next = cut(&mut matches, question.limit, |found| Rank { score: found.score, model_id: found.model_id });
+    let models = models(context, matches.iter().map(|found| ModelId::from_number(found.model_id))).await?;
+    let matches = with_models(matches, models, |found| ModelId::from_number(found.model_id));
+    Ok(Answer { matches: Matches::Found(matches), searched, pending: 0, is_partial: !missing.is_empty(), next })
+}
+
+/// Searches those of some parts of the gallery that the index of this server has: as it is at this moment, without looking at the database first.
+pub async fn found_here(context: &ServiceContext, question: &Question, parts: Parts) -> Result<Found, QueryError> {
     let named = named(context, question).await?;
     let (gallery, asked, span) = (context.gallery.clone(), question.clone(), tracing::Span::current());
     let search = move || {
         let _entered = span.enter();
-        gallery.ask(|index| {
+        gallery.ask_parts(&parts, |index, parts| {
             let catalogue = gallery.catalogue();
             let accepts = |id| is_named(named.as_ref(), id) && catalogue.takes(&asked.filter, id);
-            (asked.matches(index, &asked.top_k(&accepts)), index.len())
+            Found { parts, searched: index.len(), matches: asked.matches(index, &asked.top_k(&accepts)) }
         })
     };
-    let (mut matches, searched) = tokio::task::spawn_blocking(search).await??;
-    let next = cut(&mut matches, question.limit, |found| Rank { score: found.score, model_id: found.model_id });
-    let models = models(context, matches.iter().map(|found| ModelId::from_number(found.model_id))).await?;
-    let matches = with_models(matches, models, |found| ModelId::from_number(found.model_id));
-    Ok(Answer { matches: Matches::Found(matches), searched, pending: 0, next })
+    Ok(tokio::task::spawn_blocking(search).await??)
 }
 
 /// The models of a class that a user has made: they are judged by a job and ranked by what it stored.
 async fn ask_verdicts(context: &ServiceContext, question: &Question, name: &str) -> Result<Answer, QueryError> {
     // behind a filter, or on a later page, the wanted models may stand anywhere in the ranking
     let is_first = question.filter.is_empty() && question.words.is_empty() && question.after.is_none();
+    if !question.filter.is_empty() {
+        // what filters ask stands beside the index
+        context.has_index()?;
+    }
     let named = named(context, question).await?;
     let rows = if is_first { question.limit + 1 } else { i64::MAX as usize };
     let ranking = standards::ranking(context, name, rows).await?;
@@ -175,7 +209,7 @@ async fn ask_verdicts(context: &ServiceContext, question: &Question, name: &str)
     let verdicts = with_models(verdicts, models, |verdict| verdict.model_id);
     let searched = usize::try_from(judged).unwrap_or(usize::MAX);
     let matches = Matches::Judged { standard: Box::new(standard), learned, verdicts };
-    Ok(Answer { matches, searched, pending, next })
+    Ok(Answer { matches, searched, pending, is_partial: false, next })
 }
 
 /// The models that have all words of the question; `None` if it has no words. Names are not in the index: the database knows them.
@@ -337,10 +371,10 @@ mod tests {
             let file = file(&context, b"a mesh").await;
             models::add(&context, Upload { model, file, thumbnail: None, signature }, None).await.expect("added");
         }
-        let all = ask(&context, &about_face(3, None)).await.expect("answered");
+        let all = ask(&context, &about_face(3, None), false).await.expect("answered");
         assert_eq!((found(&all).len(), all.searched, all.next), (3, 3, None));
-        let first = ask(&context, &about_face(2, None)).await.expect("answered");
-        let second = ask(&context, &about_face(2, first.next)).await.expect("answered");
+        let first = ask(&context, &about_face(2, None), false).await.expect("answered");
+        let second = ask(&context, &about_face(2, first.next), false).await.expect("answered");
         assert_eq!([found(&first), found(&second)].concat(), found(&all));
         assert_eq!(second.next, None);
     }
@@ -363,15 +397,15 @@ mod tests {
             words: words.iter().map(|word| (*word).to_owned()).collect(),
             ..about_face(limit, after)
         };
-        let all = names(&ask(&context, &about_face(9, None)).await.expect("answered"));
+        let all = names(&ask(&context, &about_face(9, None), false).await.expect("answered"));
         let red: Vec<String> = all.iter().filter(|name| *name != "a head").cloned().collect();
-        let found = ask(&context, &with(&["RED"], 9, None)).await.expect("answered");
+        let found = ask(&context, &with(&["RED"], 9, None), false).await.expect("answered");
         assert_eq!((names(&found), found.searched), (red.clone(), 4));
-        let jugs = names(&ask(&context, &with(&["jug", "red"], 9, None)).await.expect("answered"));
+        let jugs = names(&ask(&context, &with(&["jug", "red"], 9, None), false).await.expect("answered"));
         assert_eq!(jugs.len(), 2, "{jugs:?}");
-        assert!(names(&ask(&context, &with(&["blue"], 9, None)).await.expect("answered")).is_empty());
-        let first = ask(&context, &with(&["red"], 2, None)).await.expect("answered");
-        let rest = ask(&context, &with(&["red"], 2, first.next)).await.expect("answered");
+        assert!(names(&ask(&context, &with(&["blue"], 9, None), false).await.expect("answered")).is_empty());
+        let first = ask(&context, &with(&["red"], 2, None), false).await.expect("answered");
+        let rest = ask(&context, &with(&["red"], 2, first.next), false).await.expect("answered");
         assert_eq!([names(&first), names(&rest)].concat(), red);
     }
 
@@ -379,7 +413,7 @@ mod tests {
     async fn a_standard_that_is_not_there_is_named() {
         let (context, _place) = context().await;
         let question = Question { about: About::Standard { name: "teapot".to_owned() }, ..about_face(1, None) };
-        let error = ask(&context, &question).await.expect_err("there is none");
+        let error = ask(&context, &question, false).await.expect_err("there is none");
         assert_eq!(error.to_string(), "there is no standard \"teapot\"");
     }
 }

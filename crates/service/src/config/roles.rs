@@ -12,6 +12,8 @@ pub enum Role {
     Api,
     /// Runs jobs.
     Worker,
+    /// Searches the gallery: for itself if it answers requests, and for others that leave that.
+    Search,
 }
 
 impl Role {
@@ -35,11 +37,13 @@ pub struct Roles {
     pub api: bool,
     /// Whether it runs jobs.
     pub worker: bool,
+    /// Whether it has the index: all of it if it answers requests, else a part.
+    pub search: bool,
 }
 
 impl Default for Roles {
     fn default() -> Self {
-        Roles { api: true, worker: true }
+        Roles { api: true, worker: true, search: true }
     }
 }
 
@@ -48,7 +52,10 @@ impl Roles {
     pub fn of(roles: &[Role]) -> Roles {
         match roles {
             [] => Roles::default(),
-            roles => Roles { api: roles.contains(&Role::Api), worker: roles.contains(&Role::Worker) },
+            roles => {
+                let has = |role| roles.contains(&role);
+                Roles { api: has(Role::Api), worker: has(Role::Worker), search: has(Role::Search) }
+            }
         }
     }
 
@@ -57,6 +64,7 @@ impl Roles {
         let has = move |role: &Role| match role {
             Role::Api => self.api,
             Role::Worker => self.worker,
+            Role::Search => self.search,
         };
         Role::ALL.iter().copied().filter(has)
     }

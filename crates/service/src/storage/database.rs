@@ -7,6 +7,7 @@
 mod imports;
 mod others;
 mod recycle_bin;
+mod searchers;
 mod upkeep;
 mod webhooks;
 
@@ -21,13 +22,15 @@ use visage_domain::{
     AssetRecord, AuditEntry, AuditFilter, Backlog, CancelAnswer, Claimant, Examples, FileId, Finish, JobClaim,
     JobFilter, JobId, JobRecord, KeyId, KeyRecord, KnownFiles, LooseFile, MatchedModel, ModelFacets, ModelFilter,
     ModelId, ModelRecord, NewJob, NewKey, NewModel, NewScanSet, NewSession, NewStandard, NewSurfaceJob, Outdated, Page,
-    PageRequest, PoseFile, PutScan, Replay, ReplayKey, ScanRecord, ScanSetId, ScanSetRecord, SecretHash, SegmentId,
-    SegmentRecord, SessionId, StandardId, StandardRecord, StoredContent, StoredFile, StoredSignature, StoredVerdict,
-    Unfiled, UploadId, UploadRecord,
+    PageRequest, Parts, PoseFile, PutScan, Replay, ReplayKey, ScanRecord, ScanSetId, ScanSetRecord, SecretHash,
+    SegmentId, SegmentRecord, SessionId, StandardId, StandardRecord, StoredContent, StoredFile, StoredSignature,
+    StoredVerdict, Unfiled, UploadId, UploadRecord,
 };
 use visage_shape::standards::Standard;
 
-pub use self::{imports::Imports, others::*, recycle_bin::RecycleBin, upkeep::Upkeep, webhooks::Webhooks};
+pub use self::{
+    imports::Imports, others::*, recycle_bin::RecycleBin, searchers::Searchers, upkeep::Upkeep, webhooks::Webhooks,
+};
 
 /// A database: everything that the service keeps besides files.
 pub trait Database:
@@ -50,6 +53,7 @@ pub trait Database:
     + Webhooks
     + Upkeep
     + Others
+    + Searchers
     + Debug
     + Send
     + Sync
@@ -253,8 +257,16 @@ pub trait Segments {
     /// The files that count.
     async fn segments(&self) -> Result<Vec<SegmentRecord>, DatabaseError>;
 
-    /// Up to `limit` unfiled models, in the order of their ids, those after the given one.
-    async fn unfiled_after(&self, after: Option<ModelId>, limit: usize) -> Result<Vec<Unfiled>, DatabaseError>;
+    /// Up to `limit` unfiled models of some parts, in the order of their ids, those after the given one.
+    async fn unfiled_after(
+        &self,
+        parts: &Parts,
+        after: Option<ModelId>,
+        limit: usize,
+    ) -> Result<Vec<Unfiled>, DatabaseError>;
+
+    /// Makes all models of some parts unfiled, whatever files tell of them: the index is about to forget them.
+    async fn unfile_parts(&self, parts: &Parts) -> Result<(), DatabaseError>;
 
     /// From now on files count, and others no longer: at once.
     async fn swap_segments(&self, new: &[SegmentRecord], old: &[SegmentId]) -> Result<(), DatabaseError>;

@@ -12,6 +12,7 @@ use std::collections::BTreeMap;
 
 use super::context::ServiceContext;
 use super::live_gallery::NotReady;
+use super::search::Elsewhere;
 use super::standards;
 use crate::storage::DatabaseError;
 use visage_domain::StoredVerdict;
@@ -104,6 +105,9 @@ pub enum EvaluationError {
     /// The index is still being loaded.
     #[error(transparent)]
     NotReady(#[from] NotReady),
+    /// The index is not here.
+    #[error(transparent)]
+    Elsewhere(#[from] Elsewhere),
     /// There is no standard of this name.
     #[error("there is no standard {0:?}")]
     UnknownStandard(String),
@@ -126,6 +130,7 @@ pub enum EvaluationError {
 
 /// Evaluates the gallery as it is at this moment; may take minutes, and others can use it meanwhile.
 pub async fn run(context: &ServiceContext, question: Question) -> Result<Evaluation, EvaluationError> {
+    context.has_index()?;
     context.settled().await?;
     let judged = match by_name(&question.standard) {
         Some(_) => None,

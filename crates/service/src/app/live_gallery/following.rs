@@ -24,6 +24,14 @@ pub enum Following {
     Alone,
 }
 
+/// What a change that others have committed has made of a model.
+enum Became {
+    Described(Box<(Signature, ModelFacets)>),
+    Gone,
+    /// Its part is searched by others.
+    Outdated,
+}
+
 impl LiveGallery {
     /// Takes in what was committed before this call.
     pub async fn follow(&self, database: &dyn Database) -> Result<Following, DatabaseError> {
@@ -35,6 +43,13 @@ impl LiveGallery {
             });
         }
         let Some(version) = database.gallery_version().await? else { return Ok(Following::Alone) };
+        self.follow_to(database, version).await?;
+        Ok(Following::Followed)
+    }
+
+    /// Takes in what was committed up to a version of the gallery, unless that is done. False if that can't be: it is not loaded, or the
+    /// database has no such version.
+    pub async fn follow_to(&self, database: &dyn Database, version: u64) -> Result<bool, DatabaseError> {
         let mut followed = Arc::clone(&self.shared.followed).lock_owned().await;
         while *followed < version && self.is_ready() {
             let Some(changes) = database.gallery_changes(*followed, PAGE).await? else {
@@ -42,6 +57,9 @@ impl LiveGallery {
                 self.give_up();
                 break;
             };
+            if changes.version <= *followed {
+                break;
+            }
             let live = self.clone();
             // nobody may overtake it, also when whoever wanted it has left
             let taken_in = move || {
@@ -51,7 +69,7 @@ impl LiveGallery {
             };
             followed = off_thread(taken_in).await?;
         }
-        Ok(Following::Followed)
+        Ok(*followed >= version && self.is_ready())
     }
 
     /// Before all of it is loaded: what is committed from now on is looked at again afterwards.
@@ -106,18 +124,22 @@ impl LiveGallery {
         let read: Vec<_> = models
             .into_par_iter()
             .map(|Unfiled { id, signature }| {
+                if !self.wants(id) {
+                    return (id, Became::Outdated);
+                }
                 let signature = signature.and_then(|(content, facets)| match content {
                     StoredContent::Whole(content) => Some((Signature::from_bytes(&content).ok()?, facets)),
                     StoredContent::Damaged => None,
                 });
-                (id, signature)
+                // it is gone, or waits to be made anew as after a start
+                (id, signature.map_or(Became::Gone, |known| Became::Described(Box::new(known))))
             })
             .collect();
-        for (id, signature) in read {
-            match signature {
-                Some((signature, facets)) => self.put(id, signature, &facets),
-                // it is gone, or waits to be made anew as after a start
-                None => self.remove(id),
+        for (id, became) in read {
+            match became {
+                Became::Described(known) => self.put(id, known.0, &known.1),
+                Became::Gone => self.remove(id),
+                Became::Outdated => self.change(Change::Outdate(id)),
             }
         }
     }

@@ -3,11 +3,12 @@
 use rayon::prelude::*;
 
 use super::files::{FilingError, SegmentFiles};
+use super::index::Index;
 use super::{facets_of, off_thread};
 use crate::storage::inventory::Storage;
 use crate::storage::{Database, DatabaseError, ObjectStore};
 use std::sync::Arc;
-use visage_domain::{ModelFacets, ModelId, SegmentId, StoredContent, Unfiled};
+use visage_domain::{ModelFacets, ModelId, Parts, SegmentId, StoredContent, Unfiled, part_of_number};
 use visage_gallery::gallery::FULL_SEGMENT;
 use visage_gallery::{Catalogue, Gallery, IndexedModel};
 use visage_shape::faces::Signature;
@@ -19,8 +20,15 @@ pub(super) const PAGE: usize = 4096;
 #[derive(Debug)]
 pub(super) struct Loading {
     files: Arc<SegmentFiles>,
-    pub gallery: Gallery,
-    pub catalogue: Catalogue,
+    gallery: Gallery,
+    catalogue: Catalogue,
+    /// The parts that are made whole.
+    parts: Parts,
+    /// The parts of which files may tell something.
+    present: Parts,
+    /// Beside a gallery that is searched meanwhile: the models that are made anew or are gone. Whatever that has of them is older. Files are
+    /// its business.
+    beside: Option<Vec<ModelId>>,
     waiting: Vec<IndexedModel>,
     damaged: Vec<ModelId>,
     /// Unfiled models that are in no file and have no signature.
@@ -29,10 +37,10 @@ pub(super) struct Loading {
 
 impl Loading {
     /// Maps the files that count. What is lost of them is unfiled from then on, and files that don't count are removed.
-    pub async fn mapped(storage: &Storage, files: Arc<SegmentFiles>) -> Result<Loading, DatabaseError> {
+    pub async fn mapped(storage: &Storage, files: Arc<SegmentFiles>, parts: Parts) -> Result<Loading, DatabaseError> {
         storage.database.keep_index().await?;
         let records = storage.database.segments().await?;
-        let mut loading = Loading::new(files.clone());
+        let mut loading = Loading { parts, present: Parts::ALL, ..Loading::new(files.clone()) };
         let (mapped, lost) = off_thread(move || {
             let opened: Vec<_> = records.into_par_iter().map(|record| (record.id, files.open(record))).collect();
             let (mut mapped, mut lost) = (Vec::new(), Vec::new());
@@ -56,23 +64,43 @@ impl Loading {
         loading.lose(storage.database.as_ref(), &lost.into_iter().map(|(id, _)| id).collect::<Vec<_>>()).await?;
         let objects = Arc::clone(&storage.objects);
         off_thread(move || remove_others(objects.as_ref(), &used)).await?;
+        if parts != Parts::ALL {
+            loading.look_through();
+        }
         Ok(loading)
+    }
+
+    /// Finds out which parts files tell of, and takes out models that several of them tell: such a model is unfiled, so it is made anew when its part
+    /// is made whole, but segments may be merged before, and one that becomes of two may not have a model twice.
+    fn look_through(&mut self) {
+        let mut told: Vec<u128> = self.gallery.segments().flat_map(|segment| segment.ids().to_vec()).collect();
+        self.present = told.iter().map(|id| part_of_number(*id)).collect();
+        told.par_sort_unstable();
+        for double in told.windows(2).filter(|ids| ids[0] == ids[1]) {
+            while self.gallery.remove(double[0]) {}
+        }
     }
 
     /// Goes on from a gallery that has lost files.
     pub async fn without(
         storage: &Storage,
         files: Arc<SegmentFiles>,
-        mut gallery: Gallery,
+        index: Index,
         lost: SegmentId,
     ) -> Result<Loading, DatabaseError> {
+        let Index { mut gallery, whole, present } = index;
         gallery.detach(lost.number());
         files.lose(lost);
-        let loading = Loading { gallery, ..Loading::new(files) };
+        let loading = Loading { gallery, parts: whole, present, ..Loading::new(files) };
         loading.lose(storage.database.as_ref(), &[lost]).await?;
         let objects = Arc::clone(&storage.objects);
         off_thread(move || objects.remove_segment(lost)).await?.unwrap_or_else(|error| tracing::warn!("{error}"));
         Ok(loading)
+    }
+
+    /// Makes parts whole beside a gallery that is searched meanwhile.
+    pub fn beside(files: Arc<SegmentFiles>, parts: Parts) -> Loading {
+        Loading { parts, present: parts, beside: Some(Vec::new()), ..Loading::new(files) }
     }
 
     fn new(files: Arc<SegmentFiles>) -> Loading {
@@ -80,6 +108,9 @@ impl Loading {
             files,
             gallery: Gallery::default(),
             catalogue: Catalogue::default(),
+            parts: Parts::NONE,
+            present: Parts::NONE,
+            beside: None,
             waiting: Vec::new(),
             damaged: Vec::new(),
             nowhere: Vec::new(),
@@ -98,10 +129,11 @@ impl Loading {
 
     /// Makes of signatures what no file tells, page by page.
     pub async fn filled(mut self, database: &dyn Database) -> Result<Loading, DatabaseError> {
-        let mut page = database.unfiled_after(None, PAGE).await?;
+        let parts = self.parts;
+        let mut page = database.unfiled_after(&parts, None, PAGE).await?;
         while let Some(last) = page.last().map(|model| model.id) {
             let loading = self;
-            let next = database.unfiled_after(Some(last), PAGE);
+            let next = database.unfiled_after(&parts, Some(last), PAGE);
             let (next, taken) = tokio::join!(next, off_thread(move || loading.taking(page)));
             (page, self) = (next?, taken?);
             tracing::debug!(models = self.models(), "the gallery is being loaded");
@@ -109,6 +141,12 @@ impl Loading {
         database.give_up_signatures(&self.damaged).await?;
         database.forget_unfiled(&self.nowhere).await?;
         off_thread(move || self.finished()).await
+    }
+
+    /// What is searched from now on, what filters ask of it, and the models of which a gallery beside has something older.
+    pub fn into_index(self) -> (Index, Catalogue, Vec<ModelId>) {
+        let older = self.beside.unwrap_or_default();
+        (Index { gallery: self.gallery, whole: self.parts, present: self.present }, self.catalogue, older)
     }
 
     fn models(&self) -> usize {
@@ -142,12 +180,15 @@ impl Loading {
     fn forget(&mut self, id: ModelId) -> bool {
         while self.gallery.remove(id.number()) {}
         self.catalogue.remove(id.number());
+        self.beside.iter_mut().for_each(|older| older.push(id));
         self.files.knows(id)
     }
 
     fn append(&mut self) {
         self.gallery.append(&std::mem::take(&mut self.waiting));
-        if let Err(error) = self.store() {
+        if self.beside.is_none()
+            && let Err(error) = self.store()
+        {
             not_stored(&error);
         }
     }

@@ -9,6 +9,8 @@
 
 pub mod files;
 mod following;
+mod holding;
+mod index;
 mod loading;
 
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -19,42 +21,19 @@ use crate::storage::DatabaseError;
 use crate::storage::inventory::Storage;
 use files::{FilingError, SegmentFiles};
 pub use following::Following;
+use index::{Acquiring, Change, Index, State};
 use loading::{Loading, not_stored, told};
 use visage_domain::asset::Origin;
-use visage_domain::{ModelFacets, ModelId, SegmentId};
+use visage_domain::{ModelFacets, ModelId, Parts, SegmentId, part_of};
 use visage_gallery::{Catalogue, Facets, Gallery, IndexedModel, Source};
 use visage_shape::faces::Signature;
-
-/// A change that came before the index was ready.
-#[derive(Debug)]
-enum Change {
-    Put(Box<IndexedModel>),
-    Remove(ModelId),
-}
-
-impl Change {
-    fn make(&self, gallery: &mut Gallery) {
-        match self {
-            Change::Put(entry) => gallery.put(entry),
-            Change::Remove(id) => {
-                gallery.remove(id.number());
-            }
-        }
-    }
-}
-
-#[derive(Debug)]
-enum State {
-    Loading(Vec<Change>),
-    Ready(Gallery),
-}
 
 #[derive(Debug)]
 struct Shared {
     /// Held for moments only.
     state: RwLock<State>,
     /// Held by whoever makes the next gallery.
-    changing: Mutex<()>,
+    changing: Mutex<Acquiring>,
     /// What filters ask of the models.
     catalogue: RwLock<Catalogue>,
     /// Whether a thread merges segments.
@@ -71,6 +50,8 @@ struct Shared {
     followed: Arc<tokio::sync::Mutex<u64>>,
     /// Rings when what was lost could not be made anew.
     lost: tokio::sync::Notify,
+    /// Whether it has had all parts that it is to have.
+    is_settled: AtomicBool,
 }
 
 /// The index over all stored signatures. Cheap to clone; readers wait for nobody.
@@ -85,7 +66,7 @@ impl Default for LiveGallery {
         LiveGallery {
             shared: Arc::new(Shared {
                 state,
-                changing: Mutex::new(()),
+                changing: Mutex::default(),
                 catalogue: RwLock::default(),
                 merging: AtomicBool::new(false),
                 is_stuck: AtomicBool::new(false),
@@ -94,6 +75,7 @@ impl Default for LiveGallery {
                 loading: tokio::sync::Mutex::default(),
                 followed: Arc::default(),
                 lost: tokio::sync::Notify::new(),
+                is_settled: AtomicBool::new(false),
             }),
         }
     }
@@ -109,6 +91,11 @@ impl LiveGallery {
     /// added or deleted meanwhile are seen afterwards. Signatures of another version and damaged ones are left out: their models are
     /// kept, but not found until described anew. Nothing is done if it is loaded already.
     pub async fn load(&self, storage: &Storage) -> Result<usize, DatabaseError> {
+        self.load_parts(storage, Parts::ALL).await
+    }
+
+    /// The same with what files don't tell of some parts alone: only these are whole then.
+    pub async fn load_parts(&self, storage: &Storage, parts: Parts) -> Result<usize, DatabaseError> {
         let _loading = self.shared.loading.lock().await;
         if let Some(gallery) = self.gallery() {
             return Ok(gallery.len());
@@ -116,7 +103,7 @@ impl LiveGallery {
         let files = Arc::new(SegmentFiles::of(storage));
         *self.shared.files.write().unwrap_or_else(PoisonError::into_inner) = Some(files.clone());
         self.follow_from_here(storage.database.as_ref()).await?;
-        let loading = Loading::mapped(storage, files).await?;
+        let loading = Loading::mapped(storage, files, parts).await?;
         self.finish(storage, loading).await
     }
 
@@ -147,7 +134,9 @@ impl LiveGallery {
 
     /// Answers nothing until all of it has been loaded again.
     pub fn give_up(&self) {
-        let changing = self.changing();
+        let mut changing = self.changing();
+        // whoever acquires parts has to begin anew
+        *changing = Acquiring::default();
         if self.is_ready() {
             *self.write() = State::Loading(Vec::new());
             *self.write_catalogue() = Catalogue::default();
@@ -172,13 +161,13 @@ impl LiveGallery {
     async fn made_without(&self, storage: &Storage, lost: SegmentId) -> Result<(), DatabaseError> {
         let _loading = self.shared.loading.lock().await;
         let Some(files) = self.files() else { return Ok(()) };
-        let gallery = {
+        let index = {
             let _changing = self.changing();
-            let Some(gallery) = self.gallery() else { return Ok(()) };
+            let Some(index) = self.index() else { return Ok(()) };
             *self.write() = State::Loading(Vec::new());
-            gallery
+            index
         };
-        let loading = Loading::without(storage, files, gallery, lost).await?;
+        let loading = Loading::without(storage, files, index, lost).await?;
         self.finish(storage, loading).await.map(drop)
     }
 
@@ -196,7 +185,7 @@ impl LiveGallery {
 
     /// Brings the loaded gallery up to date and answers queries from then on; gives the number of models.
     fn open(&self, loading: Loading) -> usize {
-        let Loading { mut gallery, catalogue, .. } = loading;
+        let (mut index, catalogue, _) = loading.into_index();
         self.write_catalogue().append(catalogue);
         loop {
             let mut state = self.write();
@@ -205,17 +194,17 @@ impl LiveGallery {
                 State::Ready(_) => Vec::new(),
             };
             if changes.is_empty() {
-                let models = gallery.len();
-                *state = State::Ready(gallery);
+                let models = index.gallery.len();
+                *state = State::Ready(index);
                 return models;
             }
             // more may come while these are made
             drop(state);
             for change in &changes {
-                if let Change::Remove(id) = change {
-                    self.write_catalogue().remove(id.number());
+                if !change.puts_into(&index) {
+                    self.write_catalogue().remove(change.model().number());
                 }
-                change.make(&mut gallery);
+                change.make(&mut index);
             }
         }
     }
@@ -251,26 +240,33 @@ impl LiveGallery {
     }
 
     fn gallery(&self) -> Option<Gallery> {
+        self.index().map(|index| index.gallery)
+    }
+
+    fn index(&self) -> Option<Index> {
         match &*self.read() {
             State::Loading(_) => None,
-            State::Ready(gallery) => Some(gallery.clone()),
+            State::Ready(index) => Some(index.clone()),
         }
     }
 
     fn change(&self, change: Change) {
-        let changing = self.changing();
-        let Some(mut gallery) = self.gallery() else {
+        let mut changing = self.changing();
+        if changing.parts.hold(part_of(change.model())) {
+            return changing.keep(change);
+        }
+        let Some(mut index) = self.index() else {
             let mut state = self.write();
             match &mut *state {
                 State::Loading(changes) => changes.push(change),
                 // loaded between the two looks
-                State::Ready(gallery) => change.make(gallery),
+                State::Ready(index) => change.make(index),
             }
             return;
         };
-        change.make(&mut gallery);
-        let is_due = gallery.due().is_some() || (!self.is_stuck() && gallery.to_be_stored().is_some());
-        self.replace(gallery);
+        change.make(&mut index);
+        let is_due = index.gallery.due().is_some() || (!self.is_stuck() && index.gallery.to_be_stored().is_some());
+        self.replace(index);
         drop(changing);
         if is_due {
             self.merge_beside();
@@ -359,16 +355,16 @@ impl LiveGallery {
     /// Puts the gallery with a change in the place of the one before, if it is loaded.
     fn update(&self, change: impl FnOnce(&mut Gallery) -> bool) {
         let _changing = self.changing();
-        if let Some(mut gallery) = self.gallery()
-            && change(&mut gallery)
+        if let Some(mut index) = self.index()
+            && change(&mut index.gallery)
         {
-            self.replace(gallery);
+            self.replace(index);
         }
     }
 
     /// The gallery before is dropped after the lock is.
-    fn replace(&self, gallery: Gallery) {
-        let before = std::mem::replace(&mut *self.write(), State::Ready(gallery));
+    fn replace(&self, index: Index) {
+        let before = std::mem::replace(&mut *self.write(), State::Ready(index));
         drop(before);
     }
 
@@ -380,7 +376,7 @@ impl LiveGallery {
         self.shared.state.write().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn changing(&self) -> MutexGuard<'_, ()> {
+    fn changing(&self) -> MutexGuard<'_, Acquiring> {
         self.shared.changing.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -415,5 +411,7 @@ fn revision(content: &[u8]) -> u128 {
     u128::from_be_bytes(first)
 }
 
+#[cfg(test)]
+mod holding_tests;
 #[cfg(test)]
 mod tests;

@@ -13,13 +13,13 @@ use visage_gallery::TopK;
 use visage_shape::faces::signature::example::example;
 
 /// A database and files that outlive the galleries that are loaded from them.
-struct Place {
-    storage: Storage,
+pub(super) struct Place {
+    pub storage: Storage,
     database: SqlitePlace,
 }
 
 impl Place {
-    async fn new() -> Place {
+    pub async fn new() -> Place {
         let database = SqlitePlace::new().await;
         let storage = Storage { database: database.open(SeatId::new()).await, objects: MemoryPlace::new().open() };
         storage.database.keep_index().await.expect("a node");
@@ -27,24 +27,24 @@ impl Place {
     }
 
     /// A process that has loaded the gallery, and merges only when it is told to.
-    async fn process(&self) -> LiveGallery {
+    pub async fn process(&self) -> LiveGallery {
         let live = LiveGallery::default();
         live.shared.merging.store(true, SeqCst);
         live.load(&self.storage).await.expect("loaded");
         live
     }
 
-    async fn store(&self, models: &[NewModel]) {
+    pub async fn store(&self, models: &[NewModel]) {
         self.storage.database.create_models(models).await.expect("stored");
     }
 
-    async fn delete(&self, live: &LiveGallery, id: ModelId) {
+    pub async fn delete(&self, live: &LiveGallery, id: ModelId) {
         drop(self.storage.database.delete_model(id).await.expect("deleted"));
         live.remove(id);
     }
 
     /// Everything that the gallery and a new one over what is stored answer to some questions, which must be the same.
-    async fn is_exact(&self, live: &LiveGallery) {
+    pub async fn is_exact(&self, live: &LiveGallery) {
         let stored = self.storage.database.signatures_after(None, 100_000).await.expect("read");
         let signatures = stored.into_iter().map(|(id, content)| match content {
             visage_domain::StoredContent::Whole(content) => {
@@ -62,7 +62,7 @@ impl Place {
         }
     }
 
-    async fn files(&self) -> (usize, usize) {
+    pub async fn files(&self) -> (usize, usize) {
         let listed = self.storage.database.segments().await.expect("read").len();
         (listed, self.storage.objects.segment_listing().expect("listed").len())
     }
@@ -79,12 +79,12 @@ impl Place {
     }
 
     async fn unfiled(&self) -> usize {
-        self.storage.database.unfiled_after(None, 100_000).await.expect("read").len()
+        self.storage.database.unfiled_after(&visage_domain::Parts::ALL, None, 100_000).await.expect("read").len()
     }
 }
 
 /// Models whose signature is stored, told apart by a number.
-fn models(numbers: std::ops::Range<u32>) -> Vec<NewModel> {
+pub(super) fn models(numbers: std::ops::Range<u32>) -> Vec<NewModel> {
     let model = |number: u32| {
         let signature = example(0.037 * f64::from(number), 3 + (number % 4) as usize);
         NewModel { signature: Some(StoredSignature::from(&signature)), ..NewModel::example(None) }
@@ -96,7 +96,7 @@ fn signature(model: &NewModel) -> Signature {
     Signature::from_bytes(&model.signature.as_ref().expect("it has one").content).expect("of this version")
 }
 
-async fn publish(place: &Place, live: &LiveGallery, models: &[NewModel]) {
+pub(super) async fn publish(place: &Place, live: &LiveGallery, models: &[NewModel]) {
     place.store(models).await;
     for model in models {
         live.publish(place.storage.database.as_ref(), model.id, signature(model)).await.expect("published");

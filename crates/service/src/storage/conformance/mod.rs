@@ -84,6 +84,7 @@ macro_rules! database_conformance {
             segments {
                 a_model_is_unfiled_until_a_file_tells_its_very_signature,
                 what_was_in_lost_files_is_unfiled,
+                parts_are_asked_for_apart_and_can_be_given_up,
                 each_node_has_an_index_of_its_own,
             }
             files {

@@ -2,7 +2,9 @@
 
 use super::DatabasePlace;
 use crate::storage::Database;
-use visage_domain::{ModelId, NewModel, SeatId, SegmentId, SegmentRecord, StoredContent, StoredSignature};
+use visage_domain::{
+    ModelId, NewModel, Parts, SeatId, SegmentId, SegmentRecord, StoredContent, StoredSignature, part_of,
+};
 use visage_shape::faces::SignatureSummary;
 
 fn signature(content: &[u8]) -> StoredSignature {
@@ -23,7 +25,7 @@ fn record(models: u64) -> SegmentRecord {
 }
 
 async fn unfiled(db: &dyn Database) -> Vec<(ModelId, bool)> {
-    let unfiled = db.unfiled_after(None, 100).await.expect("read");
+    let unfiled = db.unfiled_after(&Parts::ALL, None, 100).await.expect("read");
     unfiled.into_iter().map(|model| (model.id, model.signature.is_some())).collect()
 }
 
@@ -34,11 +36,11 @@ pub async fn a_model_is_unfiled_until_a_file_tells_its_very_signature(place: &im
     let models = [b"a", b"b", b"c"].map(|content| model(content));
     db.create_models(&models).await.expect("stored");
     drop(db.create_model(&NewModel::example(None), None).await.expect("one without a signature"));
-    let read = db.unfiled_after(None, 2).await.expect("read");
+    let read = db.unfiled_after(&Parts::ALL, None, 2).await.expect("read");
     let (content, facets) = read[0].signature.clone().expect("it has one");
     assert_eq!((read.len(), content), (2, StoredContent::Whole(b"a".to_vec())));
     assert_eq!((facets.label.as_deref(), facets.unit), (Some("face"), visage_geometry::Unit::Mm));
-    assert_eq!(db.unfiled_after(Some(read[1].id), 2).await.expect("read").len(), 1);
+    assert_eq!(db.unfiled_after(&Parts::ALL, Some(read[1].id), 2).await.expect("read").len(), 1);
 
     let ids = models.each_ref().map(|model| model.id);
     let new = [record(2), record(1)];
@@ -74,9 +76,35 @@ pub async fn what_was_in_lost_files_is_unfiled(place: &impl DatabasePlace) {
     assert!(unfiled(db).await.is_empty());
     let told: Vec<ModelId> = models[8000..].iter().map(|model| model.id).collect();
     db.lose_segments(&[new[0].id], &told).await.expect("lost");
-    let all = db.unfiled_after(None, 10_000).await.expect("read");
+    let all = db.unfiled_after(&Parts::ALL, None, 10_000).await.expect("read");
     assert!(all.iter().map(|model| model.id).eq(models[..8000].iter().map(|model| model.id)));
     assert_eq!(db.segments().await.expect("read"), [new[1]]);
+}
+
+pub async fn parts_are_asked_for_apart_and_can_be_given_up(place: &impl DatabasePlace) {
+    let db = place.open(SeatId::new()).await;
+    let db = db.as_ref();
+    db.keep_index().await.expect("a node");
+    let models: Vec<NewModel> = (0..40u32).map(|number| model(&number.to_le_bytes())).collect();
+    db.create_models(&models).await.expect("stored");
+    let some: Parts = models[..3].iter().map(|model| part_of(model.id)).collect();
+    let of_them = |parts: &Parts| -> Vec<ModelId> {
+        models.iter().map(|model| model.id).filter(|id| parts.hold(part_of(*id))).collect()
+    };
+    let listed = async |parts: &Parts| -> Vec<ModelId> {
+        db.unfiled_after(parts, None, 100).await.expect("read").iter().map(|model| model.id).collect()
+    };
+    for parts in [Parts::NONE, some, Parts::ALL.without(&some), Parts::ALL] {
+        assert_eq!(listed(&parts).await, of_them(&parts));
+    }
+    let known: Vec<(ModelId, u128)> =
+        models.iter().zip(0u32..).map(|(model, number)| (model.id, checksum(&number.to_le_bytes()))).collect();
+    db.file_models(&known).await.expect("filed");
+    assert!(listed(&Parts::ALL).await.is_empty());
+    for _ in 0..2 {
+        db.unfile_parts(&some).await.expect("given up");
+        assert_eq!(listed(&Parts::ALL).await, of_them(&some), "once and again");
+    }
 }
 
 pub async fn each_node_has_an_index_of_its_own(place: &impl DatabasePlace) {

@@ -4,7 +4,7 @@ use sqlx::migrate::Migrator;
 
 use crate::storage::migrations::files;
 
-const FILES: [(&str, &str); 2] = files!["../../../migrations/postgres/"; "0001_first", "0002_nodes"];
+const FILES: [(&str, &str); 3] = files!["../../../migrations/postgres/"; "0001_first", "0002_nodes", "0003_searchers"];
 
 /// All of them.
 pub(super) fn migrator() -> Migrator {

@@ -1,7 +1,7 @@
 //! A database on a PostgreSQL server.
 //!
 //! The statements stand in `sql`; here is what is PostgreSQL's own: `writing` is about transactions and locks, `alone` about the
-//! servers that use a database, `others` about what they learn of each other, `meaning` about errors, `words` about how words are found in names.
+//! servers that use a database, `others` and `searchers` about what they learn of each other, `meaning` about errors, `words` about how words are found in names.
 
 mod alone;
 mod dialect;
@@ -11,6 +11,7 @@ mod move_in;
 #[cfg(test)]
 mod nodes_tests;
 mod others;
+mod searchers;
 #[path = "../sql/mod.rs"]
 #[allow(clippy::duplicate_mod, reason = "one text for each database, see there")]
 mod sql;

@@ -6,9 +6,9 @@ use std::time::Duration;
 use super::testing::PostgresPlace;
 use super::{Claim, PostgresDatabase};
 use crate::storage::conformance::{DatabasePlace, new_job, scan_set};
-use crate::storage::database::{Alone, News, Others, Upkeep};
+use crate::storage::database::{Alone, News, Others, Searchers, Segments, Upkeep};
 use crate::storage::{Database, DatabaseError, NoReserve};
-use visage_domain::{NewModel, SeatId};
+use visage_domain::{NewModel, Parts, SeatId};
 use visage_shape::faces::signature::example::example;
 
 const SOON: Duration = Duration::from_millis(1);
@@ -135,4 +135,40 @@ async fn what_one_process_commits_rings_for_others() {
         here.cancel_job(job.id).await.expect("canceled");
     };
     assert_eq!(heard(there.as_ref(), cancel).await, News::Work);
+}
+
+#[tokio::test]
+#[ignore = "takes a server: .ci/postgres has one"]
+async fn who_searches_is_known_as_it_has_said_last_and_for_a_while() {
+    let place = PostgresPlace::new().await;
+    let seats = [SeatId::new(), SeatId::new()];
+    let first = node(&place, true, seats[0]).await.expect("shared");
+    let second = node(&place, true, seats[1]).await.expect("shared");
+    assert!(first.tell_searcher("http://a.example/", &Parts::ALL).await.is_err(), "it is no node yet");
+    for node in [&first, &second] {
+        node.keep_index().await.expect("a node");
+    }
+    let some: Parts = [3, 200].into_iter().collect();
+    first.tell_searcher("http://a.example/", &Parts::NONE).await.expect("told");
+    second.tell_searcher("http://b.example/", &Parts::ALL).await.expect("told");
+    first.tell_searcher("http://c.example/", &some).await.expect("told");
+    let hour = Duration::from_secs(3600);
+    let mut known = second.searchers(hour).await.expect("read");
+    known.sort_by_key(|searcher| searcher.node != seats[0]);
+    assert_eq!((known[0].address.as_str(), known[0].parts), ("http://c.example/", some));
+    assert_eq!((known[1].address.as_str(), known[1].parts, known.len()), ("http://b.example/", Parts::ALL, 2));
+    assert!(known.iter().all(|searcher| searcher.silent_ms < 60_000));
+    sqlx::query("UPDATE gallery_searcher SET seen_at = seen_at - 4000000 WHERE node_id = $1")
+        .bind(seats[1].to_string())
+        .execute(&first.writer)
+        .await
+        .expect("aged");
+    assert_eq!(first.searchers(hour).await.expect("read").len(), 1);
+
+    let secrets = [&first, &second].map(|node| node.node_secret());
+    let [ours, theirs] = secrets;
+    let (ours, theirs) = (ours.await.expect("read").expect("one"), theirs.await.expect("read").expect("one"));
+    assert!(ours == theirs && ours.0.len() == 64);
+    let elsewhere = node(&PostgresPlace::new().await, true, seats[0]).await.expect("shared");
+    assert!(elsewhere.node_secret().await.expect("read").expect("one") != ours);
 }

@@ -12,7 +12,7 @@ use super::{Store, damaged, stored_id, stored_name, to_i64, to_u64};
 use crate::storage::DatabaseError;
 use crate::storage::database::Segments;
 use visage_domain::asset::Origin;
-use visage_domain::{ModelFacets, ModelId, SegmentId, SegmentRecord, Unfiled};
+use visage_domain::{ModelFacets, ModelId, Parts, SegmentId, SegmentRecord, Unfiled};
 
 /// A node that was not seen for so long has its index made anew if it comes back.
 const GONE: Duration = Duration::from_secs(7 * 24 * 3600);
@@ -55,6 +55,11 @@ impl Row {
 /// As SQLite reads a list.
 fn json<T: serde::Serialize>(list: impl Iterator<Item = T>) -> Result<String, DatabaseError> {
     serde_json::to_string(&list.collect::<Vec<T>>()).map_err(|error| damaged("ids", error))
+}
+
+/// Parts as the ends of the ids of their models.
+fn part_names(parts: &Parts) -> Result<String, DatabaseError> {
+    json(parts.iter().map(|part| format!("{part:02x}")))
 }
 
 #[async_trait]
@@ -108,19 +113,43 @@ impl Segments for Store {
         rows.into_iter().map(record).collect()
     }
 
-    async fn unfiled_after(&self, after: Option<ModelId>, limit: usize) -> Result<Vec<Unfiled>, DatabaseError> {
+    async fn unfiled_after(
+        &self,
+        parts: &Parts,
+        after: Option<ModelId>,
+        limit: usize,
+    ) -> Result<Vec<Unfiled>, DatabaseError> {
+        // most indexes are of all parts: then nothing is looked at
+        let parts = (*parts != Parts::ALL).then(|| part_names(parts)).transpose()?;
         let rows: Vec<Row> = sqlx::query_as(
             "SELECT unfiled.model_id AS id, label, unit, job_id IS NULL AS uploaded, content, checksum FROM unfiled
              LEFT JOIN model ON model.id = unfiled.model_id
              LEFT JOIN signature ON signature.model_id = unfiled.model_id
-             WHERE unfiled.node_id = $3 AND unfiled.model_id > $1 ORDER BY unfiled.model_id LIMIT $2",
+             WHERE unfiled.node_id = $3 AND unfiled.model_id > $1
+                 AND ($4 IS NULL OR substr(unfiled.model_id, 35, 2) IN (SELECT value FROM json_each($4)))
+             ORDER BY unfiled.model_id LIMIT $2",
         )
         .bind(after.map_or(String::new(), |id| id.to_string()))
         .bind(to_i64(limit as u64))
         .bind(self.owner.seat.to_string())
+        .bind(parts)
         .fetch_all(&self.readers)
         .await?;
         rows.into_iter().map(Row::unfiled).collect()
+    }
+
+    async fn unfile_parts(&self, parts: &Parts) -> Result<(), DatabaseError> {
+        // it goes over all signatures, and nobody needs to wait for that: what comes meanwhile is unfiled by itself
+        let mut tx = self.begin_rows().await?;
+        sqlx::query(
+            "INSERT INTO unfiled (node_id, model_id) SELECT $1, model_id FROM signature
+             WHERE substr(model_id, 35, 2) IN (SELECT value FROM json_each($2)) ON CONFLICT DO NOTHING",
+        )
+        .bind(self.owner.seat.to_string())
+        .bind(part_names(parts)?)
+        .execute(&mut *tx)
+        .await?;
+        tx.commit().await
     }
 
     async fn swap_segments(&self, new: &[SegmentRecord], old: &[SegmentId]) -> Result<(), DatabaseError> {
