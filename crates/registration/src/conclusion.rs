@@ -45,25 +45,25 @@ impl Registered {
             positions => intrusions(views, positions, &result.local_poses, &result.placed, surfaces.resolution),
         };
         let (all, at) = held.unwrap_or((views, result));
-        let covariances = covariance::of_result(all, at);
+        let uncertainty = covariance::of_result(all, at);
         let unit = resolution(all, at);
         let colours = match brightness {
             [] => vec![None; views.len()],
             brightness => colour::agreement(views, brightness, result, unit),
         };
         let stands_still = moved.is_some();
-        let known = Known { covariances: &covariances, intrusions: &intrusions, colours: &colours, stands_still };
+        let known = Known { uncertainty: &uncertainty, intrusions: &intrusions, colours: &colours, stands_still };
         placement.hear(known.witnesses(views, result), &result.placed);
         let verdict = judge(&Evidence {
             confidences: placement.confidences(),
             intrusions: &intrusions,
             moved,
-            covariances: &covariances,
+            covariances: &uncertainty.covariances,
             unit,
             colours: &colours,
             findings,
             ..Evidence::of_surfaces(names, result, surfaces)
         });
-        Conclusion { covariances, verdict }
+        Conclusion { covariances: uncertainty.covariances, verdict }
     }
 }
