@@ -49,7 +49,6 @@ fn a_printed_bottle_and_a_printed_wall_are_right_by_their_colours_alone() {
         for seed in [1, 2] {
             let set = printed_set(what, seed);
             let [without, with] = [false, true].map(|has_colours| errors(&set, has_colours, seed));
-            println!("{what:?} {seed}: {without:.2?} {with:.2?}");
             assert!(worst(&without) > 1.0, "{what:?}: geometry alone leaves it off: {without:?}");
             assert!(worst(&with) < 0.8, "{what:?}: {with:?}");
         }
