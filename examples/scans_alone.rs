@@ -82,8 +82,8 @@ fn measure(index: usize, seed: u64) -> String {
     let placed: Vec<usize> = (0..count).filter(|view| placement.result.placed[*view]).collect();
     let poses: Vec<Motion> = placed.iter().map(|view| placement.result.local_poses[*view]).collect();
     let right = right_views(shape, seed, &views, &truth, &placed, &poses);
-    let covariances = covariance::of_result(&views, &placement.result);
-    let known = Known { covariances: &covariances, intrusions: &[], colours: &vec![None; count], stands_still: false };
+    let uncertainty = covariance::of_result(&views, &placement.result);
+    let known = Known { uncertainty: &uncertainty, intrusions: &[], colours: &vec![None; count], stands_still: false };
     let witnesses = known.witnesses(&views, &placement.result);
     let mut rows = String::new();
     for (view, overlap) in best_overlaps(&views, &truth).into_iter().enumerate() {

@@ -63,7 +63,7 @@ impl Truth {
         let surfaces = Surfaces::measure(&self.views, &result);
         let (poses, placed) = (&result.local_poses, &result.placed);
         let intrusions = intrusions(&self.views, &sensors, poses, placed, surfaces.resolution);
-        let known = covariance::of_result(&self.views, &result);
+        let known = covariance::of_result(&self.views, &result).covariances;
         let verdict = judge(&Evidence {
             intrusions: &intrusions,
             covariances: &known,

@@ -143,6 +143,10 @@ pub fn run_from(
     let settled = static_background::settle(&setting, &names, taken, whole, options, progress)?;
     let Settled { taken: Taken { scans, views, sensors, mut registered }, held, still, moved } = settled;
     prepared.iter_mut().zip(still).for_each(|(prepared, count)| prepared.still = count);
+    let brightness = brightness_of(&scans);
+    if held.is_none() && moved.is_none() && setting.may_be_refined(options) {
+        registered.follow_colours(&views, &brightness, progress)?;
+    }
     let mut findings: Vec<Finding> = prepared
         .iter()
         .zip(&names)
@@ -160,7 +164,7 @@ pub fn run_from(
         &names,
         &Circumstances {
             positions: &positions,
-            brightness: &brightness_of(&scans),
+            brightness: &brightness,
             held: held.as_ref().map(|held| (held.whole.as_slice(), &held.result)),
             moved: moved.as_deref(),
             findings: &findings,

@@ -1,14 +1,16 @@
 //! The end of a registration: all that is known of its poses is weighed, once.
 
 use visage_geometry::Vector3;
+use visage_geometry::progress::{Canceled, Progress};
 
 use crate::covariance::{self, PoseCovariance};
 use crate::global::scan_set::Registered;
+use crate::joint::colours::by_colours;
 use crate::outcome::Outcome;
 use crate::quality::colour::{self, Brightness};
 use crate::quality::free_space::intrusions;
 use crate::quality::witness::Known;
-use crate::quality::{Evidence, Finding, Verdict, judge};
+use crate::quality::{Evidence, Finding, Surfaces, Verdict, judge};
 use crate::resolution::resolution;
 use crate::view::View;
 
@@ -36,6 +38,21 @@ pub struct Conclusion {
 }
 
 impl Registered {
+    /// Moves views along what geometry leaves free to where their colours agree, if they have any; what is not free stays.
+    pub fn follow_colours(
+        &mut self,
+        views: &[View],
+        brightness: &[Option<Brightness>],
+        progress: &Progress,
+    ) -> Result<(), Canceled> {
+        if let Some(result) = by_colours(views, brightness, &self.result, progress)? {
+            self.surfaces = Surfaces::measure(views, &result);
+            self.placement.move_placed(views, &result);
+            self.result = result;
+        }
+        Ok(())
+    }
+
     /// Weighs all that is known. How sure each pose is is said anew, in `placement`.
     pub fn conclude(&mut self, views: &[View], names: &[String], circumstances: &Circumstances) -> Conclusion {
         let Registered { result, surfaces, placement } = self;
@@ -45,25 +62,25 @@ impl Registered {
             positions => intrusions(views, positions, &result.local_poses, &result.placed, surfaces.resolution),
         };
         let (all, at) = held.unwrap_or((views, result));
-        let covariances = covariance::of_result(all, at);
+        let uncertainty = covariance::of_result(all, at);
         let unit = resolution(all, at);
         let colours = match brightness {
             [] => vec![None; views.len()],
             brightness => colour::agreement(views, brightness, result, unit),
         };
         let stands_still = moved.is_some();
-        let known = Known { covariances: &covariances, intrusions: &intrusions, colours: &colours, stands_still };
+        let known = Known { uncertainty: &uncertainty, intrusions: &intrusions, colours: &colours, stands_still };
         placement.hear(known.witnesses(views, result), &result.placed);
         let verdict = judge(&Evidence {
             confidences: placement.confidences(),
             intrusions: &intrusions,
             moved,
-            covariances: &covariances,
+            covariances: &uncertainty.covariances,
             unit,
             colours: &colours,
             findings,
             ..Evidence::of_surfaces(names, result, surfaces)
         });
-        Conclusion { covariances, verdict }
+        Conclusion { covariances: uncertainty.covariances, verdict }
     }
 }

@@ -5,6 +5,7 @@
 //! - [`body`], [`depth_views`]: standing persons with such heads, and a depth camera's views around them
 //! - [`objects`]: things that are no face: a head with bumps for a face, a jug, a smooth blob
 //! - [`shapes`]: a catalogue of thirty kinds of things, each by seed, to scan and register with an exact truth
+//! - [`printed`]: a bottle and a wall with a print on them: what turns or slides in itself, and colours that do not
 //! - [`scanner`]: range scans by ray casting
 //! - [`scene`]: objects on a turntable, on the floor, before a wall
 //! - [`scenery`]: eight kinds of scene: objects, sculptures, rooms, streets, bodies, tables, turntables, terrain
@@ -25,6 +26,7 @@ pub mod depth_views;
 pub mod head;
 pub mod implicit;
 pub mod objects;
+pub mod printed;
 pub mod scanner;
 pub mod scene;
 pub mod scenery;

@@ -3,6 +3,7 @@
 use nalgebra::{Matrix6, Vector6};
 use rayon::prelude::*;
 
+use super::jackknife::Held;
 use crate::joint::refine::{KERNEL, LEAST_COSINE};
 use crate::joint::surfels::Surfels;
 use crate::least_squares::robust_kernel::RobustKernel;
@@ -62,18 +63,51 @@ visage_geometry::tuning! {
     }
 }
 
-/// Gathers the evidence of the directed `pairs` at `poses` (local frame to world about its middle), up to `distance`.
-pub fn gather(
-    surfels: &[Surfels],
-    poses: &[Motion],
-    pairs: &[(usize, usize)],
-    distance: f64,
-    cell: f64,
-) -> Vec<PairEvidence> {
-    let between = |&(a, b): &(usize, usize)| Between { a: (&surfels[a], &poses[a]), b: (&surfels[b], &poses[b]) };
-    let found: Vec<Vec<Match>> = pairs.par_iter().map(|pair| between(pair).matches(distance)).collect();
-    let kernel = RobustKernel::with_squared_scale(robust_scale2(&found, distance));
-    pairs.par_iter().zip(&found).map(|pair| between(pair.0).summed(*pair.0, pair.1, &kernel, cell)).collect()
+/// The correspondences of directed pairs, and how residuals are believed.
+pub struct Correspondences<'a> {
+    surfels: &'a [Surfels],
+    poses: &'a [Motion],
+    pairs: &'a [(usize, usize)],
+    found: Vec<Vec<Match>>,
+    kernel: RobustKernel<f64>,
+}
+
+impl<'a> Correspondences<'a> {
+    /// Of the directed `pairs` at `poses` (local frame to world about its middle), up to `distance`.
+    pub fn search(surfels: &'a [Surfels], poses: &'a [Motion], pairs: &'a [(usize, usize)], distance: f64) -> Self {
+        let between = |&(a, b): &(usize, usize)| Between { a: (&surfels[a], &poses[a]), b: (&surfels[b], &poses[b]) };
+        let found: Vec<Vec<Match>> = pairs.par_iter().map(|pair| between(pair).matches(distance)).collect();
+        let kernel = RobustKernel::with_squared_scale(robust_scale2(&found, distance));
+        Correspondences { surfels, poses, pairs, found, kernel }
+    }
+
+    fn between(&self, (a, b): (usize, usize)) -> Between<'_> {
+        Between { a: (&self.surfels[a], &self.poses[a]), b: (&self.surfels[b], &self.poses[b]) }
+    }
+
+    /// Their sums by pair and by cell of edge `cell`.
+    pub fn by_pair(&self, cell: f64) -> Vec<PairEvidence> {
+        let pairs = self.pairs.par_iter().zip(&self.found);
+        pairs.map(|(pair, found)| self.between(*pair).summed(*pair, found, &self.kernel, cell)).collect()
+    }
+
+    /// All that a view takes part in, for twists of it about `center`.
+    pub fn of_view(&self, view: usize, center: &Vector3) -> Vec<Held> {
+        let mut held = Vec::new();
+        for (&(a, b), found) in self.pairs.iter().zip(&self.found).filter(|((a, b), _)| *a == view || *b == view) {
+            let sign = if a == view { 1.0 } else { -1.0 };
+            let between = self.between((a, b));
+            held.extend(found.iter().filter_map(|found| between.correspondence(found.index, found.target)).map(|c| {
+                Held {
+                    place: c.place,
+                    row: row(&c.normal, &(c.place - center)) * sign,
+                    weight: self.kernel.weight(c.residual),
+                    residual: c.residual,
+                }
+            }));
+        }
+        held
+    }
 }
 
 /// Two views at their poses: the first asks, the second answers.

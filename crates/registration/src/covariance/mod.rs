@@ -14,13 +14,15 @@
 //! their poses (view 0). Units: the scans' unit and radians.
 
 mod evidence;
+mod jackknife;
 pub mod weak_axes;
 
 use std::collections::BTreeMap;
 
 use nalgebra::{DMatrix, Matrix6, Vector6};
+use rayon::prelude::*;
 
-use self::evidence::{Cell, PairEvidence, gather};
+use self::evidence::{Cell, Correspondences, PairEvidence};
 use crate::joint;
 use crate::joint::surfels::{FineSurfels, Surfels};
 use crate::least_squares::pose_system::{self, PoseSystem};
@@ -77,20 +79,25 @@ visage_geometry::tuning! {
     }
 }
 
-/// The covariance of each view's pose, from the surfels that the method left, else from ones as fine as `joint`'s;
-/// `None` for view 0, for views not joined to it, and where nothing can be said.
-pub fn of_result(views: &[View], result: &Outcome) -> Vec<Option<PoseCovariance>> {
+/// How well the poses of all views are known.
+#[derive(Debug, Clone)]
+pub struct Uncertainty {
+    /// For each view the covariance of its pose; `None` for view 0, for views not joined to it, and where nothing can be said.
+    pub covariances: Vec<Option<PoseCovariance>>,
+    /// For each view the root mean square displacement of its surface, a length, by one standard deviation of its pose against
+    /// the others as they stand, from one place of what holds it to another ([`jackknife`]); `None` where too little holds it.
+    pub displacements: Vec<Option<f64>>,
+}
+
+/// How well the poses are known, from the surfels that the method left, else from ones as fine as `joint`'s.
+pub fn of_result(views: &[View], result: &Outcome) -> Uncertainty {
     match &result.surfels {
-        Some(surfels) => covariances(surfels, result),
-        None => covariances(&joint::judged_surfels(views), result),
+        Some(surfels) => of_surfels(surfels, result),
+        None => of_surfels(&joint::judged_surfels(views), result),
     }
 }
 
-fn covariances(
-    FineSurfels { views: surfels, edge, reach, share }: &FineSurfels,
-    result: &Outcome,
-) -> Vec<Option<PoseCovariance>> {
-    let none = vec![None; surfels.len()];
+fn of_surfels(FineSurfels { views: surfels, edge, reach, share }: &FineSurfels, result: &Outcome) -> Uncertainty {
     let pairs: Vec<(usize, usize)> = result
         .pairs
         .iter()
@@ -101,10 +108,19 @@ fn covariances(
     let middle = middle(&result.local_poses);
     let to_middle = nalgebra::Translation3::from(-middle);
     let poses: Vec<Motion> = result.local_poses.iter().map(|pose| to_middle * pose).collect();
-    let evidence = gather(surfels, &poses, &pairs, *reach, TUNING.cell * edge);
-    let Some(inverse) = inverse_information(&evidence, &columns) else { return none };
-    let clusters = clusters(&evidence);
+    let correspondences = Correspondences::search(surfels, &poses, &pairs, *reach);
+    let evidence = correspondences.by_pair(TUNING.cell * edge);
     let slope = mean_slope(&evidence);
+    let extents: Vec<Matrix6<f64>> = surfels.iter().zip(&poses).map(|(surfels, pose)| extent(surfels, pose)).collect();
+    let displacement = |view: usize| {
+        let held = correspondences.of_view(view, &poses[view].translation.vector);
+        jackknife::displacement(held, &extents[view], slope)
+    };
+    let displacements = (0..surfels.len()).into_par_iter().with_max_len(1).map(displacement).collect();
+    let Some(inverse) = inverse_information(&evidence, &columns) else {
+        return Uncertainty { covariances: vec![None; surfels.len()], displacements };
+    };
+    let clusters = clusters(&evidence);
     let estimate = |view: usize| {
         let row = inverse.fixed_rows::<6>(columns[view]?).into_owned();
         let block = |other: usize| columns[other].map_or_else(Matrix6::zeros, |k| row.fixed_columns::<6>(k).into());
@@ -113,7 +129,6 @@ fn covariances(
         let about_center = about(&center);
         let (meat, step) = pulls(&clusters, &blocks);
         let count = clusters.iter().filter(|cluster| cluster.1 == view).count();
-        let extent = extent(&surfels[view], &poses[view]);
         let reality = Reality::new(&evidence, &blocks, &blocks[view])?;
         let spread = about_center * reality.stretch();
         let sandwich = spread * meat * spread.transpose() * (share * small_sample(count) / (slope * slope));
@@ -126,11 +141,11 @@ fn covariances(
             systematic,
             evidence: reality.twists().map(|(share, twist)| (share, about_center * twist)),
             step: about_center * step / slope,
-            extent,
+            extent: extents[view],
             clusters: count,
         })
     };
-    (0..surfels.len()).map(estimate).collect()
+    Uncertainty { covariances: (0..surfels.len()).map(estimate).collect(), displacements }
 }
 
 /// By how much less than its weight a residual changes the gradient, on average.

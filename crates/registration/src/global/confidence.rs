@@ -6,7 +6,7 @@ use crate::quality::witness::Witness;
 
 /// Coefficients of the logistic model; see [`features`]. Fitted by `examples/confidence.rs` on code-made sets of three of six
 /// sensors with four of eight scenes and on half of the objects; docs/results/scanners.md shows how it holds on the others.
-pub const MODEL: [f64; FEATURES] = [1.51, -1.85, -0.55, -0.10, 0.63, -2.05, -1.65, 1.96, -0.46, 1.09, -1.30, -0.58];
+pub const MODEL: [f64; FEATURES] = [0.66, -1.85, -0.55, -0.10, 0.63, -2.05, -1.65, 1.96, -0.57, 1.09, -1.30, -0.58];
 /// What the logarithm of the odds loses where something moved before a background that holds the views: one of both is wrong.
 pub const STILL: f64 = 4.0;
 /// A view is called sure from this confidence on.
@@ -49,11 +49,16 @@ pub fn features(support: &PoseSupport, witness: &Witness) -> [f64; FEATURES] {
         s.rms.max(TUNING.least_rms).ln(),
         (1.0 - s.sharpness).sqrt(),
         s.agreeing,
-        (witness.displacement.unwrap_or(TUNING.usual_displacement) + TUNING.least_displacement).ln(),
+        0.5 * (looseness(witness.displacement) + looseness(witness.jackknife)),
         witness.colours.map_or(0.0, |agreement| agreement.min(TUNING.colours_agree) - TUNING.colours_agree),
         f64::from(u8::from(witness.is_looked_through)),
         s.rival.min(TUNING.most_rival),
     ]
+}
+
+/// The logarithm of a displacement by one standard deviation.
+fn looseness(displacement: Option<f64>) -> f64 {
+    (displacement.unwrap_or(TUNING.usual_displacement) + TUNING.least_displacement).ln()
 }
 
 #[cfg(test)]
@@ -103,6 +108,7 @@ mod tests {
         assert!(confidence(&alone, &none) < 0.5);
         let against = [
             Witness { displacement: Some(0.02), ..none },
+            Witness { jackknife: Some(0.02), ..none },
             Witness { is_looked_through: true, ..none },
             Witness { colours: Some(0.2), ..none },
             Witness { stands_still: true, ..none },

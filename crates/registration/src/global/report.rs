@@ -104,6 +104,16 @@ impl PlacementReport {
         self.confidences.as_deref()
     }
 
+    /// The poses of the placed component are those of `result`.
+    pub(crate) fn move_placed(&mut self, views: &[View], result: &Outcome) {
+        let placed = |component: &&mut PlacedComponent| component.views.iter().all(|view| result.placed[*view]);
+        for component in self.components.iter_mut().filter(placed) {
+            let pose = |view: usize| views[view].scan_pose(&result.local_poses[view]);
+            let first = pose(component.views[0]);
+            component.scan_poses = component.views.iter().map(|view| first.inv_mul(&pose(*view))).collect();
+        }
+    }
+
     /// Says anew how sure the poses are, from what was learned once they were final.
     pub fn hear(&mut self, witnesses: Vec<Witness>, placed: &[bool]) {
         let Some(pose_supports) = &self.pose_supports else { return };

@@ -9,6 +9,7 @@
 //! pair goes (one start of 45 was lost so), while here all its neighbours hold it at once.
 
 mod coarse_scale;
+pub mod colours;
 pub(crate) mod refine;
 mod scaled;
 mod sides;

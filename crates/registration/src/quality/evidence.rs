@@ -134,7 +134,7 @@ fn judge_placement(Evidence { names, result, .. }: &Evidence, verdict: &mut Verd
 fn judge_sharpness(Evidence { names, surfaces, .. }: &Evidence, verdict: &mut Verdict) {
     let mut wrong = 0;
     for (sharpness, name) in surfaces.sharpness.iter().zip(*names) {
-        let Some(sharpness) = sharpness.filter(|sharpness| *sharpness < limits::SHARP) else { continue };
+        let Some(sharpness) = sharpness.filter(|sharpness| *sharpness < limits::SURELY_SHARP) else { continue };
         wrong += usize::from(sharpness < limits::BLUNT);
         let touching = sharpness * 100.0;
         verdict.doubt(format!("{name} crosses its neighbours: of the points near them only {touching:.0} % touch"));

@@ -1,7 +1,7 @@
 //! What speaks for or against a view's pose once all poses are final: how well it is known, where other scanners looked
 //! through its surface, whether colours agree, and whether a background holds it before which something moved.
 
-use crate::covariance::PoseCovariance;
+use crate::covariance::Uncertainty;
 use crate::outcome::Outcome;
 use crate::quality::free_space::Intrusion;
 use crate::view::View;
@@ -13,6 +13,8 @@ pub struct Witness {
     /// Root mean square displacement of its surface by one standard deviation of its pose, in the size of the set; for the view
     /// that keeps its pose the median of the others', which are relative to it; `None` where it is not known.
     pub displacement: Option<f64>,
+    /// The same against the others as they stand, from one place of what holds it to another (`covariance/jackknife.rs`).
+    pub jackknife: Option<f64>,
     /// Whether it has surface where another scanner looked through.
     pub is_looked_through: bool,
     /// How well its colours agree with the neighbour's with which they agree best, where they say anything.
@@ -23,8 +25,8 @@ pub struct Witness {
 
 /// What is known of all views of a set, from which their witnesses are drawn.
 pub struct Known<'a> {
-    /// For each view the covariance of its pose.
-    pub covariances: &'a [Option<PoseCovariance>],
+    /// How well the poses are known.
+    pub uncertainty: &'a Uncertainty,
     /// Where scanners looked through surface.
     pub intrusions: &'a [Intrusion],
     /// For each view the agreement of its colours.
@@ -37,13 +39,15 @@ impl Known<'_> {
     /// The witness of each view.
     pub fn witnesses(&self, views: &[View], result: &Outcome) -> Vec<Witness> {
         let size = size(views, result);
+        let covariances = self.uncertainty.covariances.iter();
         let known: Vec<Option<f64>> =
-            self.covariances.iter().map(|pose| pose.as_ref().map(|pose| pose.displacement() / size)).collect();
+            covariances.map(|pose| pose.as_ref().map(|pose| pose.displacement() / size)).collect();
         // the first view is as loose against the others as they are against it
         let first = (0..views.len()).find(|view| result.placed[*view]).filter(|view| known[*view].is_none());
         let typical = median(known.iter().flatten().copied().collect());
         let witness = |view: usize| Witness {
             displacement: known[view].or(typical.filter(|_| first == Some(view))),
+            jackknife: self.uncertainty.displacements[view].map(|displacement| displacement / size),
             is_looked_through: self.intrusions.iter().any(|found| found.view == view && found.counts()),
             colours: self.colours[view],
             stands_still: self.stands_still,
@@ -72,6 +76,7 @@ fn size(views: &[View], result: &Outcome) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::covariance::PoseCovariance;
     use visage_geometry::{Cloud, Motion, Point3};
 
     #[test]
@@ -109,7 +114,8 @@ mod tests {
         let mut result = Outcome::alone(4);
         result.placed = vec![true; 4];
         let displacements = |covariances: &[Option<PoseCovariance>], result: &Outcome| -> Vec<Option<f64>> {
-            let known = Known { covariances, intrusions: &[], colours: &[None; 4], stands_still: false };
+            let uncertainty = Uncertainty { covariances: covariances.to_vec(), displacements: vec![None; 4] };
+            let known = Known { uncertainty: &uncertainty, intrusions: &[], colours: &[None; 4], stands_still: false };
             known.witnesses(&views, result).into_iter().map(|witness| witness.displacement).collect()
         };
         let found = displacements(&covariances, &result);
