@@ -90,11 +90,11 @@ pub async fn get(process: &Process, path: &str) -> Response {
     client().get(format!("{}{path}", process.url)).send().await.expect("an answer")
 }
 
-pub async fn get_ok(process: &Process, path: &str) -> Value {
+async fn get_ok(process: &Process, path: &str) -> Value {
     expect_json(get(process, path).await, StatusCode::OK).await
 }
 
-async fn upload(process: &Process, phase: f64) -> String {
+pub async fn upload(process: &Process, phase: f64) -> String {
     let mesh = Part::bytes(files::bumpy_sphere(phase)).file_name("ball.obj");
     let form = Form::new().part("model", mesh).text("unit", "mm");
     let sent = client().post(format!("{}/v1/models", process.url)).multipart(form).send().await.expect("an answer");
