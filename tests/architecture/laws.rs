@@ -23,7 +23,7 @@ pub const LAYERS: &[(&str, &[&str])] = &[
     // around them: what the machine has, and files as memory
     ("machine", &[]),
     ("mapping", &[]),
-    ("config", &["formats", "machine"]),
+    ("config", &["formats", "geometry", "machine"]),
     ("panics", &[]),
     ("traces", &[]),
     // records go in and come out; of the algorithms only which versions are current, of the settings where a bucket is

@@ -72,7 +72,9 @@ pub fn size_of(text: Option<&str>, usual: Size) -> Result<Size, Problem> {
 }
 
 fn side_of(text: Option<&str>) -> Result<Side, Problem> {
-    text.map_or(Ok(Side::Default), |text| text.parse().map_err(|hint: UnknownName| refused("view", &hint)))
+    text.map_or(Ok(Side::Default), |text| {
+        text.parse().map_err(|error: UnknownName| refused("view", &format!("give {}", error.names())))
+    })
 }
 
 fn refused(field: &str, hint: &impl std::fmt::Display) -> Problem {
