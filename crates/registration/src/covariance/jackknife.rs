@@ -1,10 +1,10 @@
-//! How much a pose hangs on single places of the surface that holds it: a block jackknife.
+//! How much a pose depends on single parts of the overlap: a block jackknife.
 //!
 //! The sandwich takes what is wrong in one small cell of space to say nothing of the next. Scans are bent, fragments drift and
-//! noise comes in patches: what is wrong reaches as far as the surface does. So all that holds a view is cut into
-//! `TUNING.patches` of equal count by halving it along its longest extent, and its normal equations are solved without each of
-//! them, the other views staying where they are. How far apart these poses lie is how much it depends on which places were seen,
-//! `(K - 1) / K sum over k of (x_k - mean)^2` (Quenouille 1956, Tukey 1958; blocks for what hangs together: Kuensch 1989).
+//! noise comes in patches: what is wrong reaches as far as the surface does. So the correspondences of a view are cut
+//! into K patches of equal count by halving them `TUNING.halvings` times along their longest extent, and the view's normal equations
+//! are solved without each patch in turn, while the other views stay. The variance of these poses is
+//! `(K - 1) / K sum over k of (x_k - mean)^2` (Quenouille 1956, Tukey 1958; blocks for correlated data: Kuensch 1989).
 
 use nalgebra::{Matrix6, Vector6};
 

@@ -44,8 +44,9 @@ visage_geometry::tuning! {
     }
 }
 
-/// The outcome with the poses that colours ask for, where geometry leaves views free to turn or slide and they have textures
-/// that then agree better; `None` where that is not so, and for views that are `None` in `brightness` nothing is asked of them.
+/// The outcome with poses refined by colour along the motions that geometry leaves free. `None` if no motion is free, fewer
+/// than two views have colours, or colours do not agree better at the refined poses. Views without colours are `None` in
+/// `brightness`.
 pub fn by_colours(
     views: &[View],
     brightness: &[Option<Brightness>],

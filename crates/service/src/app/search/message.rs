@@ -280,7 +280,11 @@ mod tests {
             let back = Asked::decode(&asked.encode().expect("about the index")).expect("read");
             assert_eq!(format!("{back:?}"), format!("{asked:?}"));
         }
-        assert_eq!(asked(About::Standard { name: "teapot".to_owned() }).encode(), None, "it is asked of the database");
+        assert_eq!(
+            asked(About::Standard { name: "teapot".to_owned() }).encode(),
+            None,
+            "the database answers it, not the index"
+        );
     }
 
     #[test]

@@ -31,5 +31,5 @@ pub const PATIENCE: Duration = Duration::from_secs(15);
 
 /// The index is not here.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[error("this server leaves the index to others, and this is asked of all of it at once")]
+#[error("this server has no index of its own, and this question needs the whole index in one server")]
 pub struct Elsewhere;
