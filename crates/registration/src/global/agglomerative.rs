@@ -1,5 +1,7 @@
 //! From pairs to a whole: components of views grow by the best pair that all their views bear out.
 
+use std::collections::BTreeMap;
+
 use rayon::prelude::*;
 
 use super::coarse_set::CoarseSet;
@@ -9,6 +11,7 @@ use super::consensus::alike;
 use super::contact::contact;
 use super::merge_evidence::MergeEvidence;
 use super::pair_hypothesis::{self, PairHypothesis};
+use super::sequence::{Candidate, candidates};
 use super::slippage::can_slip;
 use super::surfel_icp::align;
 use super::verification::verify;
@@ -37,6 +40,9 @@ visage_geometry::tuning! {
         touching: f64 = 0.75,
         /// looking at this many pairs.
         witnesses: usize = 3,
+        /// What this many times its own score speaks for is held by ways over third views: if it slipped, they would not lead to
+        /// the same place.
+        held: f64 = 2.0,
     }
 }
 
@@ -63,16 +69,17 @@ pub fn agglomerate(
         component.views.iter().for_each(|view| (components[*view], home[*view]) = (None, first));
         components[first] = Some(component);
     }
-    let mut waiting: Vec<&PairHypothesis> = hypotheses.iter().filter(|hypothesis| hypothesis.is_promising()).collect();
-    waiting.sort_by(|a, b| coarse_set.score(b).total_cmp(&coarse_set.score(a)).then((a.i, a.j).cmp(&(b.i, b.j))));
+    let promising: Vec<&PairHypothesis> = hypotheses.iter().filter(|hypothesis| hypothesis.is_promising()).collect();
+    let waiting = candidates(coarse_set, &promising);
     let mut ambiguous = vec![false; coarse_views.len()];
     // a hypothesis that was refused is tried again when its components have grown by views that lie near each other
     let mut refused_at = vec![usize::MAX; waiting.len()];
     let mut joined = true;
     while joined {
         joined = false;
-        for (hypothesis, refused_at) in waiting.iter().zip(&mut refused_at) {
+        for (candidate, refused_at) in waiting.iter().zip(&mut refused_at) {
             progress.check()?;
+            let hypothesis = candidate.hypothesis;
             let (a, b) = (home[hypothesis.i], home[hypothesis.j]);
             let (Some(left), Some(right)) = (&components[a], &components[b]) else { continue };
             if a == b {
@@ -83,7 +90,7 @@ pub fn agglomerate(
                 continue;
             }
             *refused_at = near;
-            match try_join(coarse_set, left, right, hypothesis, &waiting) {
+            match try_join(coarse_set, left, right, candidate, &waiting) {
                 Attempt::Joined(union) => {
                     union.views.iter().for_each(|view| (home[*view], ambiguous[*view]) = (a, false));
                     components[a] = Some(union);
@@ -113,32 +120,40 @@ fn try_join(
     coarse_set: &CoarseSet,
     left: &Component,
     right: &Component,
-    hypothesis: &PairHypothesis,
-    waiting: &[&PairHypothesis],
+    candidate: &Candidate,
+    waiting: &[Candidate],
 ) -> Attempt {
+    let hypothesis = candidate.hypothesis;
     let (coarse_views, edge) = (coarse_set.coarse_views, coarse_set.edge);
     let Some(motion) = implied(left, right, hypothesis) else { return Attempt::Refused };
+    let outvoted = if candidate.is_near { votes_against(coarse_set, left, right, &motion, waiting) } else { 0.0 };
+    if outvoted > 1.0 {
+        return Attempt::Refused;
+    }
     let measured = measure_all(coarse_views, left, right, &motion, edge);
     let mut evidence = MergeEvidence::of(coarse_set, &measured);
     if !evidence.suffice() {
         return Attempt::Refused;
     }
+    evidence.rival = outvoted;
     evidence.touching = touching(coarse_set, &measured);
     if evidence.touching < TUNING.touching {
         return Attempt::Refused;
     }
     let radius = right.views.iter().map(|view| coarse_views[*view].radius).fold(0.0, f64::max);
-    let rivals = waiting.iter().filter(|other| {
+    let rivals = waiting.iter().filter(|rival| {
+        let other = rival.hypothesis;
         let same_pair = (other.i, other.j) == (hypothesis.i, hypothesis.j);
         let is_other = !alike(&other.i_from_j, &hypothesis.i_from_j, radius, TUNING.drift * edge);
-        same_pair && is_other && coarse_set.score(other) > TUNING.rival * coarse_set.score(hypothesis)
+        same_pair && is_other && rival.strength > TUNING.rival * candidate.strength
     });
     for rival in rivals {
-        let Some(motion) = implied(left, right, rival) else { continue };
+        let Some(motion) = implied(left, right, rival.hypothesis) else { continue };
         let other = MergeEvidence::of(coarse_set, &measure_all(coarse_views, left, right, &motion, edge));
         evidence.rival = evidence.rival.max(other.score / evidence.score);
     }
-    if evidence.rival < TUNING.rival && can_slip(coarse_views, &measured, edge, TUNING.samples) {
+    let is_held = candidate.strength >= TUNING.held * coarse_set.score(hypothesis);
+    if evidence.rival < TUNING.rival && !is_held && can_slip(coarse_views, &measured, edge, TUNING.samples) {
         evidence.rival = 1.0;
     }
     if evidence.rival > TUNING.rival {
@@ -148,6 +163,36 @@ fn try_join(
     union.hypotheses.extend(measured.into_iter().filter(PairHypothesis::is_promising));
     union.average(coarse_views, edge);
     Attempt::Joined(union)
+}
+
+/// What the near pairs between two components say, by their scores, for another motion between them than this one, in what they
+/// say for this one.
+fn votes_against(
+    coarse_set: &CoarseSet,
+    left: &Component,
+    right: &Component,
+    motion: &Motion,
+    waiting: &[Candidate],
+) -> f64 {
+    let radius = right.views.iter().map(|view| coarse_set.coarse_views[*view].radius).fold(0.0, f64::max);
+    let is_same = |a: &Motion, b: &Motion| alike(a, b, radius, TUNING.drift * coarse_set.edge);
+    let between: Vec<(&PairHypothesis, Motion)> = waiting
+        .iter()
+        .take_while(|candidate| candidate.is_near)
+        .filter_map(|candidate| Some((candidate.hypothesis, implied(left, right, candidate.hypothesis)?)))
+        .collect();
+    let votes = |motion: &Motion| -> f64 {
+        let mut of_pairs: BTreeMap<(usize, usize), f64> = BTreeMap::new();
+        for (hypothesis, other) in &between {
+            if is_same(motion, other) {
+                let most = of_pairs.entry((hypothesis.i, hypothesis.j)).or_default();
+                *most = most.max(coarse_set.score(hypothesis));
+            }
+        }
+        of_pairs.values().sum()
+    };
+    let others = between.iter().filter(|(_, other)| !is_same(motion, other)).map(|(_, other)| votes(other));
+    others.fold(0.0, f64::max) / votes(motion)
 }
 
 /// How many pairs of a left and a right view lie near each other as a hypothesis has it.
@@ -282,6 +327,24 @@ mod tests {
         let Agglomeration { components, ambiguous } = agglomerated(&fixture, &[right, rival]);
         // looked at again in the join, the surfaces don't bear the rival out
         assert_eq!((components.len(), ambiguous), (1, vec![false; 2]));
+    }
+
+    #[test]
+    fn of_near_views_what_most_pairs_say_is_taken() {
+        let fixture = Fixture::from_around(&[0.0, 20.0, 40.0, 60.0]);
+        let left = Component::of(0).united(&Component::of(1), &fixture.i_from_j(0, 1));
+        let right = Component::of(2).united(&Component::of(3), &fixture.i_from_j(2, 3));
+        let wrong =
+            PairHypothesis { i_from_j: fixture.i_from_j_off(1, 2, [0.0; 3], [0.0, 0.0, 0.9]), ..fixture.right(1, 2) };
+        let hypotheses = [wrong, fixture.right(0, 2), fixture.right(1, 3)];
+        let near = |hypothesis| Candidate { hypothesis, is_near: true, strength: 1.0 };
+        let waiting: Vec<Candidate> = hypotheses.iter().map(near).collect();
+        let against = |hypothesis: &PairHypothesis| {
+            let motion = implied(&left, &right, hypothesis).expect("it is between them");
+            votes_against(&fixture.coarse_set(), &left, &right, &motion, &waiting)
+        };
+        assert!(against(&hypotheses[0]) > 1.0 && against(&hypotheses[1]) < 1.0);
+        assert!((against(&hypotheses[1]) - against(&hypotheses[2])).abs() < 1e-9, "they say the same");
     }
 
     #[test]

@@ -2,14 +2,15 @@
 //! all the rest.
 //!
 //! Some surfels of each view ask those of all other views what looks most like them, and vote for the few views that have
-//! it: the usual retrieval step before images are matched. Every view then is matched with those that most speaks for. The
-//! order of the views says nothing.
+//! it: the usual retrieval step before images are matched. Every view then is matched with those that most speaks for, and with those
+//! near it in the order of the views, if that says something ([`super::sequence`]).
 
 use rayon::prelude::*;
 
 use super::coarse_view::CoarseView;
 use super::descriptor::Descriptors;
 use super::hinted::Prior;
+use super::sequence::Sequence;
 use crate::view_graph::all_pairs;
 
 visage_geometry::tuning! {
@@ -42,12 +43,13 @@ pub fn likely_pairs(coarse_views: &[CoarseView], prior: &Prior) -> Vec<(usize, u
     }
     let chosen = chosen_partners(coarse_views);
     let is_chosen = |i: usize, j: usize| chosen[i].contains(&j) || chosen[j].contains(&i);
+    let sequence = Sequence::of(n, is_chosen);
     // known poses propose a motion of every pair, but most of them are apart
     let may_meet = |i: usize, j: usize| {
         let reach = coarse_views[i].radius + coarse_views[j].radius;
         prior.hinted.is_overlapping(i, j) || prior.proposed(i, j).any(|motion| motion.translation.vector.norm() < reach)
     };
-    all.filter(|&(i, j)| is_chosen(i, j) || may_meet(i, j)).collect()
+    all.filter(|&(i, j)| is_chosen(i, j) || sequence.is_near(i, j) || may_meet(i, j)).collect()
 }
 
 /// For each view the others that most votes speak for, its own and theirs for it; of equals the first.

@@ -36,8 +36,13 @@ impl MergeEvidence {
 
     /// Whether they are enough to join two components.
     pub fn suffice(&self) -> bool {
-        self.best >= TUNING.strong || (self.score >= TUNING.strong_together && self.best >= TUNING.not_weak)
+        is_strong(self.best) || (self.score >= TUNING.strong_together && self.best >= TUNING.not_weak)
     }
+}
+
+/// Whether a pair of this score is enough by itself.
+pub fn is_strong(score: f64) -> bool {
+    score >= TUNING.strong
 }
 
 #[cfg(test)]

@@ -3,7 +3,8 @@
 //! Each scan is thinned to oriented surfels that are described once ([`coarse_view`], [`descriptor`]). Of each pair the
 //! surfels that look alike are matched ([`matching`]), motions that many matches agree on are found ([`consensus`]), refined
 //! onto the surface ([`surfel_icp`]) and asked whether the surfaces bear them out ([`verification`]). Components of views then
-//! grow by the best pairs that all their views bear out ([`agglomerative`]).
+//! grow by the best pairs that all their views bear out ([`agglomerative`]), of a long row of scans first by those of neighbours
+//! ([`sequence`]).
 
 pub mod about_axis;
 pub mod agglomerative;
@@ -35,6 +36,7 @@ pub mod report;
 pub mod rotation_search;
 pub mod scan_set;
 pub mod sensor_side;
+pub mod sequence;
 pub mod slippage;
 pub mod surfel_icp;
 mod turned;
