@@ -7,6 +7,7 @@
 use nalgebra::Matrix3;
 use rayon::prelude::*;
 
+use crate::saliency::median;
 use crate::saliency::orientation::OrientedCloud;
 use visage_geometry::normals::least_spread;
 use visage_geometry::{Point3, Vector3};
@@ -72,8 +73,8 @@ fn areas(cloud: &OrientedCloud, noise2: f64) -> Vec<f64> {
         std::f64::consts::PI * cloud.proximity.farthest(index).powi(2) / sharing
     };
     let mut areas: Vec<f64> = (0..cloud.points.len()).map(area).collect();
-    if let Some(median) = middle(areas.clone()) {
-        areas.iter_mut().for_each(|area| *area = area.min(TUNING.most_area * median));
+    if let Some(usual) = median(areas.clone()) {
+        areas.iter_mut().for_each(|area| *area = area.min(TUNING.most_area * usual));
     }
     areas
 }
@@ -125,23 +126,17 @@ fn offsets(cloud: &OrientedCloud, index: usize, noise2: f64) -> Vec<Vector3> {
 /// tell sides, edges and narrow parts by: all neighbours then count alike.
 fn noise2(cloud: &OrientedCloud) -> f64 {
     let [most, .., fewest] = TUNING.neighbours;
-    let median = |count: usize, of: fn(&Plane) -> f64| {
+    let usual = |count: usize, of: fn(&Plane) -> f64| {
         let of_point = |index: usize| {
             let near = offsets(cloud, index, 0.0);
             (near.len() >= count).then(|| of(&Plane::of(&near, count)))
         };
-        middle((0..cloud.points.len()).into_par_iter().filter_map(of_point).collect())
+        median((0..cloud.points.len()).into_par_iter().filter_map(of_point).collect())
     };
-    let of_few = TUNING.noise_of_few * median(fewest, |plane| plane.variance).unwrap_or(0.0);
-    let noise2 = median(most, |plane| plane.variance).unwrap_or(of_few).min(of_few);
-    let is_rough = median(most, |plane| plane.lever).is_some_and(|lever| noise2 > TUNING.most_slope.powi(2) * lever);
+    let of_few = TUNING.noise_of_few * usual(fewest, |plane| plane.variance).unwrap_or(0.0);
+    let noise2 = usual(most, |plane| plane.variance).unwrap_or(of_few).min(of_few);
+    let is_rough = usual(most, |plane| plane.lever).is_some_and(|lever| noise2 > TUNING.most_slope.powi(2) * lever);
     if is_rough { f64::INFINITY } else { noise2 }
-}
-
-/// The median.
-fn middle(mut values: Vec<f64>) -> Option<f64> {
-    let half = values.len() / 2;
-    (!values.is_empty()).then(|| *values.select_nth_unstable_by(half, f64::total_cmp).1)
 }
 
 /// A point moved into the plane of the most neighbours that lie in one, and its normal.
@@ -172,7 +167,7 @@ fn agreement(cloud: &OrientedCloud, normals: &[Vector3], noise2: f64) -> f64 {
             .fold((0.0, 0.0), |(sum, count), other| (sum + normals[other].dot(&normals[index]).abs(), count + 1.0));
         (count > 0.0).then(|| sum / count)
     };
-    let Some(usual) = middle((0..cloud.points.len()).into_par_iter().filter_map(of_point).collect()) else {
+    let Some(usual) = median((0..cloud.points.len()).into_par_iter().filter_map(of_point).collect()) else {
         return TUNING.agreement;
     };
     if noise2.is_infinite() {

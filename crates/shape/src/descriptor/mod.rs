@@ -70,21 +70,14 @@ impl ShapeDescriptor {
         Some(ShapeDescriptor::of(&AreaSamples::of_mesh(mesh, TUNING.samples)?))
     }
 
-    /// That of a cloud; `None` without normals.
-    pub fn of_cloud(cloud: &OrientedCloud) -> Option<ShapeDescriptor> {
-        Some(ShapeDescriptor::of(&AreaSamples::of_cloud(cloud, TUNING.samples)?))
-    }
-
     /// A mesh's, and what single scans would see of it. Runs inside the caller's rayon pool.
     pub fn with_views_of_mesh(mesh: &Mesh) -> Option<(ShapeDescriptor, Vec<ViewCode>)> {
-        let samples = AreaSamples::of_mesh(mesh, TUNING.samples)?;
-        Some((ShapeDescriptor::of(&samples), views_of(&samples)))
+        AreaSamples::of_mesh(mesh, TUNING.samples).map(with_views)
     }
 
     /// A cloud's, and what single scans would see of it. Runs inside the caller's rayon pool.
     pub fn with_views_of_cloud(cloud: &OrientedCloud) -> Option<(ShapeDescriptor, Vec<ViewCode>)> {
-        let samples = AreaSamples::of_cloud(cloud, TUNING.samples)?;
-        Some((ShapeDescriptor::of(&samples), views_of(&samples)))
+        AreaSamples::of_cloud(cloud, TUNING.samples).map(with_views)
     }
 
     /// What it is as a view, if it is a single scan's.
@@ -156,12 +149,12 @@ fn step(value: f32) -> u8 {
     (value * TUNING.steps).round() as u8
 }
 
-fn views_of(samples: &AreaSamples) -> Vec<ViewCode> {
+fn with_views(samples: AreaSamples) -> (ShapeDescriptor, Vec<ViewCode>) {
     let seen = |direction: &visage_geometry::Vector3| {
-        let seen = views::seen_from(samples, direction)?;
+        let seen = views::seen_from(&samples, direction)?;
         Some(views::code(&in_frame(&seen, &axes(&seen.moments[0]))))
     };
-    views::directions().par_iter().filter_map(seen).collect()
+    (ShapeDescriptor::of(&samples), views::directions().par_iter().filter_map(seen).collect())
 }
 
 /// The axes of a moment as rows, the greatest first.

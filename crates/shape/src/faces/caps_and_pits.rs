@@ -62,12 +62,7 @@ pub struct Places {
     pub pits: Vec<Place>,
 }
 
-/// Fits both quadrics all over the surface; `expected` is the expected inner-eye distance in the file's unit.
-pub fn features(samples: &Samples, grid: &CellGrid, expected: f64) -> Features {
-    features_where(samples, grid, expected, |_| true)
-}
-
-/// [`features`] of that part of the surface where `keep` holds.
+/// Fits both quadrics where `keep` holds; `expected` is the expected inner-eye distance in the file's unit.
 pub fn features_where(samples: &Samples, grid: &CellGrid, expected: f64, keep: impl Fn(&Point3) -> bool) -> Features {
     let [nose_radius, eye_radius] = [TUNING.nose_radius * expected, TUNING.eye_radius * expected];
     let mut fitted = spread_out(&samples.points, TUNING.fitted_cube_in_spacings * samples.spacing);
@@ -217,7 +212,7 @@ mod tests {
     fn a_hill_is_a_cap_and_a_hollow_a_pit_and_the_other_way_round_inside_out() {
         let samples = plate();
         let grid = CellGrid::new(&samples.points, 1.4);
-        let features = features(&samples, &grid, 7.0);
+        let features = features_where(&samples, &grid, 7.0, |_| true);
         let upright = places(&samples, &grid, &features, 7.0, 1.0);
         assert!((upright.caps[0].point.x + 10.0).abs() < 0.5, "{:?}", upright.caps[0]);
         assert!((upright.pits[0].point.x - 10.0).abs() < 0.5, "{:?}", upright.pits[0]);
@@ -231,7 +226,7 @@ mod tests {
     fn places_keep_their_distance() {
         let samples = plate();
         let grid = CellGrid::new(&samples.points, 1.4);
-        let features = features(&samples, &grid, 7.0);
+        let features = features_where(&samples, &grid, 7.0, |_| true);
         let caps = places(&samples, &grid, &features, 7.0, 1.0).caps;
         for (k, nose) in caps.iter().enumerate() {
             assert!(caps[k + 1..].iter().all(|other| (other.point - nose.point).norm() > 1.0));

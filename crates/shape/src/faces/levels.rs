@@ -2,7 +2,7 @@
 //! The face and the standards of users are searched for by these.
 
 use super::candidates::Candidate;
-use super::caps_and_pits::{Features, Places, features, features_where, places};
+use super::caps_and_pits::{Features, Places, features_where, places};
 use super::dense_fit::{Placement, Search, fit_pose, score};
 use super::modes::Weights;
 use super::sampled_surface::SampledSurface;
@@ -71,7 +71,7 @@ impl<'a> Level<'a> {
 
     /// Its curvatures.
     pub(crate) fn features(&self) -> Features {
-        features(self.samples, &self.grid, self.expected)
+        self.features_where(|_| true)
     }
 
     /// Its curvatures at some places.

@@ -124,23 +124,31 @@ pub fn is_in_region(x: f64, y: f64) -> bool {
     frame < 1.0 && eye > 1.0
 }
 
-/// Farthest-point order: each next point is the one farthest from all before it; ties by index. Starts at the point
-/// that stands out most.
+/// The region's points, spread from the one that stands out most.
 fn spread(region: Vec<Node>, count: usize) -> Template {
     let places: Vec<Vector3> = region.iter().map(|node| node.rest.value).collect();
-    let mut chosen = Vec::new();
-    let mut distances = vec![f64::INFINITY; region.len()];
-    let mut next = (0..region.len()).max_by(|&a, &b| places[a].z.total_cmp(&places[b].z).then(b.cmp(&a)));
+    let first = greatest(&places.iter().map(|place| place.z).collect::<Vec<f64>>());
+    Template { nodes: farthest_first(&places, first, count).into_iter().map(|index| region[index].clone()).collect() }
+}
+
+/// Farthest-point order: each next place is the one farthest from all before it; ties by index. At most `count` places, and
+/// none twice.
+pub(crate) fn farthest_first(places: &[Vector3], first: Option<usize>, count: usize) -> Vec<usize> {
+    let (mut chosen, mut next) = (Vec::new(), first);
+    let mut distances = vec![f64::INFINITY; places.len()];
     while let Some(index) = next.filter(|_| chosen.len() < count) {
         chosen.push(index);
-        for (distance, other) in distances.iter_mut().zip(&places) {
+        for (distance, other) in distances.iter_mut().zip(places) {
             *distance = distance.min((other - places[index]).norm_squared());
         }
-        next = (0..region.len())
-            .max_by(|&a, &b| distances[a].total_cmp(&distances[b]).then(b.cmp(&a)))
-            .filter(|&farthest| distances[farthest] > 0.0);
+        next = greatest(&distances).filter(|&farthest| distances[farthest] > 0.0);
     }
-    Template { nodes: chosen.into_iter().map(|index| region[index].clone()).collect() }
+    chosen
+}
+
+/// Where the greatest value is, of equals the first.
+pub(crate) fn greatest(values: &[f64]) -> Option<usize> {
+    (0..values.len()).max_by(|&a, &b| values[a].total_cmp(&values[b]).then(b.cmp(&a)))
 }
 
 #[cfg(test)]

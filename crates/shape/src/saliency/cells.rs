@@ -204,11 +204,6 @@ impl CellGrid {
         let is_outermost = cell == 0 || cell + 1 == self.dims[axis];
         if is_outermost { 0.0 } else { (outside - 1e-9).max(0.0) / self.per_length }
     }
-
-    /// The indices of all points, those of one cell side by side: a visiting order that is kind to the cache.
-    pub fn order(&self) -> &[u32] {
-        &self.order
-    }
 }
 
 /// The numbers from `low` to `high`, beginning with the nearest to `middle`.

@@ -45,6 +45,12 @@ visage_geometry::tuning! {
     }
 }
 
+/// The median, of an even number the greater of both in the middle; `None` of nothing.
+pub(crate) fn median(mut values: Vec<f64>) -> Option<f64> {
+    let half = values.len() / 2;
+    (!values.is_empty()).then(|| *values.select_nth_unstable_by(half, f64::total_cmp).1)
+}
+
 /// Whether the multi-scale sums over these points would look at more pairs than [`cells::MOST_PAIRS`].
 fn has_too_many_pairs(points: &[Point3], xi: f64) -> bool {
     xi > 0.0 && cells::pairs_within(points, multiscale::WIDEST_IN_XI * xi) > cells::MOST_PAIRS

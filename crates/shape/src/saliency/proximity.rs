@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use super::median;
 use visage_geometry::neighbours::{KdTree, LocalPoint};
 use visage_geometry::progress::{Canceled, Progress};
 use visage_geometry::{Bounds, Point3};
@@ -16,25 +17,24 @@ visage_geometry::tuning! {
 /// For every point its nearest points, itself included.
 #[derive(Debug, Clone, Default)]
 pub struct Proximity {
-    /// Each point's neighbours, nearest first, one point after the other.
-    neighbours: Vec<u32>,
-    /// Where those of each point begin, and the end: most have `TUNING.neighbours`, but where distances are too large for
-    /// their squares some are not found.
-    starts: Vec<u32>,
+    /// Each point's neighbours, nearest first: most have `TUNING.neighbours`, but where distances are too large for their squares
+    /// some are not found.
+    neighbours: Lists,
     /// The distance of the last of them.
     farthest: Vec<f64>,
 }
 
 /// A list of points for every point.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Lists {
+    /// Where each list begins in `items`, and the end.
     starts: Vec<u32>,
     items: Vec<u32>,
 }
 
 impl Lists {
     /// The list of a point.
-    pub fn of(&self, index: usize) -> impl Iterator<Item = usize> + '_ {
+    pub fn of(&self, index: usize) -> impl ExactSizeIterator<Item = usize> + '_ {
         self.items[self.starts[index] as usize..self.starts[index + 1] as usize].iter().map(|&item| item as usize)
     }
 }
@@ -61,33 +61,29 @@ impl Proximity {
         for (point, neighbours) in neighbours.iter().enumerate() {
             starts.push(starts[point] + neighbours.len() as u32);
         }
-        Ok(Proximity { neighbours: neighbours.concat(), starts, farthest })
+        Ok(Proximity { neighbours: Lists { starts, items: neighbours.concat() }, farthest })
     }
 
     /// The neighbours of a point, nearest first, itself included.
-    pub fn of(&self, index: usize) -> impl Iterator<Item = usize> + '_ {
-        self.list(index).iter().map(|&n| n as usize)
-    }
-
-    fn list(&self, index: usize) -> &[u32] {
-        &self.neighbours[self.starts[index] as usize..self.starts[index + 1] as usize]
+    pub fn of(&self, index: usize) -> impl ExactSizeIterator<Item = usize> + '_ {
+        self.neighbours.of(index)
     }
 
     /// For every point the points that have it among their neighbours.
     pub fn reversed(&self) -> Lists {
         let count = self.farthest.len();
         let mut starts = vec![0u32; count + 1];
-        for &neighbour in &self.neighbours {
+        for &neighbour in &self.neighbours.items {
             starts[neighbour as usize + 1] += 1;
         }
         for point in 0..count {
             starts[point + 1] += starts[point];
         }
         let mut next = starts.clone();
-        let mut items = vec![0; self.neighbours.len()];
+        let mut items = vec![0; self.neighbours.items.len()];
         for point in 0..count {
-            for &neighbour in self.list(point) {
-                let slot = &mut next[neighbour as usize];
+            for neighbour in self.of(point) {
+                let slot = &mut next[neighbour];
                 items[*slot as usize] = point as u32;
                 *slot += 1;
             }
@@ -102,14 +98,12 @@ impl Proximity {
 
     /// The edge of the square that a point near this one stands for: its neighbours share a disc.
     pub fn spacing(&self, index: usize) -> f64 {
-        self.farthest[index] * (std::f64::consts::PI / self.list(index).len().max(1) as f64).sqrt()
+        self.farthest[index] * (std::f64::consts::PI / self.of(index).len().max(1) as f64).sqrt()
     }
 
     /// The median of [`Proximity::spacing`].
     pub fn usual_spacing(&self) -> f64 {
-        let mut all: Vec<f64> = (0..self.farthest.len()).map(|index| self.spacing(index)).collect();
-        let middle = all.len() / 2;
-        if all.is_empty() { 0.0 } else { *all.select_nth_unstable_by(middle, f64::total_cmp).1 }
+        median((0..self.farthest.len()).map(|index| self.spacing(index)).collect()).unwrap_or(0.0)
     }
 }
 

@@ -64,11 +64,6 @@ impl QuadricFit {
         Some(solution.data.0[0])
     }
 
-    /// The slope (dz/dx, dz/dy) of the fitted surface above the centre; `None` as for [`QuadricFit::principal`].
-    pub fn slope(&self) -> Option<[f64; 2]> {
-        self.coefficients().map(|[_, _, _, d, e, _]| [d, e])
-    }
-
     /// The curvatures of the fitted surface above the centre; `None` if the neighbours don't determine it.
     pub fn principal(&self) -> Option<Principal> {
         let [a, b, c, d, e, _] = self.coefficients()?;
@@ -170,7 +165,7 @@ impl Neighbours {
 pub fn fitted_normal(samples: &Samples, grid: &CellGrid, index: usize, radius: f64) -> Vector3 {
     let normal = samples.normals[index];
     let fit = Neighbours::around(samples, grid, index, radius).fit(radius);
-    let Some([slope_x, slope_y]) = fit.slope() else {
+    let Some([_, _, _, slope_x, slope_y, _]) = fit.coefficients() else {
         return normal;
     };
     let [tangent_x, tangent_y] = tangents(&normal);

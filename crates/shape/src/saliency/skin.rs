@@ -8,6 +8,7 @@ use nalgebra::{Matrix6, Vector6};
 use rayon::prelude::*;
 
 use super::cells::CellGrid;
+use super::median;
 use super::quadric::tangents;
 use super::samples::Samples;
 use visage_geometry::normals::least_spread;
@@ -83,13 +84,9 @@ impl Skin {
         if 2 * measured.len() < places.len() {
             return Ok(None);
         }
-        let median = |of: fn(&Skin) -> f64| {
-            let mut values: Vec<f64> = measured.iter().map(of).collect();
-            let middle = values.len() / 2;
-            *values.select_nth_unstable_by(middle, f64::total_cmp).1
-        };
-        let density = median(|skin| skin.density) * stride as f64;
-        Ok(Some(Skin { thickness: median(|skin| skin.thickness), density }))
+        let usual = |of: fn(&Skin) -> f64| median(measured.iter().map(of).collect());
+        let usual = usual(|skin| skin.thickness).zip(usual(|skin| skin.density));
+        Ok(usual.map(|(thickness, density)| Skin { thickness, density: density * stride as f64 }))
     }
 
     /// Whether a surface takes all cells of that edge which it passes through.
@@ -156,11 +153,9 @@ fn thickness(offsets: &[Vector3], radius: f64) -> Option<f64> {
     let row = |offset: &Vector3| row(offset.dot(&x) / radius, offset.dot(&y) / radius);
     offsets.iter().for_each(|offset| fit.add(&row(offset), offset.dot(&normal), 1.0));
     let coefficients = fit.solved()?;
-    let mut off: Vec<f64> =
-        offsets.iter().map(|offset| (offset.dot(&normal) - row(offset).dot(&coefficients)).abs()).collect();
-    let middle = off.len() / 2;
+    let off = offsets.iter().map(|offset| (offset.dot(&normal) - row(offset).dot(&coefficients)).abs());
     let freedom = (offsets.len() as f64 / (offsets.len() as f64 - 6.0)).sqrt();
-    Some(*off.select_nth_unstable_by(middle, f64::total_cmp).1 / TUNING.median_of_normal * freedom)
+    Some(median(off.collect())? / TUNING.median_of_normal * freedom)
 }
 
 /// The unit normal of weighted points.

@@ -10,6 +10,7 @@ use crate::faces::detection::MOST_SAMPLES;
 use crate::faces::levels::{Level, spacing_of};
 use crate::faces::sampled_surface::SampledSurface;
 use crate::faces::standard::INNER_EYE_DISTANCE_MM;
+use crate::faces::template::{farthest_first, greatest};
 use crate::faces::triangle::Triangle;
 use crate::faces::{self, DescribeError, FaceStandard};
 use visage_geometry::progress::{Canceled, Progress, Stage};
@@ -355,24 +356,8 @@ fn region(
     let kept = (0..samples.points.len()).filter(|&k| is_near(&samples.points[k]) && samples.normals[k].norm() > 0.5);
     let (points, normals): (Vec<Point3>, Vec<Vector3>) =
         kept.map(|k| (samples.points[k], samples.normals[k] * sign)).unzip();
-    spread_points(&points, TUNING.region_points).into_iter().map(|k| (points[k], normals[k])).unzip()
-}
-
-/// Farthest-point order, ties by index, beginning with the point farthest from the middle.
-fn spread_points(points: &[Point3], count: usize) -> Vec<usize> {
-    let middle = points.iter().map(|p| p.coords).sum::<Vector3>() / points.len().max(1) as f64;
-    let farthest = |distances: &[f64]| {
-        let order = |a: &usize, b: &usize| distances[*a].total_cmp(&distances[*b]).then(b.cmp(a));
-        (0..distances.len()).max_by(order).filter(|&k| distances[k] > 0.0)
-    };
-    let mut next = farthest(&points.iter().map(|p| (p.coords - middle).norm_squared()).collect::<Vec<_>>());
-    let (mut chosen, mut distances) = (Vec::new(), vec![f64::INFINITY; points.len()]);
-    while let Some(index) = next.filter(|_| chosen.len() < count) {
-        chosen.push(index);
-        for (distance, point) in distances.iter_mut().zip(points) {
-            *distance = distance.min((point - points[index]).norm_squared());
-        }
-        next = farthest(&distances);
-    }
-    chosen
+    let places: Vec<Vector3> = points.iter().map(|p| p.coords).collect();
+    let middle = places.iter().sum::<Vector3>() / places.len().max(1) as f64;
+    let first = greatest(&places.iter().map(|p| (p - middle).norm_squared()).collect::<Vec<f64>>());
+    farthest_first(&places, first, TUNING.region_points).into_iter().map(|k| (points[k], normals[k])).unzip()
 }
