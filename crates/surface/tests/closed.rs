@@ -148,6 +148,37 @@ fn closed_surfaces_have_the_handles_of_the_thing() {
     }
 }
 
+/// Points of a ring about the z axis, 1 apart, of which a part of the turn was not seen, with outward normals.
+fn ring_with_gap(radius: f64, tube: f64, gap: f64) -> Cloud {
+    let turn = std::f64::consts::TAU;
+    let (mut points, mut normals) = (Vec::new(), Vec::new());
+    let around = (turn * tube).round();
+    for k in 0..around as usize {
+        let (sine, cosine) = (turn * k as f64 / around).sin_cos();
+        let along = (turn * (radius + tube * cosine)).round();
+        for n in 0..along as usize {
+            let angle = turn * (n as f64 + 0.5) / along;
+            let out = Vector3::new(angle.cos(), angle.sin(), 0.0);
+            let normal = cosine * out + sine * Vector3::z();
+            if radius * (angle - turn / 2.0).abs() > gap / 2.0 {
+                points.push(Point3::from(radius * out + tube * normal));
+                normals.push(normal.cast());
+            }
+        }
+    }
+    Cloud { normals: Some(normals), ..Cloud::from_points(points) }
+}
+
+/// What was seen of a ring says that it is one.
+#[test]
+fn a_ring_with_a_gap_in_its_data_keeps_its_handle() {
+    let options = SurfaceOptions { fill: Fill::All, ..SurfaceOptions::default() };
+    let found = reconstruct(&ring_with_gap(20.0, 5.0, 10.0), 1.0, &options, &Progress::silent());
+    let found = found.expect("not canceled").expect("a surface");
+    assert_eq!(judged(&found.mesh), Judged { open_edges: 0, pieces: 1, crossings: 0, genus: 1 });
+    assert!(found.report.unseen_area > 0.0, "{:?}", found.report);
+}
+
 /// A vase is seen through its mouth, and nobody saw the way in there.
 #[test]
 fn a_void_that_is_seen_into_is_opened_where_scanners_looked_and_filled_where_that_is_not_known() {

@@ -171,7 +171,12 @@ pub fn reconstruct(
     at(0.8)?;
     extract::close(&mut volume);
     if options.fill != Fill::None {
-        let changed = topology::simplify(&mut volume, (TUNING.widest_cut * spacing / cell) as f32);
+        let cells = |spacings: f64| spacings * spacing / cell;
+        // nearer than that what was looked through is not known
+        let outside = if options.fill == Fill::All { cells(TUNING.small).round() as usize } else { 1 };
+        let doubt =
+            topology::Doubt { widest: cells(TUNING.widest_cut) as f32, outside: outside.max(1), is_free: &is_free };
+        let changed = topology::simplify(&mut volume, &doubt);
         extract::close_around(&mut volume, changed);
     }
     let closed = extract::extract(&volume);

@@ -7,13 +7,16 @@
 //! the outside, which fills tunnels.
 //!
 //! Where nobody saw the surface its topology is free to be chosen, and the simplest is. Doubtful there is what lies beside the
-//! surface, whatever the field's values: they are no distances where it was carried on from far.
+//! surface, whatever the field's values: they are no distances where it was carried on from far. Outside that reaches farther
+//! than inside: a tunnel is filled only if nobody saw what is around it, while of a ring with a gap in its data the rest was
+//! seen, and it is not to be cut there.
 
 use rayon::prelude::*;
 use std::collections::VecDeque;
 
 use super::components::Components;
 use super::field::FieldBlock;
+use super::free_space::IsFree;
 use super::grid::{BlockKey, EDGE, Node, around, first_node, node_at, place_of};
 use super::levels::{FAR, Volume};
 use super::mask::Mask;
@@ -23,8 +26,9 @@ use visage_geometry::UnionFind;
 
 visage_geometry::tuning! {
     const TUNING: Tuning {
-        /// Where the surface was seen, nodes nearer to it than this are doubtful, in cells: as far as it wavers.
-        wavering: f32 = 0.25,
+        /// Where the surface was seen, nodes nearer to it than this are doubtful, in cells: what is nowhere deeper is thinner than a
+        /// cell, and the grid does not resolve it.
+        wavering: f32 = 0.5,
         /// The value, in cells, of a node that changed sides, at most: the surface passes close to it.
         changed: f32 = 0.4,
     }
@@ -46,19 +50,28 @@ const ALL: Mask = Mask([u64::MAX; 8]);
 /// A node by its block's index and its place there.
 type At = (u32, u16);
 
-/// Takes handles and tunnels away whose necks are doubtful and at most `widest` cells wide. Returns the blocks in which nodes
-/// changed sides, in order.
-pub fn simplify(volume: &mut Volume, widest: f32) -> Vec<BlockKey> {
+/// How much is doubtful and may be changed; lengths in cells.
+pub struct Doubt<'a> {
+    /// The greatest width of a cut.
+    pub widest: f32,
+    /// How far outside nodes are doubtful where nobody saw the surface; within it is always one.
+    pub outside: usize,
+    /// What scanners looked through stays outside.
+    pub is_free: &'a IsFree<'a>,
+}
+
+/// Takes handles and tunnels away whose necks are doubtful. Returns the blocks in which nodes changed sides, in order.
+pub fn simplify(volume: &mut Volume, doubt: &Doubt) -> Vec<BlockKey> {
     let mut changed: Vec<BlockKey> =
-        [false, true].into_iter().flat_map(|is_outer| grow(volume, is_outer, widest)).collect();
+        [false, true].into_iter().flat_map(|is_outer| grow(volume, is_outer, doubt)).collect();
     changed.sort_unstable();
     changed.dedup();
     changed
 }
 
-/// For each block its doubtful nodes: where nobody saw the surface those next to it and the ones beside these, where it was seen those
-/// that it may waver across.
-fn doubtful(volume: &Volume, outside: &[Mask]) -> Vec<Mask> {
+/// For each block its doubtful nodes: where nobody saw the surface those next to it and `reach` times the ones beside these, where it
+/// was seen those that it may waver across.
+fn doubtful(volume: &Volume, outside: &[Mask], reach: usize) -> Vec<Mask> {
     let (keys, blocks) = (volume.blocks.keys(), &volume.blocks.values);
     let beside: Vec<[Option<usize>; 6]> = keys
         .par_iter()
@@ -74,20 +87,18 @@ fn doubtful(volume: &Volume, outside: &[Mask]) -> Vec<Mask> {
     };
     let inside: Vec<Mask> = outside.par_iter().map(|outside| ALL.without(outside)).collect();
     let unseen: Vec<Mask> = blocks.par_iter().map(|block| Mask::of(|place| block.weights[place] < SEEN)).collect();
-    let at_surface: Vec<Mask> = spread(outside)
+    let mut near: Vec<Mask> = spread(outside)
         .iter()
         .zip(&spread(&inside))
         .zip(&unseen)
         .map(|((outside, inside), unseen)| outside.and(inside).and(unseen))
         .collect();
+    for _ in 0..reach {
+        near = spread(&near).iter().zip(&unseen).map(|(near, unseen)| near.and(unseen)).collect();
+    }
     let wavers =
         |block: &FieldBlock, place: usize| block.weights[place] >= SEEN && block.values[place].abs() < TUNING.wavering;
-    blocks
-        .par_iter()
-        .zip(&spread(&at_surface))
-        .zip(&unseen)
-        .map(|((block, near), unseen)| near.and(unseen).or(&Mask::of(|place| wavers(block, place))))
-        .collect()
+    blocks.par_iter().zip(&near).map(|(block, near)| near.or(&Mask::of(|place| wavers(block, place)))).collect()
 }
 
 /// One side as it grows.
@@ -105,11 +116,11 @@ struct Growth<'a> {
 }
 
 impl<'a> Growth<'a> {
-    fn new(volume: &'a Volume<'a>, is_outer: bool) -> Self {
+    fn new(volume: &'a Volume<'a>, is_outer: bool, doubt: &Doubt) -> Self {
         let (keys, blocks) = (volume.blocks.keys(), &volume.blocks.values);
         let outside: Vec<Mask> = blocks.par_iter().map(|block| Mask::of(|place| block.values[place] >= 0.0)).collect();
         let side = |outside: &Mask| if is_outer { *outside } else { ALL.without(outside) };
-        let waiting: Vec<Mask> = doubtful(volume, &outside)
+        let waiting: Vec<Mask> = doubtful(volume, &outside, if is_outer { doubt.outside } else { 1 })
             .iter()
             .zip(&outside)
             .map(|(doubtful, outside)| doubtful.and(&side(outside)))
@@ -236,8 +247,8 @@ impl<'a> Growth<'a> {
         }
     }
 
-    /// The nodes that were left out, where those that hang together reach no farther than `widest`.
-    fn small_cuts(&self, widest: f32) -> Vec<At> {
+    /// The nodes that were left out, where those that hang together reach no farther than they may and nobody looked through them.
+    fn small_cuts(&self, doubt: &Doubt) -> Vec<At> {
         let of_block =
             |(block, waiting): (usize, &Mask)| waiting.places().map(move |place| (block as u32, place as u16));
         let left: Vec<At> = self.waiting.iter().enumerate().flat_map(of_block).collect();
@@ -251,17 +262,21 @@ impl<'a> Growth<'a> {
             }
         }
         let mut bounds = vec![([i32::MAX; 3], [i32::MIN; 3]); left.len()];
+        let mut is_looked_through = vec![false; left.len()];
         for (index, (block, place)) in left.iter().enumerate() {
             let node = node_at(&first_node(self.volume.blocks.keys()[*block as usize]), usize::from(*place));
-            let (low, high) = &mut bounds[cuts.find(index)];
+            let cut = cuts.find(index);
+            is_looked_through[cut] |= self.is_outer && (doubt.is_free)(&node.map(|x| x as f32));
+            let (low, high) = &mut bounds[cut];
             for axis in 0..3 {
                 (low[axis], high[axis]) = (low[axis].min(node[axis]), high[axis].max(node[axis]));
             }
         }
         let mut is_small = |index: usize| {
-            let (low, high) = bounds[cuts.find(index)];
+            let cut = cuts.find(index);
+            let (low, high) = bounds[cut];
             let square: f64 = (0..3).map(|k| f64::from(high[k] - low[k]).powi(2)).sum();
-            square <= f64::from(widest).powi(2)
+            square <= f64::from(doubt.widest).powi(2) && !is_looked_through[cut]
         };
         (0..left.len()).filter(|index| is_small(*index)).map(|index| left[index]).collect()
     }
@@ -282,10 +297,10 @@ fn near(volume: &Volume, of: BlockKey) -> [u32; 27] {
 }
 
 /// Grows one side; what is left out changes to the other one, where that makes but a small cut. Returns the blocks of what changed.
-fn grow(volume: &mut Volume, is_outer: bool, widest: f32) -> Vec<BlockKey> {
-    let mut growth = Growth::new(volume, is_outer);
+fn grow(volume: &mut Volume, is_outer: bool, doubt: &Doubt) -> Vec<BlockKey> {
+    let mut growth = Growth::new(volume, is_outer, doubt);
     growth.run();
-    let changed = growth.small_cuts(widest);
+    let changed = growth.small_cuts(doubt);
     for (block, place) in &changed {
         let value = &mut volume.blocks.values[*block as usize].values[usize::from(*place)];
         let size = value.abs().clamp(f32::MIN_POSITIVE, TUNING.changed);
@@ -302,18 +317,15 @@ mod tests {
     use crate::reconstruct::{coarse, extract, levels};
     use std::collections::BTreeSet;
 
-    /// The Euler characteristic of the surface of a torus that nobody saw for a sixth of its turn, where its tube has the radius
-    /// `unseen`, after handles were taken away up to a width.
-    fn euler_of_torus(unseen: Option<f32>, widest: f32) -> i64 {
+    /// The Euler characteristic of a surface whose field and weight are told for each place from its middle, after handles were taken away.
+    fn euler(field: impl Fn([f32; 3]) -> (f32, f32), doubt: &Doubt) -> i64 {
         let keys: Vec<BlockKey> = (0..27).map(|k| key([k % 3, k / 3 % 3, k / 9])).collect();
         let block = |of: &BlockKey| {
             let first = first_node(*of);
             let mut block = FieldBlock { values: Box::new([0.0; NODES]), weights: Box::new([0.0; NODES]) };
             for place in 0..NODES {
-                let [x, y, z] = node_at(&first, place).map(|x| x as f32 - 11.7);
-                let unseen = unseen.filter(|_| y.atan2(x).abs() < 0.5);
-                block.values[place] = (x.hypot(y) - 6.3).hypot(z) - unseen.unwrap_or(2.7);
-                block.weights[place] = if unseen.is_some() { 0.5 * SEEN } else { 10.0 };
+                let at = node_at(&first, place).map(|x| x as f32 - 11.7);
+                (block.values[place], block.weights[place]) = field(at);
             }
             block
         };
@@ -323,7 +335,7 @@ mod tests {
         let coarse = coarse::sides(&nothing, &[24; 3]);
         let mut volume = levels::volume(&field, &coarse, &|_| false);
         extract::close(&mut volume);
-        simplify(&mut volume, widest);
+        simplify(&mut volume, doubt);
         let found = extract::extract(&volume);
         let edges: BTreeSet<[u32; 2]> = found
             .faces
@@ -335,11 +347,54 @@ mod tests {
         found.vertices.len() as i64 - edges.len() as i64 + found.faces.len() as i64
     }
 
+    const NOBODY_SAW: f32 = 0.5 * SEEN;
+    const SEEN_WELL: f32 = 10.0 * SEEN;
+
+    fn ring([x, y, z]: [f32; 3], tube: f32) -> f32 {
+        (x.hypot(y) - 6.3).hypot(z) - tube
+    }
+
     #[test]
     fn a_doubtful_neck_is_cut_unless_it_is_wide_and_a_ring_that_was_seen_stays() {
-        assert_eq!(euler_of_torus(Some(1.6), 20.0), 2);
-        assert_eq!(euler_of_torus(Some(1.6), 1.5), 0);
-        assert_eq!(euler_of_torus(Some(2.7), 20.0), 0, "what is thick has a core that is sure");
-        assert_eq!(euler_of_torus(None, 20.0), 0);
+        // nobody saw a sixth of the ring, where its tube has another radius
+        let of_ring = |unseen: Option<f32>, widest: f32| {
+            let field = |at: [f32; 3]| match unseen.filter(|_| at[1].atan2(at[0]).abs() < 0.5) {
+                Some(tube) => (ring(at, tube), NOBODY_SAW),
+                None => (ring(at, 2.7), SEEN_WELL),
+            };
+            euler(field, &Doubt { widest, outside: 3, is_free: &|_| false })
+        };
+        assert_eq!(of_ring(Some(1.6), 20.0), 2);
+        assert_eq!(of_ring(Some(1.6), 1.5), 0);
+        assert_eq!(of_ring(Some(2.7), 20.0), 0, "what is thick has a core that is sure");
+        assert_eq!(of_ring(None, 20.0), 0);
+    }
+
+    #[test]
+    fn a_tunnel_is_filled_if_nobody_saw_what_is_around_it_or_looked_through() {
+        let of_tunnel = |outside: usize, weight: f32, is_free: bool| {
+            let field = |at: [f32; 3]| (ring(at, 2.9), if at[0].hypot(at[1]) < 6.0 { weight } else { SEEN_WELL });
+            euler(field, &Doubt { widest: 20.0, outside, is_free: &|_| is_free })
+        };
+        assert_eq!(of_tunnel(3, NOBODY_SAW, false), 2);
+        assert_eq!(of_tunnel(1, NOBODY_SAW, false), 0, "its middle is sure");
+        assert_eq!(of_tunnel(3, NOBODY_SAW, true), 0, "looked through");
+        assert_eq!(of_tunnel(3, SEEN_WELL, false), 0, "seen");
+    }
+
+    #[test]
+    fn a_strand_thinner_than_a_cell_holds_nothing_together_though_it_was_seen() {
+        // two balls, joined by a rod and by a strand whose nodes are hardly inside
+        let of_strand = |depth: f32| {
+            let field = |[x, y, z]: [f32; 3]| {
+                let ball = |middle: f32| (x - middle).hypot(y).hypot(z) - 4.2;
+                let rod = if x.abs() < 6.0 { (y - 2.3).hypot(z - 0.3) - 1.7 } else { 2.0 };
+                let strand = if x.abs() < 6.0 { ((y + 2.7).abs() + (z - 0.3).abs()) * 0.8 - depth } else { 2.0 };
+                (ball(-6.0).min(ball(6.0)).min(rod).min(strand), SEEN_WELL)
+            };
+            euler(field, &Doubt { widest: 10.0, outside: 1, is_free: &|_| false })
+        };
+        assert_eq!(of_strand(0.35), 2);
+        assert_eq!(of_strand(0.7), 0, "that is thick enough");
     }
 }
