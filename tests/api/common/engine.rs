@@ -83,8 +83,8 @@ impl Engine for FakeEngine {
         _options: &Options,
         progress: &Progress,
     ) -> Result<RegisteredModel, PipelineError> {
-        self.runs.fetch_add(1, Ordering::Relaxed);
         let mode = *self.mode.lock().expect("never poisoned");
+        self.runs.fetch_add(1, Ordering::Relaxed);
         match mode {
             Mode::Quick | Mode::Described | Mode::Meshed => progress.report(Stage::Registering, 1.0),
             Mode::Slow(time) => wait(time, progress, true)?,

@@ -13,7 +13,8 @@ pub(super) struct Watchdog {
     heartbeat: Duration,
     stall: Duration,
     deaf: Duration,
-    reports: u64,
+    /// At the last heartbeat; none before the first, when no time has passed yet.
+    reports: Option<u64>,
     silent: Duration,
     unheard: Duration,
 }
@@ -22,12 +23,12 @@ impl Watchdog {
     pub(super) fn new(timing: &QueueTiming) -> Watchdog {
         let none = Duration::ZERO;
         let QueueTiming { heartbeat, stall, deaf, .. } = *timing;
-        Watchdog { heartbeat, stall, deaf, reports: 0, silent: none, unheard: none }
+        Watchdog { heartbeat, stall, deaf, reports: None, silent: none, unheard: none }
     }
 
     /// Called with each heartbeat; whether the job has not stopped for so long that it is left behind.
     pub(super) fn gives_up(&mut self, entry: &Entry) -> bool {
-        let reports = entry.tracker.reports();
+        let reports = Some(entry.tracker.reports());
         self.silent = if reports == self.reports { self.silent + self.heartbeat } else { Duration::ZERO };
         self.reports = reports;
         if self.silent >= self.stall {
@@ -74,6 +75,18 @@ mod tests {
             progress.waits().expect("nobody stops it");
             assert!(!dog.gives_up(&entry));
         }
+    }
+
+    #[test]
+    fn the_first_heartbeat_says_nothing_of_silence() {
+        let hour = Duration::from_secs(3600);
+        let timing = QueueTiming { heartbeat: hour, stall: hour, ..QueueTiming::default() };
+        let (_, entry) = watched();
+        let mut dog = Watchdog::new(&timing);
+        dog.gives_up(&entry);
+        assert_eq!(entry.stop.reason(), None, "it has only begun");
+        dog.gives_up(&entry);
+        assert_eq!(entry.stop.reason(), Some(StopReason::Stuck));
     }
 
     #[test]
