@@ -223,17 +223,15 @@ async fn a_store_that_is_killed_costs_time_and_loses_nothing() {
     expect_problem(refused, 503, "storage_unreachable").await;
     // what is deleted is deleted, wherever its files are
     assert_eq!(server.delete(&format!("/v1/models/{unwanted}")).await, StatusCode::NO_CONTENT);
-    let runs = server.engine.runs.load(std::sync::atomic::Ordering::Relaxed);
+    let runs = server.engine.runs();
     let job = server.post("/v1/jobs", &json!({"scan_set_id": set})).await;
     let job = text(&expect_json(job, StatusCode::ACCEPTED).await, "/id");
-    while server.engine.runs.load(std::sync::atomic::Ordering::Relaxed) == runs {
-        server.until(&job, "running").await;
-    }
+    server.engine.until_runs(runs + 1).await;
 
     s3.start_again().await;
     let ended = server.finished(&job).await;
     assert_eq!((ended["status"].as_str(), ended["attempts"].as_u64()), (Some("succeeded"), Some(1)), "{ended}");
-    assert_eq!(server.engine.runs.load(std::sync::atomic::Ordering::Relaxed), runs + 1, "nothing was computed twice");
+    assert_eq!(server.engine.runs(), runs + 1, "nothing was computed twice");
     let made = format!("/v1/models/{}/cloud.ply", text(&ended, "/model_id"));
     assert_eq!(bytes(&server, &made).await, expected);
     server.scan_set(2).await;

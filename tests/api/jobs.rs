@@ -1,6 +1,5 @@
 //! Jobs over a real connection: from queued to each of the named ends, waiting, events, repeated requests.
 
-use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use crate::common::{Mode, TestServer, expect_json, expect_problem, files, scan_form, text};
@@ -145,7 +144,7 @@ async fn a_waiting_job_is_canceled_at_once() {
     assert_eq!(expect_json(canceled, StatusCode::ACCEPTED).await["status"], "canceled");
     let waiting = expect_json(server.get("/v1/jobs?status=running").await, StatusCode::OK).await;
     assert_eq!(waiting["items"][0]["id"], first);
-    assert_eq!(server.engine.runs.load(Ordering::Relaxed), 1);
+    assert_eq!(server.engine.runs(), 1);
 }
 
 #[tokio::test]
@@ -273,7 +272,7 @@ async fn a_repeated_request_is_answered_once() {
     assert_eq!(job, same);
     expect_problem(post_job("nose").await.expect("an answer"), 422, "idempotency_key_reused").await;
     assert_eq!(server.finished(&text(&job, "/id")).await["status"], "succeeded");
-    assert_eq!(server.engine.runs.load(Ordering::Relaxed), 1);
+    assert_eq!(server.engine.runs(), 1);
 }
 
 #[tokio::test]

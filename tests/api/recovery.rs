@@ -1,6 +1,5 @@
 //! Crashes, shutdowns, restarts.
 
-use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use crate::common::{Mode, TestServer, config, expect_json, text};
@@ -51,7 +50,7 @@ async fn a_job_that_takes_the_server_down_again_and_again_is_failed() {
     }
     let ended = server.finished(&job).await;
     assert_eq!(ended["error"]["code"], "attempts_exhausted", "{ended}");
-    assert_eq!(server.engine.runs.load(Ordering::Relaxed), 0);
+    assert_eq!(server.engine.runs(), 0);
 }
 
 #[tokio::test]
@@ -144,9 +143,7 @@ async fn a_job_that_does_not_stop_is_left_behind_and_its_worker_goes_on() {
     server.engine.set(Mode::Stuck);
     let job = server.job().await;
     // running are jobs that load their scans, too, and these stop
-    while server.engine.runs.load(Ordering::Relaxed) == 0 {
-        tokio::time::sleep(Duration::from_millis(5)).await;
-    }
+    server.engine.until_runs(1).await;
     server.post(&format!("/v1/jobs/{job}/cancel"), &json!({})).await;
     assert_eq!(server.finished(&job).await["status"], "canceled");
 

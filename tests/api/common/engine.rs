@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Condvar, Mutex, OnceLock};
 use std::time::{Duration, Instant};
 
+use tokio::sync::watch;
 use visage::app::engine::{Engine, PipelineEngine};
 use visage::faces::{DescribeError, Signature};
 use visage::geometry::{Cloud, Mesh, Motion, Point3, Surface, Unit, se3};
@@ -43,7 +44,7 @@ pub struct FakeEngine {
     is_released: Mutex<bool>,
     release: Condvar,
     /// Registrations that were begun.
-    pub runs: AtomicUsize,
+    runs: watch::Sender<usize>,
     /// Models that were looked at for classes.
     pub looks: AtomicUsize,
     /// Models whose description was begun.
@@ -56,6 +57,18 @@ pub struct FakeEngine {
 impl FakeEngine {
     pub fn set(&self, mode: Mode) {
         *self.mode.lock().expect("never poisoned") = mode;
+    }
+
+    /// Registrations that were begun.
+    pub fn runs(&self) -> usize {
+        *self.runs.borrow()
+    }
+
+    /// Waits until so many were begun.
+    pub async fn until_runs(&self, count: usize) {
+        let mut runs = self.runs.subscribe();
+        let waiting = runs.wait_for(|runs| *runs >= count);
+        tokio::time::timeout(Duration::from_secs(60), waiting).await.expect("in time").expect("the engine is there");
     }
 
     /// Lets those that are stuck go on.
@@ -84,7 +97,7 @@ impl Engine for FakeEngine {
         progress: &Progress,
     ) -> Result<RegisteredModel, PipelineError> {
         let mode = *self.mode.lock().expect("never poisoned");
-        self.runs.fetch_add(1, Ordering::Relaxed);
+        self.runs.send_modify(|runs| *runs += 1);
         match mode {
             Mode::Quick | Mode::Described | Mode::Meshed => progress.report(Stage::Registering, 1.0),
             Mode::Slow(time) => wait(time, progress, true)?,
