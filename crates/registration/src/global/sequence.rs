@@ -1,6 +1,6 @@
-//! What the order of the scans says: who carries a scanner through a building, or turns a table, takes scans in an order in which
-//! neighbours overlap. Whether these were is read off the set itself: views near each other in the order are linked more often
-//! than others. Where that is beyond chance, pairs near each other come first.
+//! What the order of the scans says: who carries a scanner through a building takes scans in an order in which neighbours
+//! overlap. Whether these were is read off the set itself: views near each other in the order are linked more often than
+//! others. Where that is beyond chance, pairs near each other come first.
 
 use std::collections::HashMap;
 
