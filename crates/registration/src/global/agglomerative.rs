@@ -40,8 +40,8 @@ visage_geometry::tuning! {
         touching: f64 = 0.75,
         /// looking at this many pairs.
         witnesses: usize = 3,
-        /// What this many times its own score speaks for is held by ways over third views: if it slipped, they would not lead to
-        /// the same place.
+        /// What this many times its own score speaks for is held by ways over third views: if it slipped, they would
+        /// not lead to the same place.
         held: f64 = 2.0,
     }
 }
@@ -165,8 +165,8 @@ fn try_join(
     Attempt::Joined(union)
 }
 
-/// What the near pairs between two components say, by their scores, for another motion between them than this one, in what they
-/// say for this one.
+/// What the near pairs between two components say, by their scores, for another motion between them than this one,
+/// in what they say for this one.
 fn votes_against(
     coarse_set: &CoarseSet,
     left: &Component,

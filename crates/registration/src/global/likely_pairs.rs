@@ -2,8 +2,8 @@
 //! all the rest.
 //!
 //! Some surfels of each view ask those of all other views what looks most like them, and vote for the few views that have
-//! it: the usual retrieval step before images are matched. Every view then is matched with those that most speaks for, and with those
-//! near it in the order of the views, if that says something ([`super::sequence`]).
+//! it: the usual retrieval step before images are matched. Every view then is matched with those that most speaks for,
+//! and with those near it in the order of the views, if that says something ([`super::sequence`]).
 
 use rayon::prelude::*;
 

@@ -1,6 +1,6 @@
-//! What the order of the scans says: who carries a scanner through a building takes scans in an order in which neighbours
-//! overlap. Whether these were is read off the set itself: views near each other in the order are linked more often than
-//! others. Where that is beyond chance, pairs near each other come first.
+//! What the order of the scans says: who carries a scanner through a building takes scans in an order in which
+//! neighbours overlap. Whether these were is read off the set itself: views near each other in the order are linked
+//! more often than others. Where that is beyond chance, pairs near each other come first.
 
 use std::collections::HashMap;
 
@@ -12,11 +12,11 @@ use visage_geometry::Motion;
 
 visage_geometry::tuning! {
     const TUNING: Tuning {
-        /// By this factor the links of neighbours have to be likelier by their own rate than by that of all pairs: a dozen scans
-        /// and fewer say too little.
+        /// By this factor the links of neighbours have to be likelier by their own rate than by that of all pairs: a
+        /// dozen scans and fewer say too little.
         beyond_chance: f64 = 1e6,
-        /// Views are near each other in the order as far as this share of pairs so many places apart is linked. What overlaps
-        /// by chance, or only seems to, is not four in five.
+        /// Views are near each other in the order as far as this share of pairs so many places apart is linked. What
+        /// overlaps by chance, or only seems to, is not four in five.
         near: f64 = 0.8,
         /// A way over a third view leads to the same place within so many edges.
         same: f64 = 2.0,
@@ -58,8 +58,8 @@ pub struct Candidate<'a> {
     pub hypothesis: &'a PairHypothesis,
     /// Whether its views are near each other in an order that says something.
     pub is_near: bool,
-    /// Its score, and of a near one also what ways over third views say that are near both and lead to the same place: of each
-    /// the score of the weaker half.
+    /// Its score, and of a near one also what ways over third views say that are near both and lead to the same
+    /// place: of each the score of the weaker half.
     pub strength: f64,
 }
 
